@@ -1,0 +1,119 @@
+"""The page that shows what a build made: every exhibit with its caption, data, preset and seeds."""
+
+from __future__ import annotations
+
+import csv
+import json
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass
+from importlib import resources
+from pathlib import Path
+from typing import Any
+
+import jinja2
+
+from mwlib.checkpoint import write_atomic
+from mwlib.course.manifest import MANIFEST, Exhibit, read_manifest
+from mwlib.course.worker import PAGE
+from mwlib.runs import RESULT
+
+FIRST = ("data", "preset", "seed", "seeds")
+LONGEST_TABLE = 60  # rows shown; the CSV has them all
+
+
+@dataclass(frozen=True)
+class Found:
+    """What a notebook saved under one stem."""
+
+    notebook: str
+    stem: str
+    folder: str  # relative to the page
+    files: tuple[str, ...]  # endings
+    alt: str
+    provenance: dict[str, Any]
+    table: tuple[tuple[str, ...], ...]  # rows, header first; empty for a picture
+
+
+def scan(build: Path) -> dict[tuple[str, str], Found]:
+    """Everything that notebooks saved under a build folder, by (notebook, stem).
+
+    A picture or table is a `stem.json` (provenance) beside a `stem.csv`; the .json is written last, so what has one is complete.
+    """
+    found = {}
+    for sidecar in sorted(build.glob("[0-9][0-9]_*/**/*.json")):
+        if sidecar.with_suffix(".csv").is_file():
+            item = _found(build, sidecar)
+            found[item.notebook, item.stem] = item
+    return found
+
+
+def write_index(build: Path, notebooks: Sequence[Path], manifest: Path = MANIFEST) -> Path:
+    """Write `index.html` into a build folder.
+
+    Args:
+        build: folder with one sub-folder per notebook, as `run-notebook` leaves them.
+        notebooks: the notebooks that belong to the build.
+        manifest: which exhibits there should be; those that are not there are listed as missing.
+
+    Returns:
+        The page.
+
+    Raises:
+        ValueError: the manifest is not valid.
+    """
+    found, stems = scan(build), {path.stem for path in notebooks}
+    rows = [row for row in read_manifest(manifest) if row.notebook in stems]
+    listed = {(row.notebook, row.stem) for row in rows}
+    template = jinja2.Template(
+        resources.files(__package__).joinpath("index.html.jinja").read_text(encoding="utf-8"),
+        autoescape=True, trim_blocks=True, lstrip_blocks=True, undefined=jinja2.StrictUndefined,
+    )  # fmt: skip
+    page = template.render(
+        title=f"Figures and tables: {build.name}",
+        notebooks=[_notebook(build, path) for path in notebooks],
+        sections=[(name, [(row, found.get((row.notebook, row.stem))) for row in part]) for name, part in _sections(rows) if part],
+        unlisted=[item for key, item in found.items() if key not in listed],
+        longest=LONGEST_TABLE,
+    )
+    target = build / "index.html"
+    write_atomic(target, page)
+    return target
+
+
+def _sections(rows: list[Exhibit]) -> list[tuple[str, list[Exhibit]]]:
+    papers = dict.fromkeys(row.paper["system"] for row in rows if row.paper)
+    parts = [(f"The tables and figures of {name}", [row for row in rows if row.paper.get("system") == name]) for name in papers]
+    return [*parts, ("The course's own", [row for row in rows if not row.paper])]
+
+
+def _notebook(build: Path, path: Path) -> dict[str, Any]:
+    folder = build / path.stem
+    page = f"{path.stem}/{PAGE}" if (folder / PAGE).is_file() else ""
+    try:
+        done = json.loads((folder / RESULT).read_text(encoding="utf-8"))["status"] == "ok"
+    except (FileNotFoundError, ValueError, LookupError, TypeError):
+        done = False
+    return {"name": path.stem, "done": done, "page": page}
+
+
+def _found(build: Path, sidecar: Path) -> Found:
+    provenance = json.loads(sidecar.read_text(encoding="utf-8"))
+    provenance.pop("figure", None)
+    ordered = {name: provenance[name] for name in (*FIRST, *provenance) if name in provenance}
+    files = tuple(kind for kind in ("png", "pdf", "csv", "txt", "json") if sidecar.with_suffix(f".{kind}").is_file())
+    text = sidecar.with_suffix(".txt")
+    return Found(
+        notebook=sidecar.relative_to(build).parts[0],
+        stem=sidecar.stem,
+        folder=Path(os.path.relpath(sidecar.parent, build)).as_posix(),
+        files=files,
+        alt=text.read_text(encoding="utf-8").strip() if text.is_file() else "",
+        provenance={name: ", ".join(map(str, v)) if isinstance(v, list) else v for name, v in ordered.items()},
+        table=() if "png" in files else _table(sidecar.with_suffix(".csv")),
+    )
+
+
+def _table(path: Path) -> tuple[tuple[str, ...], ...]:
+    with path.open(newline="", encoding="utf-8") as file:
+        return tuple(tuple(row) for row in csv.reader(file))

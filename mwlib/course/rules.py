@@ -1,0 +1,201 @@
+"""Structure rules of the notebooks: what a committed notebook looks like. No kernel is started.
+
+Each rule takes a notebook and yields what is wrong with it. The rules exist because nbval passes vacuously on a notebook
+without outputs, and because a reader, a screen reader and papermill each need something that execution alone does not show.
+"""
+
+from __future__ import annotations
+
+import re
+import statistics
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import nbformat
+from nbformat import NotebookNode
+
+from mwlib.course.execute import PICTURES, WIDGET, is_table
+from mwlib.course.files import source_hash
+from mwlib.course.parameters import ParameterError, read_parameters, tags
+
+Rule = Callable[[NotebookNode], Iterator[str]]
+COMMON = {"preset": "str", "data": "str", "out": "str"}
+LONGEST_CELL, MEDIAN_CELL, MOST_CELLS, LARGEST_FILE = 25, 8, 40, 1_000_000
+FORBIDDEN = {
+    r"^\s*[%!]": "a magic or shell command",
+    r"\btqdm\b": "tqdm; a bar cannot be compared and floods logs",
+    r"\bclear_output\b": "clear_output, which nbval does not know",
+    r"\bimport \*": "a star import",
+    r"""["'](/|~/|[A-Za-z]:\\)\w""": "an absolute path",
+}
+MACHINE_PATH = r"(?<![\w.:/])/(home|root|tmp|Users|mnt|opt|work|var|usr)/\w+"
+SEEN = "What you should see"
+EXERCISE = r"\bEx (\d+)\.(\d+)\b"
+
+
+def check(path: Path) -> list[str]:
+    """Everything that is wrong with a notebook file, one line each; empty if nothing is."""
+    notebook = nbformat.read(path, as_version=4)
+    problems = [f"{rule.__name__}: {text}" for rule in RULES for text in rule(notebook)]
+    if path.stat().st_size > LARGEST_FILE:
+        problems.append(f"size: {path.stat().st_size} bytes; expected at most {LARGEST_FILE}")
+    return problems
+
+
+def code_cells(notebook: NotebookNode) -> list[NotebookNode]:
+    """The code cells that hold code."""
+    return [cell for cell in notebook.cells if cell.cell_type == "code" and cell.source.strip()]
+
+
+def pictures(cell: NotebookNode) -> list[NotebookNode]:
+    """The outputs of a cell that are pictures."""
+    return [out for out in cell.get("outputs", []) if any(kind in out.get("data", {}) for kind in PICTURES)]
+
+
+def heading(notebook: NotebookNode) -> Iterator[str]:
+    """One H1, at the top; no level is skipped on the way down."""
+    text = "\n".join(cell.source for cell in notebook.cells if cell.cell_type == "markdown")
+    levels = [len(mark) for mark in re.findall(r"^(#{1,6}) ", re.sub(r"```.*?```", "", text, flags=re.S), re.M)]
+    if levels.count(1) != 1 or levels[0] != 1:
+        yield f"{levels.count(1)} headings of level 1; expected one, the first"
+    for upper, lower in zip(levels, levels[1:], strict=False):
+        if lower > upper + 1:
+            yield f"a heading of level {lower} follows one of level {upper}"
+
+
+def first_cell(notebook: NotebookNode) -> Iterator[str]:
+    """The first code cell imports what the notebook uses."""
+    first, *others = code_cells(notebook)
+    if not re.search(r"^(import mwlib as mw$|from mwlib import )", first.source, re.M):
+        yield "the first code cell does not import from mwlib"
+    for cell in others:
+        if re.search(r"^(import|from \S+ import) ", cell.source, re.M):
+            yield f"cell {cell.execution_count} imports; imports stand in the first code cell"
+
+
+def parameters(notebook: NotebookNode) -> Iterator[str]:
+    """One cell of typed, commented literals; the next one turns them into a Config."""
+    try:
+        offered = read_parameters(notebook)
+    except (ParameterError, SyntaxError) as error:
+        yield str(error)
+        return
+    for name, kind in COMMON.items():
+        if name not in offered or offered[name].kind != kind:
+            yield f"parameters cell: no '{name}: {kind}'"
+    if "out" in offered and offered["out"].default != "":
+        yield "parameters cell: out has a default; expected the empty text, which writes nothing"
+    cells = code_cells(notebook)
+    place = next(i for i, cell in enumerate(cells) if "parameters" in tags(cell))
+    if place + 1 == len(cells) or "Config" not in cells[place + 1].source:
+        yield "the cell after the parameters cell does not build a Config"
+
+
+def result(notebook: NotebookNode) -> Iterator[str]:
+    """The last code cell writes the result: nothing else proves that a run got to its end."""
+    if "runs.finish(" not in code_cells(notebook)[-1].source:
+        yield "the last code cell does not call runs.finish(out, metrics, parameters)"
+
+
+def forbidden(notebook: NotebookNode) -> Iterator[str]:
+    """No installs, absolute paths, progress bars; no machine's paths in what was printed."""
+    for cell in code_cells(notebook):
+        for pattern, name in FORBIDDEN.items():
+            if re.search(pattern, cell.source, re.M):
+                yield f"cell {cell.execution_count} has {name}"
+        texts = [cell.source, *(str(out.get("text", out.get("data", {}).get("text/plain", ""))) for out in cell.outputs)]
+        if any(re.search(MACHINE_PATH, text) for text in texts):
+            yield f"cell {cell.execution_count} names a path of one machine"
+        if {"raises-exception", "nbval-raises-exception"} & {*tags(cell)}:
+            yield f"cell {cell.execution_count} is tagged raises-exception, which papermill counts as a failure"
+
+
+def length(notebook: NotebookNode) -> Iterator[str]:
+    """Short cells, and not too many."""
+    lines = [len(cell.source.strip().splitlines()) for cell in code_cells(notebook)]
+    if max(lines) > LONGEST_CELL:
+        yield f"the longest cell has {max(lines)} lines; expected at most {LONGEST_CELL}"
+    if statistics.median(lines) > MEDIAN_CELL:
+        yield f"the median cell has {statistics.median(lines)} lines; expected at most {MEDIAN_CELL}"
+    if len(lines) > MOST_CELLS:
+        yield f"{len(lines)} code cells; expected at most {MOST_CELLS}"
+
+
+def executed(notebook: NotebookNode) -> Iterator[str]:
+    """Executed once from top to bottom, in a new kernel, as it stands now."""
+    counts = [cell.execution_count for cell in code_cells(notebook)]
+    if counts != list(range(1, len(counts) + 1)):
+        yield f"execution counts are {counts}; expected 1 to {len(counts)}: run 'make notebooks'"
+    if notebook.metadata.get("mwlib", {}).get("source") != source_hash(notebook):
+        yield "a source has changed since the outputs were made: run 'make notebooks'"
+
+
+def outputs(notebook: NotebookNode) -> Iterator[str]:
+    """Only prints and pictures are stored."""
+    if "widgets" in notebook.metadata:
+        yield "metadata.widgets holds widget state"
+    for cell in code_cells(notebook):
+        for out in cell.outputs:
+            if out.output_type == "error" or out.get("name") == "stderr":
+                yield f"cell {cell.execution_count} stores {'an error' if out.output_type == 'error' else 'stderr'}"
+            data = {kind: value for kind, value in out.get("data", {}).items() if not is_table(kind, value)}
+            if {WIDGET, "text/html", "application/javascript"} & {*data}:
+                yield f"cell {cell.execution_count} stores a widget, HTML or a script"
+            if re.search(r"<[^<>]* at 0x[0-9a-f]+>", str(out.get("text", out.get("data", {}).get("text/plain", "")))):
+                yield f"cell {cell.execution_count} shows an object's address: end a plotting cell without an expression"
+
+
+def compared(notebook: NotebookNode) -> Iterator[str]:
+    """At least one output is compared with what the code says today."""
+    checked = [cell for cell in code_cells(notebook) if "nbval-check-output" in tags(cell)]
+    if not any(cell.outputs for cell in checked):
+        yield "no cell tagged nbval-check-output has an output"
+    for cell in checked:
+        if re.search(r"\bperf_counter\b|\btime\(", cell.source):
+            yield f"cell {cell.execution_count} is compared and measures time"
+
+
+def symbols(notebook: NotebookNode) -> Iterator[str]:
+    """Where there are equations there is a table of symbols: paper, code, shape, unit."""
+    text = "\n".join(cell.source for cell in notebook.cells if cell.cell_type == "markdown")
+    if "$$" in text and not re.search(r"^\|[^\n]*symbol[^\n]*\|[ ]*\n\|[ :|-]+\|", text, re.M | re.I):
+        yield "equations, but no table whose header has 'symbol'"
+
+
+def described(notebook: NotebookNode) -> Iterator[str]:
+    """Every picture has an alternative text, and prose that says what to look for."""
+    for place, cell in enumerate(notebook.cells):
+        for out in pictures(cell):
+            kind = next(kind for kind in PICTURES if kind in out.data)
+            if len(out.metadata.get(kind, {}).get("alt", "")) < 20:
+                yield f"a picture of cell {cell.execution_count} has no alternative text"
+        following = next((later.source for later in notebook.cells[place + 1 :] if later.cell_type == "markdown"), "")
+        if pictures(cell) and SEEN not in following:
+            yield f"the text after the picture of cell {cell.execution_count} has no '{SEEN}'"
+
+
+def exercises(notebook: NotebookNode) -> Iterator[str]:
+    """Exercises are numbered in order; each has a cell tagged `solution` and a check that does not show it."""
+    places = [
+        (place, match.groups())
+        for place, cell in enumerate(notebook.cells)
+        if cell.cell_type == "markdown" and (match := re.search(r"^#+ .*?" + EXERCISE, cell.source, re.M))
+    ]
+    numbers = [int(number) for _, (_, number) in places]
+    if numbers != list(range(1, len(places) + 1)) or len({chapter for _, (chapter, _) in places}) > 1:
+        yield f"exercises are numbered {['.'.join(pair) for _, pair in places]}; expected 1, 2, ... of one chapter"
+    ends = [place for place, _ in places[1:]] + [len(notebook.cells)]
+    for (place, pair), end in zip(places, ends, strict=True):
+        cells = [cell for cell in notebook.cells[place:end] if cell.cell_type == "code"]
+        if not any("solution" in tags(cell) for cell in cells):
+            yield f"Ex {'.'.join(pair)} has no cell tagged 'solution'"
+        if not any("assert" in cell.source and "solution" not in tags(cell) for cell in cells):
+            yield f"Ex {'.'.join(pair)} has no self-check: a cell with an assert, not tagged 'solution'"
+    solutions = sum("solution" in tags(cell) for cell in notebook.cells)
+    if solutions and not places:
+        yield f"{solutions} cells are tagged 'solution', but no heading has 'Ex <chapter>.<number>'"
+
+
+RULES: tuple[Rule, ...] = (
+    heading, first_cell, parameters, result, forbidden, length, executed, outputs, compared, symbols, described, exercises,
+)  # fmt: skip

@@ -1,0 +1,106 @@
+"""What is known about a motion file from outside it: clips.csv, its name, the caller."""
+
+from __future__ import annotations
+
+import csv
+import re
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from pathlib import Path
+
+from ..motion import Motion
+from ..skeleton import Skeleton
+from .errors import MotionFormatError
+from .files import PACKED, bare_name, number, read_text
+
+LEVELS_UP = 4  # folders above a file in which its clips.csv or skeleton.json may lie
+SLOWEST, FASTEST = 0.1, 10_000.0  # frames per second
+
+# What file names of the known collections say: "05_12.amc", "walk4_subject1.bvh", "dataset-1_bow_normal_001.bvh".
+NAMES = (
+    re.compile(r"(?P<subject>\d+)_\d+"),
+    re.compile(r"(?P<action>[A-Za-z]+?)\d*_subject(?P<subject>\d+)"),
+    re.compile(r"dataset-\d+_(?P<action>[^_]+)_.*"),
+)
+
+
+@dataclass(frozen=True)
+class Hints:
+    """What a reader may use beyond the file itself.
+
+    Args:
+        unit: metres per unit, wins over the file; None: the file's own, or inferred.
+        fps: true frame rate, wins over the file (cgspeed writes 120 Hz into 60 Hz files); None: the file's own.
+        subject, action: who and what, "" if unknown.
+        fallback_fps, fallback_skeleton: used where the file states none.
+    """
+
+    unit: float | None = None
+    fps: float | None = None
+    subject: str = ""
+    action: str = ""
+    fallback_fps: float | None = None
+    fallback_skeleton: Skeleton | None = None
+
+    def label(self, motion: Motion, file: Path) -> Motion:
+        """The motion with subject and action from clips.csv, else from the file's name, else as they are; named like the file."""
+        stem = Path(bare_name(file)).stem
+        said = next((m.groupdict() for pattern in NAMES if (m := pattern.fullmatch(stem))), {})
+        subject = self.subject or said.get("subject", "").lstrip("0") or motion.subject
+        return replace(motion, subject=subject, action=self.action or said.get("action", "") or motion.action, name=stem)
+
+
+def hints(file: Path, **given: object) -> Hints:
+    """Hints for a file: what the caller gave, and its row in the nearest clips.csv that lists it.
+
+    clips.csv has a column `file` (relative to its own folder or to one above) and any of fps, subject, action (or content).
+
+    Raises:
+        MotionFormatError: clips.csv is malformed.
+    """
+    row, table = clips_row(file)
+    fps = frame_rate(row["fps"], table, f"row of {row['file']}") if row.get("fps") else None
+    action = row.get("action") or row.get("content") or ""
+    return Hints(fps=fps, subject=row.get("subject") or "", action=action, **given)
+
+
+def clips_row(file: Path) -> tuple[dict[str, str], Path]:
+    """The file's row in the nearest clips.csv that lists it, and that clips.csv; an empty row if there is none."""
+    path = file.resolve()
+    for depth, folder in enumerate(path.parents[:LEVELS_UP]):
+        table = folder / "clips.csv"
+        rows = _clips(table, table.stat().st_mtime_ns) if table.is_file() else {}
+        for start in range(len(path.parts) - depth - 1, 0, -1):
+            if (key := _key(path.parts[start:])) in rows:
+                return rows[key], table
+    return {}, path
+
+
+def frame_rate(word: str, file: Path, place: str) -> float:
+    """A frame rate in hertz.
+
+    Raises:
+        MotionFormatError: not a number, or none that a camera has.
+    """
+    fps = number(word, file, place)
+    if not SLOWEST <= fps <= FASTEST:
+        raise MotionFormatError(file, place, f"{fps:g} frames per second", f"{SLOWEST:g} to {FASTEST:g}")
+    return fps
+
+
+def _key(parts: tuple[str, ...]) -> str:
+    """A path as clips.csv is searched for it: packing left out."""
+    whole = "/".join(parts)
+    return whole[: -len(PACKED[0])] if whole.lower().endswith(PACKED) else whole
+
+
+@lru_cache(maxsize=16)
+def _clips(table: Path, changed: int) -> dict[str, dict[str, str]]:
+    """Rows of one clips.csv by file; `changed` makes an edited file be read again."""
+    try:
+        rows = list(csv.DictReader(read_text(table).splitlines()))
+    except csv.Error as error:
+        raise MotionFormatError(table, "table", str(error), "comma-separated values with a header line") from error
+    if rows and "file" not in rows[0]:
+        raise MotionFormatError(table, "header", f"columns {', '.join(map(str, rows[0]))}", "a column named file")
+    return {_key(tuple(row["file"].replace("\\", "/").split("/"))): row for row in rows if row["file"]}

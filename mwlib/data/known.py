@@ -1,0 +1,31 @@
+"""What is known about published data sets, to compare a converted file with."""
+
+from __future__ import annotations
+
+# Windows per take at H, F, stride = 25, 100, 25: plain, "1", "2", ...; "-" where there is no such take. HumanMAC's protocol.
+_H36M_TAKES = {
+    "S9": "Directions 103/90 Discussion -/230/208 Eating 103/102 Greeting 53/104 Phoning 128/148 Posing 74/74 Purchases 57/45 "
+    "Sitting 114/118 SittingDown 113/58 Smoking 169/171 Photo 89/53 Waiting 128/60 Walking 60/93 WalkDog 85/84 "
+    "WalkTogether 64/63",
+    "S11": "Directions -/58 Discussion -/103/83 Eating 84/86 Greeting 68/-/63 Phoning -/-/135/131 Posing 52/55 Purchases 37/37 "
+    "Sitting 83/70 SittingDown 69/76 Smoking 92/-/106 Photo 75/57 Waiting 86/87 Walking 60/61 WalkDog 53/43 WalkTogether 50/67",
+}
+H36M_TEST_SUBJECTS = tuple(_H36M_TAKES)
+H36M_SUBJECTS = ("S1", "S5", "S6", "S7", "S8", *H36M_TEST_SUBJECTS)
+# Test windows that have no other within 0.5 m of their last observed frame, and that have at most nine others.
+H36M_ALONE, H36M_FEW = 73, 1139
+H36M_THRESHOLD = 0.5
+HUMANEVA_MOST_WINDOWS = 385  # in the Validate parts, if no frame of any take were bad
+
+
+def _takes(rows: str) -> dict[str, int]:
+    words = rows.split()
+    counts = {}
+    for action, windows in zip(words[::2], words[1::2], strict=True):
+        for take, count in enumerate(windows.split("/")):
+            if count != "-":
+                counts[f"{action} {take}" if take else action] = int(count)
+    return counts
+
+
+H36M_WINDOWS = {f"{subject} {take}": count for subject, rows in _H36M_TAKES.items() for take, count in _takes(rows).items()}

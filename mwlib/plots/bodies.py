@@ -1,0 +1,155 @@
+"""What the pictures of bodies share: the camera, and a board of rows and columns to stand them on."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import torch
+from jaxtyping import Float
+from matplotlib.artist import Artist
+from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection
+from matplotlib.figure import Figure
+from matplotlib.patches import Rectangle
+
+from ..skeleton import Skeleton
+from .look import FAINT, LEFT, OBSERVED, RIGHT, TRUTH, WIDTH, array
+
+Array = np.ndarray | torch.Tensor
+AnyMotion = Float[Array, "..."]  # (..., C) about the root or (..., J+1, 3), metres
+ELEVATION = 15.0  # degrees, as HumanMAC draws
+THREE_QUARTER = -55.0  # degrees from the body's front, towards its right: it walks to the right of the page, both arms visible
+# (middle, left, right) of a body; right limbs are dashed besides
+COLOURS = {"observed": (OBSERVED,) * 3, "truth": (TRUTH,) * 3, "predicted": ("#5d6470", LEFT, RIGHT)}
+TALLEST, HIGHEST = 3.0, 7.2  # inches for a row of bodies, for all of them
+
+
+def poses(motion: AnyMotion, skeleton: Skeleton) -> Float[np.ndarray, "... joints 3"]:
+    """Positions (..., J+1, 3) about the root's place on the floor; a model's motion (..., 3J) gets its root back, at the origin.
+
+    Raises:
+        ValueError: the trailing shape fits neither.
+    """
+    motion, joints = array(motion), len(skeleton)
+    if motion.shape[-2:] == (joints, 3):
+        return motion - motion[..., :1, :] * np.array([1.0, 1.0, 0.0])
+    if motion.ndim == 0 or motion.shape[-1] != 3 * (joints - 1):
+        raise ValueError(f"motion has shape {motion.shape}; {skeleton.name} takes (..., {3 * joints - 3}) or (..., {joints}, 3)")
+    relative = motion.reshape(*motion.shape[:-1], joints - 1, 3)
+    return np.concatenate([np.zeros_like(relative[..., :1, :]), relative], axis=-2)
+
+
+def facing(pose: Float[np.ndarray, "joints 3"], skeleton: Skeleton) -> float:
+    """Azimuth in degrees that the body faces, from its hips; 0 where the skeleton has no sides."""
+    for left, right in zip(skeleton.left, skeleton.right, strict=True):
+        if skeleton.parents[left] == 0:
+            x, y, _ = pose[left] - pose[right]
+            return float(np.degrees(np.arctan2(-x, y)))  # forward = left x up
+    return 0.0
+
+
+def project(positions: Float[np.ndarray, "... 3"], azimuth: float) -> Float[np.ndarray, "... 2"]:
+    """Orthographic picture from a camera at this azimuth (degrees): right and up, metres.
+
+    Own choice: flat axes instead of matplotlib's 3-D ones: sharper, far faster, and many bodies share one scale.
+    """
+    a, e = np.radians([azimuth, ELEVATION])
+    right = [-np.sin(a), np.cos(a), 0.0]
+    up = [-np.sin(e) * np.cos(a), -np.sin(e) * np.sin(a), np.cos(e)]
+    return positions @ np.stack([right, up], axis=-1)
+
+
+def draw_bodies(
+    ax: Axes, points: Float[np.ndarray, "n joints 2"], skeleton: Skeleton, kind: str, alpha: float = 1.0, width: float = 1.8
+) -> list[Artist]:
+    """Draw n flat bodies; `kind` is observed, truth or predicted. A dot marks the head."""
+    artists: list[Artist] = []
+    for side, colour in zip(("middle", "left", "right"), COLOURS[kind], strict=True):
+        bones = [bone for bone in skeleton.bones if _side(bone[1], skeleton) == side]
+        lines = LineCollection(
+            points[:, bones].reshape(-1, 2, 2),
+            colors=colour,
+            alpha=alpha,
+            linewidths=width,
+            linestyles=(0, (2.2, 0.9)) if side == "right" else "solid",
+            capstyle="butt" if side == "right" else "round",
+        )
+        artists.append(ax.add_collection(lines, autolim=False))
+    heads = [joint for joint, name in enumerate(skeleton.joints) if name.lower() == "head"]
+    dots = ax.plot(*points[:, heads].reshape(-1, 2).T, "o", color=COLOURS[kind][0], alpha=alpha, markeredgewidth=0)
+    return artists + dots
+
+
+def _side(joint: int, skeleton: Skeleton) -> str:
+    return "left" if joint in skeleton.left else "right" if joint in skeleton.right else "middle"
+
+
+class Board:
+    """One flat axes with a place for a body at every (row, column).
+
+    A motion that has exploded is cut off at the edge of its place instead of shrinking all the others.
+
+    Args:
+        skeleton: of every body.
+        motions: everything that will be drawn, one array (..., 2) of metres about the root per motion; they set the scale.
+        labels: one per row; titles: one per column.
+        observed: how many columns, from the first, lie in the past; they are shaded.
+    """
+
+    def __init__(
+        self, skeleton: Skeleton, motions: Sequence[np.ndarray], labels: Sequence[str], titles: Sequence[str], observed: int = 0
+    ) -> None:
+        self.skeleton = skeleton
+        half, bottom, top = _extent(motions)
+        half *= 1.04
+        self.spacing, self.height = 2 * half, 1.08 * (top - bottom)
+        top += 0.04 * (top - bottom)
+        margin, header = 0.3 if any(labels) else 0.0, 0.45  # inches
+        # scale: inches per metre
+        scale = min((WIDTH - margin) / (self.spacing * len(titles)), TALLEST / self.height, HIGHEST / self.height / len(labels))
+        width = max(self.spacing * len(titles) * scale + margin, 2.4)
+        height = self.height * len(labels) * scale
+        self.fig = Figure(figsize=(width, height + header))
+        self.ax = self.fig.add_axes((margin / width, 0.0, 1 - margin / width, height / (height + header)))
+        self.ax.set_axis_off()
+        middle, reach = (len(titles) - 1) * half, (width - margin) / scale / 2
+        self.ax.set(xlim=(middle - reach, middle + reach), ylim=(top - len(labels) * self.height, top), aspect="equal")
+        self.top = top
+        self._caption(labels, titles, observed)
+
+    def _caption(self, labels: Sequence[str], titles: Sequence[str], observed: int) -> None:
+        near = {"textcoords": "offset points", "annotation_clip": False}
+        if observed:
+            edge = (observed - 0.5) * self.spacing
+            self.ax.axvspan(-0.5 * self.spacing, edge, color=FAINT, linewidth=0, zorder=0)
+            for side, word in (("right", "observed  "), ("left", "  future")):
+                self.ax.annotate(word, (edge, self.top), (0, 19), ha=side, **near)
+        for column, title in enumerate(titles):
+            self.ax.annotate(title, (column * self.spacing, self.top), (0, 5), ha="center", size=9, **near)
+        for row, label in enumerate(labels):
+            place = (-0.5 * self.spacing, self.top - (row + 0.5) * self.height)
+            self.ax.annotate(label, place, (-5, 0), ha="right", va="center", rotation=90, **near)
+
+    def draw(
+        self, row: int, column: int, points: Float[np.ndarray, "n joints 2"], kind: str, alpha: float = 1.0, width: float = 1.8
+    ) -> list[Artist]:
+        """Stand n bodies on one place."""
+        x, y = column * self.spacing, -row * self.height
+        artists = draw_bodies(self.ax, points + np.array([x, y]), self.skeleton, kind, alpha, width)
+        corner = (x - self.spacing / 2, y + self.top - self.height)
+        place = Rectangle(corner, self.spacing, self.height, transform=self.ax.transData)
+        for artist in artists:
+            artist.set_clip_path(place)
+        return artists
+
+
+def _extent(motions: Sequence[np.ndarray]) -> tuple[float, float, float]:
+    """Half width, bottom and top that hold every motion, or 1.8 times the smallest one where others are far larger."""
+    flat = [points.reshape(-1, 2) for points in motions]
+    lows, highs = np.array([(points[:, 1].min(), points[:, 1].max()) for points in flat]).T
+    smallest = np.argmin(highs - lows)
+    spare = 0.4 * (highs - lows)[smallest]
+    bottom, top = max(lows.min(), lows[smallest] - spare), min(highs.max(), highs[smallest] + spare)
+    wide = [np.quantile(np.abs(points[:, 0]), 0.999) for points in flat]
+    return max(min(max(wide), 1.8 * min(wide)), 0.22 * (top - bottom)), bottom, top

@@ -1,0 +1,191 @@
+"""Noise and its removal: schedules, noising, the path of a sample, loss curves."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+
+import numpy as np
+import torch
+from jaxtyping import Float
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.ticker import LogLocator, NullFormatter
+from torch import Tensor
+
+from ..diffusion import noised
+from ..sampling import Step
+from ..skeleton import Skeleton
+from ..transforms.linear import LinearTransform
+from .bodies import THREE_QUARTER, AnyMotion, Array, draw_bodies, facing, poses, project
+from .coefficients import DIVERGING
+from .look import BAND_NAMES, CYCLE, DASHES, INK, OBSERVED, TRUTH, array, canvas, style
+from .skeletons import storyboard
+from .tables import significant
+
+
+@style()
+def schedules(curves: Mapping[str, Float[Array, " M"]]) -> tuple[Figure, np.ndarray]:
+    """Noise schedules: the share of signal power that is left, and the signal-to-noise ratio, over the diffusion index.
+
+    Args:
+        curves: name -> alpha_bar (M,), as `schedule.alpha_bar` returns it.
+    """
+    fig, axes = canvas(1, 2, height=2.8)
+    for (name, curve), colour, dashes in zip(curves.items(), CYCLE, DASHES, strict=False):
+        curve = array(curve)
+        axes[0, 0].plot(curve, color=colour, linestyle=dashes, label=name)
+        axes[0, 1].plot(_decibel(curve), color=colour, linestyle=dashes)
+    axes[0, 0].set(title="signal power left, ᾱ", xlabel="diffusion index t", ylim=(0, 1.02))
+    axes[0, 0].legend()
+    axes[0, 1].axhline(0, color=OBSERVED, linewidth=0.8)
+    axes[0, 1].set(title="signal to noise, ᾱ / (1 − ᾱ)", xlabel="diffusion index t", ylabel="dB", ylim=(-60, 45))
+    return fig, axes[0]
+
+
+@style()
+def band_snr(deviations: Mapping[str, float], alpha_bar: Float[Array, " M"]) -> tuple[Figure, Axes]:
+    """How far each sub-band stands above the noise at every diffusion index; below 0 dB the noise is the stronger.
+
+    Args:
+        deviations: band -> standard deviation of its coefficients, in units of the noise (metres for raw coefficients).
+        alpha_bar: (M,) schedule.
+    """
+    curve = array(alpha_bar)
+    fig, axes = canvas(height=3.2)
+    ax = axes[0, 0]
+    ax.axhline(0, color=OBSERVED, linewidth=0.8)
+    for (band, deviation), colour, dashes in zip(deviations.items(), CYCLE, DASHES, strict=False):
+        ratio = _decibel(curve) + 20 * np.log10(deviation)
+        label = f"{band}: σ = {significant(deviation)}"
+        if (ratio < 0).any():
+            drowned = int(np.argmax(ratio < 0))
+            ax.plot(drowned, ratio[drowned], "o", color=colour)
+            label += f", under the noise from t = {drowned}"
+        ax.plot(ratio, color=colour, linestyle=dashes, label=label)
+    ax.set(xlabel="diffusion index t", ylabel="signal to noise (dB)", ylim=(-80, 50))
+    ax.legend(loc="lower left")
+    return fig, ax
+
+
+@style()
+def noising(
+    tf: LinearTransform,
+    x: Float[Tensor, "T C"],
+    alpha_bar: Float[Tensor, " M"],
+    ts: Sequence[int],
+    skeleton: Skeleton,
+    *,
+    generator: torch.Generator,
+    channel: int = 0,
+    frame: int = -1,
+) -> tuple[Figure, np.ndarray]:
+    """One motion under growing noise: the latent y_t, one coordinate of the motion it stands for, and one pose.
+
+    Args:
+        tf: wavelet transform with the four sub-bands of level 1.
+        x: clean motion, metres; drawn in black.
+        alpha_bar: schedule.
+        ts: diffusion indices, one column each; the same noise is drawn at all of them.
+        generator: of the noise.
+        channel, frame: which coordinate and which pose to show.
+    """
+    clean = tf(x)
+    eps = torch.randn(clean.shape, generator=generator, dtype=clean.dtype)
+    latents = [noised(clean, eps, alpha_bar[t]) for t in ts]
+    fig, axes = canvas(3, len(ts), height=5.2, gridspec_kw={"height_ratios": (1.2, 0.8, 1.3)}, sharey="row")
+    for column, t, y in zip(axes.T, ts, latents, strict=True):
+        column[0].imshow(array(y).T, cmap=DIVERGING, vmin=-2, vmax=2, aspect="auto")
+        column[0].set(title=f"t = {t}", xlabel="row k")
+        motion = tf.inverse(y)
+        column[1].plot(array(motion[:, channel]), color=CYCLE[0], linewidth=1.5)
+        column[1].plot(array(x[:, channel]), color=TRUTH, linestyle=(0, (3, 1)), linewidth=1.5)
+        column[1].set(xlabel="frame")
+        _pose(column[2], motion[frame], x[frame], skeleton)
+    _name_bands(axes[0], tf, clean)
+    axes[1, 0].set_ylabel(f"channel {channel} (m)")
+    axes[2, 0].set_ylabel(f"pose, frame {frame % len(x)}")
+    return fig, axes
+
+
+@style()
+def ddim_path(
+    steps: Iterable[Step],
+    inverse: Callable[[Tensor], AnyMotion],
+    skeleton: Skeleton,
+    *,
+    fps: float,
+    history: int = 0,
+    truth: AnyMotion | None = None,
+    count: int = 4,
+    frames: int | Sequence[int] = 6,
+) -> tuple[Figure, Axes]:
+    """How a sample comes to be: the clean estimate at a few denoising steps, one row each, the last one at the bottom.
+
+    Args:
+        steps: what `sampling.ddim` yields for a single latent (K, 4D).
+        inverse: latent -> motion (T, C), e.g. the transform's inverse.
+        truth: drawn in the first row.
+        count: how many of the steps to show, evenly spread, first and last included.
+        fps, history, frames: as in `storyboard`.
+    """
+    steps = list(steps)
+    chosen = np.unique(np.linspace(0, len(steps) - 1, count).round().astype(int))
+    rows = {} if truth is None else {"truth": truth}
+    rows |= {f"t = {steps[i].t}": inverse(steps[i].y0_hat) for i in chosen}
+    azimuth = facing(poses(list(rows.values())[0 if truth is not None else -1], skeleton)[0], skeleton) + THREE_QUARTER
+    return storyboard(rows, skeleton, fps=fps, history=history, frames=frames, azimuth=azimuth)
+
+
+@style()
+def loss_curves(curves: Mapping[str, Array | Sequence], *, ylabel: str = "loss") -> tuple[Figure, Axes]:
+    """Losses over the training steps, on a logarithmic axis.
+
+    Args:
+        curves: name -> (n,) one value per step from step 1, drawn faintly with its running mean over n/50 steps on top; or
+            (n, 2) pairs of step and value, drawn with dots.
+    """
+    fig, axes = canvas(height=3.0)
+    ax = axes[0, 0]
+    for (name, curve), colour, dashes in zip(curves.items(), CYCLE, DASHES, strict=False):
+        curve = np.asarray(array(curve), dtype=float)
+        if curve.ndim == 2:
+            ax.plot(*curve.T, color=colour, linestyle=dashes, marker="o", label=name)
+            continue
+        span = max(len(curve) // 50, 1)
+        mean = np.convolve(curve, np.full(span, 1 / span), "valid")
+        if span > 1:
+            ax.plot(np.arange(len(curve)) + 1, curve, color=colour, alpha=0.25, linewidth=0.8)
+        ax.plot(np.arange(len(mean)) + 1 + span // 2, mean, color=colour, linestyle=dashes, label=name)
+    ax.set(xlabel="training step", ylabel=ylabel, yscale="log")
+    ax.yaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
+    ax.yaxis.set_major_formatter(lambda value, _: f"{value:g}")
+    ax.yaxis.set_minor_formatter(NullFormatter())
+    ax.legend()
+    return fig, ax
+
+
+def _decibel(alpha_bar: np.ndarray) -> np.ndarray:
+    return 10 * np.log10(alpha_bar / (1 - alpha_bar))
+
+
+def _pose(ax: Axes, noisy: Tensor, clean: Tensor, skeleton: Skeleton) -> None:
+    """The noisy pose over the clean one; the view stays on the clean one."""
+    reference = poses(clean, skeleton)
+    view = facing(reference, skeleton) + THREE_QUARTER
+    flat = project(reference, view)
+    middle, reach = (flat.max(0) + flat.min(0)) / 2, 0.75 * np.ptp(flat, axis=0).max()
+    draw_bodies(ax, project(poses(noisy, skeleton), view)[None], skeleton, "predicted", width=1.5)
+    draw_bodies(ax, flat[None], skeleton, "truth", alpha=0.35, width=1.5)
+    ax.set(xlim=middle[0] + reach * np.array([-0.7, 0.7]), ylim=middle[1] + reach * np.array([-1, 1]), xticks=[], yticks=[])
+    ax.set_aspect("equal")
+    ax.spines[:].set_visible(False)
+
+
+def _name_bands(axes: np.ndarray, tf: LinearTransform, y: Tensor) -> None:
+    """Mark the sub-bands in pictures of latents, and name them in the first."""
+    edges = np.cumsum([0, *(band.shape[-1] for band in tf.split(y).values())]) - 0.5
+    axes[0].set(yticks=(edges[:-1] + edges[1:]) / 2, yticklabels=list(BAND_NAMES))
+    for ax in axes:
+        ax.tick_params(axis="y", length=0)
+        for edge in edges[1:-1]:
+            ax.axhline(edge, color=INK, linewidth=0.8)

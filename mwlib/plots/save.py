@@ -1,0 +1,126 @@
+"""Put a picture into a notebook or into files, always with its alternative text."""
+
+from __future__ import annotations
+
+import base64
+import csv
+import io
+import json
+import os
+from collections.abc import Mapping, Sequence
+from itertools import zip_longest
+from pathlib import Path
+
+import matplotlib as mpl
+import matplotlib.pyplot as plt
+import numpy as np
+from matplotlib.figure import Figure
+
+from .look import array, style
+
+# Without dates and version strings the same picture gives the same bytes.
+METADATA = {"png": {"Software": None}, "pdf": {"CreationDate": None, "Creator": None, "Producer": None}}
+SAVE_DPI = 150
+
+
+@style()
+def save(
+    fig: Figure,
+    folder: str | Path,
+    stem: str,
+    *,
+    data: Mapping[str, np.ndarray] | Sequence[Mapping[str, object]],
+    alt: str,
+    provenance: Mapping[str, object],
+) -> list[Path]:
+    """Write `stem`.png, .pdf, .csv (what is plotted), .txt (alternative text) and .json (provenance).
+
+    Each file appears whole or not at all; the .json comes last. The same input gives the same bytes.
+
+    Args:
+        data: columns by name, or rows as mappings. A column with more axes becomes one per trailing entry (`name_0`,
+            `name_1_2`); shorter columns end in empty cells.
+        alt: one or two sentences that say what the picture shows to someone who cannot see it.
+        provenance: which data, preset, seed and version made it; JSON values.
+
+    Returns:
+        The five paths.
+
+    Raises:
+        ValueError: the alternative text or the data are empty, or the stem is not a plain file name.
+        TypeError: the provenance holds something that JSON cannot.
+    """
+    if not stem or Path(stem).name != stem:
+        raise ValueError(f"stem is {stem!r}; expected a plain file name without a folder")
+    contents = {
+        "txt": (_described(alt) + "\n").encode(),
+        "csv": _table(data).encode(),
+        "png": _render(fig, "png", SAVE_DPI),
+        "pdf": _render(fig, "pdf", SAVE_DPI),
+        "json": (json.dumps({"figure": stem, **provenance}, indent=2, sort_keys=True, allow_nan=False) + "\n").encode(),
+    }
+    Path(folder).mkdir(parents=True, exist_ok=True)
+    return [_write(Path(folder) / f"{stem}.{ending}", content) for ending, content in contents.items()]
+
+
+@style()
+def show(fig: Figure, alt: str) -> None:
+    """Display the figure in a notebook with its alternative text, and let it go.
+
+    The text is also the output's plain form: where no picture can be shown there stands a sentence, not an object's name.
+
+    Raises:
+        ValueError: the alternative text is empty.
+    """
+    from IPython.display import display  # at hand in every notebook; the library itself does without
+
+    alt = _described(alt)
+    png = base64.b64encode(_render(fig, "png", mpl.rcParams["figure.dpi"])).decode()
+    display({"image/png": png, "text/plain": alt}, metadata={"image/png": {"alt": alt}}, raw=True)
+    plt.close(fig)  # a figure made by pyplot would otherwise appear a second time
+
+
+def _described(alt: str) -> str:
+    if not alt.strip():
+        raise ValueError("the alternative text is empty; expected a sentence that says what the picture shows")
+    return " ".join(alt.split())
+
+
+def _render(fig: Figure, kind: str, dpi: float) -> bytes:
+    buffer = io.BytesIO()
+    fig.savefig(buffer, format=kind, dpi=dpi, metadata=METADATA[kind])
+    return buffer.getvalue()
+
+
+def _write(path: Path, content: bytes) -> Path:
+    partial = path.with_name(f".{path.name}.partial")
+    partial.write_bytes(content)
+    os.replace(partial, path)
+    return path
+
+
+def _table(data: Mapping[str, np.ndarray] | Sequence[Mapping[str, object]]) -> str:
+    if not data:
+        raise ValueError("data are empty; expected what the picture shows, as columns or rows")
+    if isinstance(data, Mapping):
+        columns = {name: column for key, values in data.items() for name, column in _columns(key, array(values))}
+        header, rows = list(columns), zip_longest(*columns.values(), fillvalue="")
+    else:
+        header = list(dict.fromkeys(key for row in data for key in row))
+        rows = ([row.get(key, "") for key in header] for row in data)
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(header)
+    writer.writerows([_cell(value) for value in row] for row in rows)
+    return text.getvalue()
+
+
+def _columns(name: str, values: np.ndarray) -> list[tuple[str, np.ndarray]]:
+    values = np.atleast_1d(values)
+    places = np.ndindex(values.shape[1:])
+    return [("_".join([name, *map(str, place)]), values[(slice(None), *place)]) for place in places]
+
+
+def _cell(value: object) -> object:
+    """Nine digits: every float32 comes back exactly."""
+    return f"{value:.9g}" if isinstance(value, float | np.floating) else value

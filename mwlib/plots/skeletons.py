@@ -1,0 +1,178 @@
+"""Bodies over time: storyboards, overlaid futures, films. Z points up; `Motion.with_up("z")` turns other motions."""
+
+from __future__ import annotations
+
+import hashlib
+import re
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
+
+import matplotlib as mpl
+import numpy as np
+from jaxtyping import Float
+from matplotlib.animation import FuncAnimation
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from ..skeleton import Skeleton
+from .bodies import THREE_QUARTER, AnyMotion, Array, Board, facing, poses, project
+from .look import named, style
+
+if TYPE_CHECKING:
+    from IPython.display import HTML
+
+FILM_DPI = 72
+
+
+@style()
+def storyboard(
+    rows: Mapping[str, AnyMotion] | AnyMotion,
+    skeleton: Skeleton,
+    *,
+    fps: float,
+    history: int = 0,
+    frames: int | Sequence[int] = 8,
+    azimuth: float | None = None,
+) -> tuple[Figure, Axes]:
+    """Rows of poses over time: grey while observed, black in a row called "truth", coloured in every other row.
+
+    Args:
+        rows: name -> motion, (T, C) root-relative or (T, J+1, 3) in metres; a row shorter than the longest is its end, so
+            predictions of the future alone fit below the whole truth.
+        fps: frames per second; times are printed in seconds, 0 at the last observed frame.
+        history: observed frames H; 0 = none, and time starts at the first frame.
+        frames: how many frames, or which.
+        azimuth: of the camera, degrees; None looks at the body from its front right.
+
+    Raises:
+        ValueError: a motion does not fit the skeleton.
+    """
+    flat, total = _flat(rows, skeleton, azimuth)
+    frames = _spread(frames, history, total) if isinstance(frames, int) else [frame % total for frame in frames]
+    times = [_seconds(frame, history, fps) for frame in frames]
+    board = Board(skeleton, list(flat.values()), list(flat), times, sum(frame < history for frame in frames))
+    for row, (name, points) in enumerate(flat.items()):
+        for column, frame in enumerate(frames):
+            at = frame - (total - len(points))
+            if at >= 0:
+                board.draw(row, column, points[at : at + 1], _kind(name, frame, history))
+    return board.fig, board.ax
+
+
+@style()
+def overlay_futures(
+    futures: Float[Array, "S F ..."],
+    skeleton: Skeleton,
+    *,
+    fps: float,
+    truth: Float[Array, "F ..."] | None = None,
+    last: AnyMotion | None = None,
+    frames: Sequence[int] = (-1,),
+    azimuth: float | None = None,
+) -> tuple[Figure, Axes]:
+    """All sampled futures at a few moments, thin and translucent, the true pose on top in black.
+
+    Args:
+        futures: (S, F, C) or (S, F, J+1, 3), metres.
+        fps: frames per second; the first future frame is at +1/fps.
+        truth: the true future, (F, C) or (F, J+1, 3).
+        last: the last observed pose, (C,) or (J+1, 3), drawn first, in grey.
+        frames: future frames to show, counted from 0; negative ones count from the end.
+        azimuth: of the camera, degrees; None looks at the body from its front right.
+
+    Raises:
+        ValueError: a motion does not fit the skeleton.
+    """
+    bodies = {"last": last, "truth": truth, "futures": futures}
+    bodies = {name: poses(motion, skeleton) for name, motion in bodies.items() if motion is not None}
+    first = next(iter(bodies.values())).reshape(-1, len(skeleton), 3)[0]
+    flat = {name: project(motion, _camera(azimuth, first, skeleton)) for name, motion in bodies.items()}
+    frames = [frame % len(futures[0]) for frame in frames]
+    times = ["0.00 s"] * ("last" in flat) + [f"+{(frame + 1) / fps:.2f} s" for frame in frames]
+    sure = [points.reshape(-1, 2) for name, points in flat.items() if name != "futures"]
+    motions = [flat["futures"], *([np.concatenate(sure)] if sure else [])]
+    board = Board(skeleton, motions, [""], times, len(times) - len(frames))
+    if "last" in flat:
+        board.draw(0, 0, flat["last"][None], "observed")
+    for column, frame in enumerate(frames, start=len(times) - len(frames)):
+        board.draw(0, column, flat["futures"][:, frame], "predicted", max(0.15, 1 / len(futures)), 1.5)
+        if "truth" in flat:
+            board.draw(0, column, flat["truth"][None, frame], "truth", width=2.4)
+    return board.fig, board.ax
+
+
+@style()
+def animate(
+    rows: Mapping[str, AnyMotion] | AnyMotion,
+    skeleton: Skeleton,
+    *,
+    fps: float,
+    history: int = 0,
+    azimuth: float | None = None,
+    most: int = 50,
+) -> tuple[Figure, FuncAnimation]:
+    """A film of motions side by side, at true speed; `film` turns it into HTML, its own `.save("x.gif")` into a file.
+
+    Args:
+        rows: name -> motion, as in `storyboard`; bodies stay on their spot.
+        most: largest number of pictures in the film; every k-th frame is kept and stands k times as long.
+        fps, history, azimuth: as in `storyboard`.
+
+    Raises:
+        ValueError: a motion does not fit the skeleton.
+    """
+    flat, total = _flat(rows, skeleton, azimuth)
+    step = -(-total // most)
+    board = Board(skeleton, list(flat.values()), [""], list(flat))
+    board.fig.set_dpi(FILM_DPI)
+    clock = board.fig.text(0.02, 0.99, "", va="top")
+    shown: list = []
+
+    def draw(frame: int) -> list:
+        while shown:
+            shown.pop().remove()
+        for column, (name, points) in enumerate(flat.items()):
+            at = frame - (total - len(points))
+            if at >= 0:
+                shown.extend(board.draw(0, column, points[at : at + 1], _kind(name, frame, history)))
+        clock.set_text(_seconds(frame, history, fps) + "  observed" * (frame < history))
+        return shown
+
+    return board.fig, FuncAnimation(board.fig, draw, frames=range(0, total, step), interval=1000 * step / fps, init_func=list)
+
+
+def film(animation: FuncAnimation) -> HTML:
+    """The animation as HTML with buttons; it waits for the reader to press play. The same film gives the same text."""
+    from IPython.display import HTML  # at hand in every notebook; the library itself does without
+
+    with style(), mpl.rc_context({"savefig.dpi": FILM_DPI}):
+        html = animation.to_jshtml(default_mode="once")
+    name = re.search("_anim_img([0-9a-f]{32})", html)[1]  # a random identity per call
+    return HTML(html.replace(name, hashlib.sha256(html.replace(name, "").encode()).hexdigest()[:32]))
+
+
+def _flat(rows, skeleton: Skeleton, azimuth: float | None) -> tuple[dict[str, np.ndarray], int]:
+    bodies = {name: poses(motion, skeleton) for name, motion in named(rows).items()}
+    view = _camera(azimuth, next(iter(bodies.values()))[0], skeleton)
+    return {name: project(motion, view) for name, motion in bodies.items()}, max(map(len, bodies.values()))
+
+
+def _camera(azimuth: float | None, pose: np.ndarray, skeleton: Skeleton) -> float:
+    return facing(pose, skeleton) + THREE_QUARTER if azimuth is None else azimuth
+
+
+def _kind(name: str, frame: int, history: int) -> str:
+    return "observed" if frame < history else "truth" if name == "truth" else "predicted"
+
+
+def _seconds(frame: int, history: int, fps: float) -> str:
+    time = (frame - max(history - 1, 0)) / fps
+    return f"{time:+.2f} s".replace("-", "\N{MINUS SIGN}") if time else "0.00 s"
+
+
+def _spread(count: int, history: int, total: int) -> list[int]:
+    """Evenly spread frames; with a history, its first and last frame and the very last one are always among them."""
+    past = min(max(2, round(count * history / total)), history) if history else 0
+    seen = np.linspace(0, history - 1, past)
+    coming = np.linspace(history - 1, total - 1, count - past + 1)[1:] if history else np.linspace(0, total - 1, count)
+    return np.unique(np.round(np.concatenate([seen, coming])).astype(int)).tolist()

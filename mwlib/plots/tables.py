@@ -1,0 +1,113 @@
+"""Tables of results, for a notebook's page and for a terminal."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from html import escape
+from numbers import Real
+
+
+@dataclass(frozen=True)
+class Table:
+    """Cells as text; shows itself as HTML in a notebook and as Markdown in print.
+
+    Args:
+        header: column names.
+        rows: cells, one tuple per row.
+        numeric: which columns hold numbers; they are set to the right.
+        best: (row, column) of cells to set in bold.
+    """
+
+    header: tuple[str, ...]
+    rows: tuple[tuple[str, ...], ...]
+    numeric: tuple[bool, ...]
+    best: frozenset[tuple[int, int]] = frozenset()
+
+    def __repr__(self) -> str:
+        cells = [self.header, *([self._marked(i, j, "**") for j in range(len(row))] for i, row in enumerate(self.rows))]
+        cells = [[cell.replace("|", "\\|") for cell in row] for row in cells]
+        widths = [max(3, *map(len, column)) for column in zip(*cells, strict=True)]
+        rule = ["-" * (width - 1) + (":" if right else "-") for width, right in zip(widths, self.numeric, strict=True)]
+        return "\n".join(f"| {' | '.join(self._padded(line, widths))} |" for line in (cells[0], rule, *cells[1:]))
+
+    def _repr_html_(self) -> str:
+        align = [f'style="text-align: {"right" if right else "left"}"' for right in self.numeric]
+        head = "".join(f'<th scope="col" {a}>{escape(name)}</th>' for a, name in zip(align, self.header, strict=True))
+        lines = [
+            "".join(f"<td {a}>{self._marked(i, j, '<strong>', '</strong>')}</td>" for j, a in enumerate(align))
+            for i in range(len(self.rows))
+        ]
+        body = "\n".join(f"<tr>{line}</tr>" for line in lines)
+        return f"<table>\n<thead><tr>{head}</tr></thead>\n<tbody>\n{body}\n</tbody>\n</table>"
+
+    def _marked(self, row: int, column: int, before: str, after: str | None = None) -> str:
+        cell = self.rows[row][column] if after is None else escape(self.rows[row][column])
+        return f"{before}{cell}{before if after is None else after}" if (row, column) in self.best else cell
+
+    def _padded(self, line: Sequence[str], widths: Sequence[int]) -> list[str]:
+        parts = zip(line, widths, self.numeric, strict=True)
+        return [cell.rjust(width) if right else cell.ljust(width) for cell, width, right in parts]
+
+
+def results_table(
+    rows: Sequence[Mapping[str, object]], columns: Sequence[str] | None = None, *, better: Mapping[str, str] | None = None
+) -> Table:
+    """A table of results: numbers to 3 significant digits, the best of a column in bold.
+
+    Args:
+        rows: column -> value. Numbers are rounded; a pair (value, spread) becomes "value ± spread"; None and missing
+            values leave a dash; anything else is written as it is.
+        columns: which columns, in order; None takes them as they first appear.
+        better: column -> "lower" or "higher", for the columns whose best value is set in bold.
+
+    Raises:
+        ValueError: no rows, or `better` says something else.
+    """
+    if not rows:
+        raise ValueError("there are no rows; expected at least one result")
+    columns = tuple(columns or dict.fromkeys(key for row in rows for key in row))
+    cells = [[row.get(column) for column in columns] for row in rows]
+    best = {place for column, which in (better or {}).items() for place in _best(cells, columns.index(column), which)}
+    numeric = tuple(any(_number(row[j]) is not None for row in cells) for j in range(len(columns)))
+    return Table(columns, tuple(tuple(map(_text, row)) for row in cells), numeric, frozenset(best))
+
+
+def significant(value: float, digits: int = 3) -> str:
+    """A number to so many significant digits, without an exponent as long as it stays readable: 0.4, 12.3, 1235, 1.2e-07.
+
+    Trailing zeros count as digits: 0.400 says more than 0.4.
+    """
+    if not math.isfinite(value):
+        return "–" if math.isnan(value) else "∞" if value > 0 else "−∞"
+    if value == 0:
+        return "0"
+    exponent = int(f"{value:.{digits - 1}e}".split("e")[1])
+    if not -4 <= exponent <= 5:
+        return f"{value:.{digits - 1}e}"
+    return f"{value:.{max(digits - 1 - exponent, 0)}f}"
+
+
+def _number(value: object) -> float | None:
+    value = value[0] if isinstance(value, tuple) and value else value
+    value = value.item() if hasattr(value, "item") else value
+    return float(value) if isinstance(value, Real) and not isinstance(value, bool) else None
+
+
+def _text(value: object) -> str:
+    if value is None:
+        return "–"
+    number = _number(value)
+    if number is None or isinstance(value, int):
+        return str(value)
+    spread = f" ± {significant(_number(value[1]), 2)}" if isinstance(value, tuple) else ""
+    return significant(number) + spread
+
+
+def _best(cells: list[list[object]], column: int, which: str) -> list[tuple[int, int]]:
+    if which not in ("lower", "higher"):
+        raise ValueError(f"better is {which!r}; expected 'lower' or 'higher'")
+    found = {row: number for row, line in enumerate(cells) if (number := _number(line[column])) is not None and number == number}
+    edge = (min if which == "lower" else max)(found.values(), default=None)
+    return [(row, column) for row, number in found.items() if significant(number) == significant(edge)]

@@ -1,0 +1,41 @@
+"""Named settings: two that train in minutes, one of them on real clips, and the paper's two."""
+
+from __future__ import annotations
+
+from typing import Any
+
+# Own choice, stable when trained for minutes: predict the clean latent, in coefficients of unit deviation, with the loss
+# weighed back to metres; laptop and cmu also count the pose from the last observed one. The paper's noise prediction on raw coefficients needs hundreds of thousands of steps.
+_STABLE: dict[str, Any] = dict(
+    prediction="x0", coefficient_scale="coefficient", loss_weight="metric",
+    lr=5e-4, lr_schedule="cosine", warmup=100, attention_dropout=0.0,
+    spacing="trailing", tabg_sigma=1.0, validation_subjects=("P6",), test_subjects=("P7", "P8"),
+)  # fmt: skip
+_LAPTOP: dict[str, Any] = _STABLE | dict(
+    latent=128, layers=4, heads=4, feedforward=256, dropout=0.1, target="displacement",
+    train_steps=4000, ema=0.998, ema_start=500, checkpoint_every=500, ddim_steps=20,
+)  # fmt: skip
+PRESETS: dict[str, dict[str, Any]] = {
+    # Half a minute on two cores: fewer frames, joints' rates and steps; synthetic people.
+    "tiny": _STABLE | dict(
+        fps=25.0, history=10, future=30, test_stride=10, latent=64, layers=4, heads=4, feedforward=128, dropout=0.0,
+        steps=200, train_steps=600, ema=0.99, ema_start=100, checkpoint_every=200,
+        samples=20, ddim_steps=10, test_windows=48,
+    ),
+    # The paper's windows, a small network: a quarter to half an hour on two cores; synthetic people.
+    "laptop": _LAPTOP,
+    # The same on the CMU clips in ASF/AMC, found under MWLIB_DATA; whole people are held out.
+    "cmu": _LAPTOP | dict(data="cmu/asfamc", validation_subjects=("1",), test_subjects=("2", "7", "29")),
+    # MotionWavelet, Appendix A.
+    "h36m": dict(
+        data="data_3d_h36m.npz", augment="humanmac", window_sampling="subject_action",
+        train_subjects=("S1", "S5", "S6", "S7", "S8"), test_subjects=("S9", "S11"),
+    ),
+    "humaneva": dict(
+        data="data_3d_humaneva15.npz", fps=60.0, history=15, future=60, test_stride=15, augment="humanmac",
+        window_sampling="subject_action", layers=6, feedforward=1024, lr_schedule="cosine_restarts", lr_gamma=0.9,
+        train_subjects=("Train/S1", "Train/S2", "Train/S3"),
+        test_subjects=("Validate/S1", "Validate/S2", "Validate/S3"),
+        tabg_scale=0.0, wmsg="off",
+    ),
+}  # fmt: skip

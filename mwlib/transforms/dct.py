@@ -1,0 +1,53 @@
+"""HumanMAC's representation: the first rows of an orthonormal DCT-II over time."""
+
+from __future__ import annotations
+
+import numpy as np
+from jaxtyping import Float
+from scipy.fft import dct
+from torch import Tensor
+
+from .linear import LinearTransform
+
+
+class DCTTransform(LinearTransform):
+    """Low-pass cosine coefficients of every channel.
+
+    Source: HumanMAC (Chen et al., 2023): orthonormal DCT-II over the T frames, first L rows kept.
+
+    Args:
+        frames, channels: T and C of the motions.
+        rows: L, number of kept coefficients, at most T; None keeps all (then the inverse is exact).
+
+    Raises:
+        ValueError: rows is not between 1 and frames.
+    """
+
+    def __init__(self, frames: int, channels: int, rows: int | None = None) -> None:
+        super().__init__()
+        rows = frames if rows is None else rows
+        if not 1 <= rows <= frames:
+            raise ValueError(f"rows is {rows}; expected 1 to {frames} (frames)")
+        self.frames, self.channels, self.shape = frames, channels, (rows, channels)
+        self.analysis_time = dct(np.eye(frames), norm="ortho", axis=0)[:rows]
+        self.synthesis_time = self.analysis_time.T
+
+    def __call__(self, x: Float[Tensor, "... T C"]) -> Float[Tensor, "... L C"]:
+        """First L DCT-II coefficients over time."""
+        return self._matrix("analysis_time", x) @ x
+
+    def inverse(self, y: Float[Tensor, "... L C"]) -> Float[Tensor, "... T C"]:
+        """The smooth motion with these coefficients; all higher ones zero."""
+        return self._matrix("synthesis_time", y) @ y
+
+    def project(self, y: Float[Tensor, "... L C"]) -> Float[Tensor, "... L C"]:
+        """The identity: the rows are orthonormal, so every latent is a motion's."""
+        return y
+
+    def split(self, y: Float[Tensor, "... L C"]) -> dict[str, Tensor]:
+        """One band."""
+        return {"dct": y}
+
+    def join(self, bands: dict[str, Tensor]) -> Float[Tensor, "... L C"]:
+        """Inverse of `split`."""
+        return bands["dct"]

@@ -1,0 +1,68 @@
+"""A small notebook that keeps every structure rule, for tests to run and to break."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import nbformat
+from nbformat import NotebookNode
+from nbformat.v4 import new_code_cell, new_markdown_cell, new_notebook
+
+PARAMETERS = """preset: str = "tiny"  # name of a preset
+data: str = ""  # "" = the preset's own
+level: int = 2  # decomposition level
+lr: float = 0.5  # step size
+names: list[str] = ["haar", "db2"]  # wavelets
+out: str = ""  # folder for the results; "" writes nothing"""
+
+FINISH = """import json, os
+from mwlib import runs
+parameters = dict(preset=preset, data=data, level=level, lr=lr, names=names)
+runs.finish(out, {"answer": level + lr}, parameters)"""
+
+SYMBOLS = """## Energy
+$$E = \\sum_n x_n^2$$
+
+| symbol | code | shape | unit |
+|---|---|---|---|
+| $x$ | `x` | `(T,)` | m |
+"""
+
+
+def code(source: str, *tags: str) -> NotebookNode:
+    """A code cell."""
+    return new_code_cell(source, metadata={"tags": list(tags)} if tags else {})
+
+
+def runnable(*cells: str, last: str = FINISH) -> NotebookNode:
+    """Parameters, some cells, and the cell that writes the result. Needs no display, imports little: quick to run."""
+    return new_notebook(cells=[code(PARAMETERS, "parameters"), *map(code, cells), code(last)])
+
+
+def save(notebook: NotebookNode, folder: Path, stem: str = "01_sample") -> Path:
+    """Write a notebook as it stands."""
+    folder.mkdir(parents=True, exist_ok=True)
+    path = folder / f"{stem}.ipynb"
+    nbformat.write(notebook, path)
+    return path
+
+
+def model_notebook() -> NotebookNode:
+    """Every structural element that the rules ask for; not executed yet."""
+    return new_notebook(
+        cells=[
+            new_markdown_cell("# A sample\n\nIt shows what a notebook looks like."),
+            code("import warnings\n\nimport matplotlib.pyplot as plt\n\nimport mwlib as mw\nfrom mwlib import plots, runs"),
+            code(PARAMETERS, "parameters"),
+            code("cfg = mw.Config.preset(preset)"),
+            new_markdown_cell(SYMBOLS),
+            code('print("energy", sum(n * n for n in range(4)))', "nbval-check-output"),
+            code('warnings.warn("noise", stacklevel=1)'),
+            code("fig, ax = plt.subplots(figsize=(2, 1))\nplots.show(fig, 'An empty pair of axes, nothing drawn')"),
+            new_markdown_cell("**What you should see.** Axes from 0 to 1."),
+            new_markdown_cell("### Ex 1.1 Double it\nGive `twice` the double of `level`."),
+            code("twice = 2 * level", "solution"),
+            code("assert twice == level + level"),
+            code("runs.finish(out, metrics={}, parameters={'preset': preset})"),
+        ]
+    )

@@ -1,0 +1,100 @@
+"""Failure drills: whatever happens to a run, it must not count as done unless its notebook got to its end."""
+
+from __future__ import annotations
+
+import json
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+from sample_notebooks import runnable, save
+
+from mwlib import runs
+from mwlib.course.parameters import ParameterError
+from mwlib.course.worker import NotDone, run_notebook
+
+ROOT = Path(__file__).parents[1]
+HALF = 'import pathlib\npathlib.Path(out, \'metrics.json\').write_text(\'{"status": "ok", "ha\')'
+OTHERS = "from mwlib import runs\nruns.finish(out, {}, dict(preset=preset, data=data, level=level + 1, lr=lr, names=names))"
+
+
+def worker(notebook: Path, out: Path, *words: str) -> subprocess.Popen:
+    """The command as a shell or Snakemake starts it."""
+    command = [sys.executable, "-m", "mwlib", "run-notebook", str(notebook), "--out", str(out), *words]
+    return subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+
+
+def test_a_run_that_gets_to_its_end_is_done(tmp_path):
+    notebook = save(runnable("print(level)"), tmp_path)
+    stored = notebook.read_bytes()
+    out = run_notebook(notebook, tmp_path / "out", {"level": 3, "lr": 1})
+    expected = {"preset": "tiny", "data": "", "level": 3, "lr": 1.0, "names": ["haar", "db2"]}
+    assert runs.read_result(out, runs.parameters_hash(expected)) == {"answer": 4.0}
+    assert runs.read_result(out, runs.parameters_hash({**expected, "level": 2})) is None
+    assert {"notebook.ipynb", "notebook.html"} <= {path.name for path in out.iterdir()}
+    assert notebook.read_bytes() == stored
+
+
+@pytest.mark.parametrize(
+    "cells, last, reason",
+    [
+        pytest.param(["import os\nos._exit(1)"], None, "died", id="kernel dies"),
+        pytest.param(["import sys\nsys.exit(0)"], None, "missing", id="exit 0 in a cell"),
+        pytest.param(["1 / 0"], None, "ZeroDivisionError", id="a cell raises"),
+        pytest.param([], HALF, "half-written", id="half-written result"),
+        pytest.param([], OTHERS, "other parameters", id="result of other parameters"),
+    ],
+)
+def test_a_run_that_breaks_is_not_done(tmp_path, cells, last, reason):
+    notebook, out = save(runnable(*cells, **({"last": last} if last else {})), tmp_path), tmp_path / "out"
+    out.mkdir()
+    (out / "metrics.json").write_text(json.dumps({"status": "ok", "hash": "of an earlier run"}))
+    with pytest.raises(NotDone, match=reason):
+        run_notebook(notebook, out, {})
+    assert not (out / "metrics.json").exists()
+    assert (out / "notebook.ipynb").exists()  # the log stays
+
+
+def test_sigterm_leaves_no_result(tmp_path):
+    notebook, out = (
+        save(runnable("import pathlib, time\npathlib.Path(out, 'begun').touch()\ntime.sleep(60)"), tmp_path),
+        tmp_path / "out",
+    )
+    process = worker(notebook, out)
+    deadline = time.monotonic() + 60
+    while not (out / "begun").exists():
+        assert process.poll() is None and time.monotonic() < deadline, process.communicate()
+        time.sleep(0.1)
+    process.send_signal(signal.SIGTERM)
+    process.communicate(timeout=20)
+    assert process.returncode != 0
+    assert not (out / "metrics.json").exists()
+
+
+def test_the_command_reports_failure_to_the_shell(tmp_path):
+    """What is refused before a kernel starts; the message lists what the notebook offers."""
+    process = worker(save(runnable(), tmp_path), tmp_path / "out", "--set", "lvl=3")
+    _, errors = process.communicate(timeout=60)
+    assert process.returncode == 1
+    assert "unknown parameter" in errors and "level: int = 2" in errors
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize(
+    "given, message",
+    [
+        ({"lvl": 3}, "unknown parameter 'lvl'.*\n.*level: int = 2"),
+        ({"lr": "1e-3"}, "expected float.*1.0e-3"),
+        ({"level": 2.5}, "expected int"),
+        ({"level": True}, "expected int"),
+        ({"names": "haar"}, "expected list.str."),
+        ({"names": [1]}, "expected list.str."),
+    ],
+)
+def test_parameters_that_do_not_fit_are_refused_before_anything_runs(tmp_path, given, message):
+    with pytest.raises(ParameterError, match=f"(?s){message}"):
+        run_notebook(save(runnable(), tmp_path), tmp_path / "out", given)
+    assert not (tmp_path / "out").exists()

@@ -1,0 +1,217 @@
+"""The committed notebooks keep the structure rules, and every rule bites."""
+
+from __future__ import annotations
+
+import copy
+import re
+from pathlib import Path
+
+import nbformat
+import pytest
+from nbclient.exceptions import CellExecutionError
+from nbformat import NotebookNode
+from nbformat.v4 import new_markdown_cell, new_output
+from sample_notebooks import code, model_notebook, save
+
+from mwlib.course.execute import execute_notebook, filter_notebook
+from mwlib.course.files import course, find_notebook, source_hash
+from mwlib.course.learner import learner_copy, write_learner_copies
+from mwlib.course.parameters import ParameterError, from_text, read_parameters, resolve
+from mwlib.course.rules import check, pictures
+
+
+@pytest.mark.parametrize("path", course(), ids=lambda path: path.stem)
+def test_notebook_keeps_the_rules(path):
+    assert check(path) == []
+
+
+def test_there_is_a_course_and_no_number_is_taken_twice():
+    numbers = [path.stem[:2] for path in course()]
+    assert numbers and len(set(numbers)) == len(numbers)
+
+
+@pytest.fixture(scope="module")
+def model(tmp_path_factory) -> Path:
+    """The model notebook, executed and filtered."""
+    path = save(model_notebook(), tmp_path_factory.mktemp("model"))
+    execute_notebook(path)
+    return path
+
+
+def cell_with(notebook: NotebookNode, text: str) -> NotebookNode:
+    return next(cell for cell in notebook.cells if text in cell.source)
+
+
+def test_executing_keeps_prints_and_pictures_only(model):
+    notebook = nbformat.read(model, as_version=4)
+    assert check(model) == []
+    assert cell_with(notebook, "energy").outputs == [new_output("stream", name="stdout", text="energy 14\n")]
+    assert cell_with(notebook, "warnings.warn").outputs == []  # stderr
+    (picture,) = pictures(cell_with(notebook, "subplots"))
+    assert picture.metadata["image/png"]["alt"].startswith("An empty pair of axes")
+
+
+def test_executing_twice_gives_the_same_file(model):
+    before = model.read_bytes()
+    execute_notebook(model)
+    assert model.read_bytes() == before
+
+
+def test_a_notebook_that_raises_is_left_as_it_was(tmp_path):
+    notebook = model_notebook()
+    notebook.cells = [notebook.cells[0], code("1 / 0")]
+    path = save(notebook, tmp_path)
+    before = path.read_bytes()
+    with pytest.raises(CellExecutionError, match="ZeroDivisionError"):
+        execute_notebook(path)
+    assert path.read_bytes() == before
+
+
+def test_filter_drops_widgets_scripts_and_timing():
+    widget = {"application/vnd.jupyter.widget-view+json": {"model_id": "1"}, "text/plain": "interactive(...)"}
+    table = {"text/html": "<table><tr><td>1</td></tr></table>", "text/plain": "| 1 |"}
+    animation = {"text/html": "<script>play()</script>", "text/plain": "<IPython.core.display.HTML object>"}
+    frame = {"text/html": "<div><style scoped></style></div>", "text/plain": "   a\n0  1"}
+    notebook = model_notebook()
+    notebook.metadata["widgets"] = {"state": {}}
+    cell = cell_with(notebook, "energy")
+    cell.metadata["execution"] = {"iopub.status.busy": "now"}
+    cell.outputs = [new_output("display_data", data) for data in (widget, table, animation, frame)]
+    filter_notebook(notebook)
+    assert "widgets" not in notebook.metadata and list(cell.metadata) == ["tags"]
+    assert [output.data for output in cell.outputs] == [table, {"text/plain": "   a\n0  1"}]
+
+
+def edit(text: str, **changes):
+    """A change of the first cell that holds a text."""
+
+    def change(notebook: NotebookNode) -> None:
+        cell_with(notebook, text).update(changes)
+
+    return change
+
+
+def tag(text: str, *names: str):
+    def change(notebook: NotebookNode) -> None:
+        cell_with(notebook, text).metadata["tags"] = list(names)
+
+    return change
+
+
+def drop(text: str):
+    def change(notebook: NotebookNode) -> None:
+        notebook.cells.remove(cell_with(notebook, text))
+
+    return change
+
+
+def append(text: str, addition: str):
+    def change(notebook: NotebookNode) -> None:
+        cell_with(notebook, text).source += addition
+
+    return change
+
+
+def output(**fields):
+    def change(notebook: NotebookNode) -> None:
+        cell_with(notebook, "energy").outputs.append(new_output(**fields))
+
+    return change
+
+
+def unnamed_picture(notebook: NotebookNode) -> None:
+    cell_with(notebook, "subplots").outputs[0].metadata = {}
+
+
+def widget_state(notebook: NotebookNode) -> None:
+    notebook.metadata["widgets"] = {}
+
+
+PARAMETERS = "preset: str"
+BREACHES = {
+    "second H1": (append("What you should see", "\n# Again"), "heading: 2 headings of level 1"),
+    "skipped level": (edit("### Ex", source="##### Ex 1.1 Double it"), "heading: a heading of level 5"),
+    "library not imported": (edit("import mwlib as mw", source="import warnings"), "first_cell: the first code cell"),
+    "late import": (append("energy", "\nimport math"), "first_cell: .* imports"),
+    "parameter untyped": (append(PARAMETERS, "\nk = 3  # three"), "parameters: .*not of the form"),
+    "parameter uncommented": (append(PARAMETERS, "\nk: int = 3"), "parameters: .*no comment"),
+    "parameter derived": (append(PARAMETERS, "\nk: int = 2 * level  # derived"), "parameters: .*not a literal"),
+    "parameter of another type": (append(PARAMETERS, "\nk: int = 0.5  # half"), "parameters: .*expected int"),
+    "no preset": (edit(PARAMETERS, source='out: str = ""  # folder'), "parameters: .*preset: str"),
+    "no Config": (edit("cfg =", source="cfg = None"), "parameters: .*Config"),
+    "no result": (drop("runs.finish"), "result: "),
+    "install": (append("energy", "\n%pip install x"), "forbidden: .*magic"),
+    "absolute path": (append("energy", "\nopen('/etc/hosts')"), "forbidden: .*absolute path"),
+    "printed path": (output(output_type="stream", text="saved /home/me/x.png"), "forbidden: .*one machine"),
+    "progress bar": (append("energy", "\ntqdm(3)"), "forbidden: .*tqdm"),
+    "tagged to raise": (tag("warnings.warn", "raises-exception"), "forbidden: .*raises-exception"),
+    "long cell": (append("energy", "\nx = 1" * 26), "length: the longest cell"),
+    "not executed": (edit("energy", execution_count=None), "executed: execution counts"),
+    "changed since": (append("energy", "  # changed"), "executed: a source has changed"),
+    "stderr": (output(output_type="stream", name="stderr", text="noise"), "outputs: .*stderr"),
+    "error": (output(output_type="error", ename="E", evalue="", traceback=[]), "outputs: .*an error"),
+    "script": (output(output_type="display_data", data={"text/html": "<script>"}), "outputs: .*script"),
+    "address": (output(output_type="display_data", data={"text/plain": "[<Line2D at 0x7f00>]"}), "outputs: .*address"),
+    "widget state": (widget_state, "outputs: metadata.widgets"),
+    "nothing compared": (edit("energy", outputs=[]), "compared: no cell"),
+    "clock compared": (append("energy", "\nperf_counter"), "compared: .*time"),
+    "no symbols": (edit("## Energy", source="## Energy\n$$x$$"), "symbols: "),
+    "picture without text": (unnamed_picture, "described: .*alternative text"),
+    "picture without prose": (edit("What you should see", source="Nice."), "described: .*What you should see"),
+    "exercise number": (edit("### Ex", source="### Ex 1.2 Double it"), "exercises: .*numbered"),
+    "no solution": (tag("twice = "), "exercises: .*no cell tagged"),
+    "no self-check": (drop("assert twice"), "exercises: .*no self-check"),
+}
+
+
+@pytest.mark.parametrize("breach", BREACHES)
+def test_every_rule_bites(model, tmp_path, breach):
+    notebook = nbformat.read(model, as_version=4)
+    change, expected = BREACHES[breach]
+    change(notebook)
+    problems = check(save(notebook, tmp_path))
+    assert any(re.match(expected, problem) for problem in problems), problems
+
+
+def test_size_is_limited(model, tmp_path):
+    notebook = nbformat.read(model, as_version=4)
+    notebook.cells.append(new_markdown_cell("x" * 1_000_000))
+    assert any(problem.startswith("size: ") for problem in check(save(notebook, tmp_path)))
+
+
+def test_source_hash_ignores_outputs_and_sees_sources(model):
+    notebook = nbformat.read(model, as_version=4)
+    stripped, edited = copy.deepcopy(notebook), copy.deepcopy(notebook)
+    for cell in stripped.cells:
+        cell.pop("outputs", None)
+    cell_with(edited, "energy").source += "\nprint(1)"
+    assert source_hash(notebook) == source_hash(stripped) == source_hash(model) != source_hash(edited)
+
+
+def test_learner_copies_hold_the_checks_and_no_solutions(model, tmp_path):
+    notebook = learner_copy(nbformat.read(model, as_version=4))
+    text = "\n".join(cell.source for cell in notebook.cells)
+    assert "twice = 2" not in text and "assert twice" in text and "Your turn" in text
+    assert not any(cell.get("outputs") for cell in notebook.cells)
+    (first,) = write_learner_copies(tmp_path, [model])
+    first.write_text("a learner's work")
+    assert write_learner_copies(tmp_path, [model]) == []
+    assert first.read_text() == "a learner's work"
+
+
+def test_text_is_read_as_the_parameter_is_typed():
+    offered = read_parameters(model_notebook())
+    words = ["preset=007", "level=3", "lr=1e-3", "names=['db4']"]
+    assert resolve(offered, from_text(offered, words)) | {"data": "", "out": ""} == {
+        "preset": "007", "data": "", "level": 3, "lr": 0.001, "names": ["db4"], "out": "",
+    }  # fmt: skip
+    for word in ("level=", "level=007", "lr=fast", "names=[", "level"):
+        with pytest.raises(ParameterError, match="expected"):
+            from_text(offered, [word])
+
+
+def test_notebooks_are_found_by_name_and_number(tmp_path):
+    path = save(model_notebook(), tmp_path, "03_third")
+    assert find_notebook("03", tmp_path) == find_notebook("03_third", tmp_path) == find_notebook(str(path)) == path
+    with pytest.raises(FileNotFoundError, match="03_third"):
+        find_notebook("04", tmp_path)
