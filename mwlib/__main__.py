@@ -5,13 +5,12 @@ from __future__ import annotations
 import argparse
 import sys
 
-from . import comparison
+from . import report
 from .course import commands as course_commands
-from .data import MotionFormatError
 from .data import commands as data_commands
 
 # Every module here has add_parser(subparsers), which sets `run`: arguments -> exit status.
-MODULES = (data_commands, comparison, course_commands)
+MODULES = (data_commands, report, course_commands)
 
 
 def main(words: list[str] | None = None) -> int:
@@ -23,7 +22,7 @@ def main(words: list[str] | None = None) -> int:
     arguments = parser.parse_args(words)
     try:
         return arguments.run(arguments)
-    except (FileNotFoundError, MotionFormatError) as error:
+    except (OSError, ValueError) as error:
         print(f"mwlib: {error}", file=sys.stderr)
         return 1
 

@@ -3,21 +3,18 @@
 from __future__ import annotations
 
 import json
-import platform
 import time
-from argparse import Namespace, _SubParsersAction
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import torch
-import yaml
 from torch import Tensor
 from tqdm import tqdm
 
 from . import __version__, baselines
-from .checkpoint import write_atomic, write_json
+from .checkpoint import write_json
 from .config import Config
 from .data.windows import Windows, windows
 from .metrics import MetricTable, multimodal_futures
@@ -129,7 +126,7 @@ def compare(
                 if row.model in models and row.model not in loaded:
                     loaded[row.model] = load_run(get_run(models[row.model], split, progress)).to(device)
                 started = time.time()
-                predict = _predictor(row, seed, cfg, split, loaded)
+                predict = row_predictor(row, seed, cfg, split, loaded)
                 summary = evaluate(predict, test, all_test, 0.5, f"{row.name}, seed {seed}" if progress else None)
                 result = {**summary, "seconds": round(time.time() - started, 1)}
                 write_json(file, {"key": key, "result": result})
@@ -138,9 +135,10 @@ def compare(
     return found
 
 
-def _predictor(
+def row_predictor(
     row: Row, seed: int, cfg: Config, split: Split, loaded: dict[str, Predictor]
 ) -> Callable[[Tensor, list[int]], Tensor]:
+    """(histories, window numbers) -> futures of one row of the table; `loaded` holds the trained models by kind."""
     if row.model not in loaded:
         still = baseline(row.model, cfg, split)
         return lambda past, ids: still(past)
@@ -168,92 +166,3 @@ def _over_seeds(results: list[dict]) -> dict[str, Any]:
         "seconds": sum(r["seconds"] for r in results),
         "actions": {a: {m: row["mean"][m] for m in METRICS} for a, row in results[0]["actions"].items()},
     }
-
-
-def provenance(cfg: Config, split: Split, seeds: tuple[int, ...], device: str) -> dict[str, Any]:
-    """What a reader must know to trust the numbers."""
-    d = cfg.data
-    return {
-        "data": d.data, "train_clips": len(split.train), "test_clips": len(split.test),
-        "validation_subjects": list(d.validation_subjects), "test_subjects": list(d.test_subjects),
-        "test_windows": d.test_windows or "all", "test_stride": d.test_stride, "samples": cfg.sampling.samples,
-        "ddim_steps": cfg.sampling.ddim_steps, "sampling_seeds": list(seeds), "training_seed": cfg.training.seed,
-        "train_steps": cfg.training.train_steps, "training_hash": cfg.training_hash(), "mwlib": __version__,
-        "torch": torch.__version__, "device": device, "machine": f"{platform.machine()}, {torch.get_num_threads()} threads",
-    }  # fmt: skip
-
-
-def csv_lines(table: list[dict]) -> Iterator[str]:
-    """The table as CSV: mean and, after it, the deviation over sampling seeds (empty for a single seed)."""
-    yield "method,seeds,windows," + ",".join(f"{m},{m}_seed_deviation" for m in METRICS)
-    for row in table:
-        values = []
-        for m in METRICS:
-            spread = row["seed_deviation"][m]
-            values += [f"{row['mean'][m]:.4f}", "" if spread is None else f"{spread:.4f}"]
-        yield ",".join([f'"{row["name"]}"', str(row["seeds"]), str(row["windows"]), *values])
-
-
-def markdown(table: list[dict]) -> str:
-    """The table for people: metres, three decimals, best of each error column in bold."""
-    heads = ["APD ↑", "ADE ↓", "FDE ↓", "MMADE ↓", "MMFDE ↓", "bone jitter (mm) ↓"]
-    best = {m: min(r["mean"][m] for r in table) for m in METRICS[1:5]}
-    lines = ["| method | " + " | ".join(heads) + " |", "|---|" + "---:|" * len(heads)]
-    for row in table:
-        cells = []
-        for m in METRICS:
-            value, spread = row["mean"][m], row["seed_deviation"][m]
-            text = f"{1000 * value:.2f}" if m == "bone_length_jitter" else f"{value:.2f}" if m == "apd" else f"{value:.3f}"
-            text = f"**{text}**" if best.get(m) == value else text
-            cells.append(text if spread is None or m == "bone_length_jitter" else f"{text} ± {spread:.3f}")
-        lines.append(f"| {row['name']} | " + " | ".join(cells) + " |")
-    return "\n".join(lines) + "\n"
-
-
-def write_table(table: list[dict], out: Path, about: dict[str, Any]) -> None:
-    """CSV, Markdown, per-action CSV and provenance, all atomic."""
-    write_atomic(out / "table.csv", "\n".join(csv_lines(table)) + "\n")
-    write_atomic(out / "table.md", markdown(table))
-    actions = ["method,action," + ",".join(METRICS)]
-    for row in table:
-        actions += [f'"{row["name"]}",{a},' + ",".join(f"{v[m]:.4f}" for m in METRICS) for a, v in row["actions"].items()]
-    write_atomic(out / "table_actions.csv", "\n".join(actions) + "\n")
-    write_json(out / "table.json", about | {"seconds": {r["name"]: r["seconds"] for r in table}})
-
-
-def add_parser(subparsers: _SubParsersAction) -> None:
-    """Register `train` and `compare`."""
-    for name, run, text in (
-        ("train", _train, "train a preset, or go on with a run that was stopped; prints the run's folder"),
-        ("compare", _compare, "train what is missing, then write the table of all guidances against all baselines"),
-    ):
-        parser = subparsers.add_parser(name, help=text, description=text.capitalize() + ".")
-        parser.add_argument("--preset", default="laptop", help="tiny, laptop, cmu, humaneva or h36m (default: laptop)")
-        parser.add_argument(
-            "--set", action="append", default=[], metavar="NAME=VALUE", help="change one field of the configuration"
-        )
-        if name == "compare":
-            parser.add_argument(
-                "--out", type=Path, default=Path("build/compare"), help="folder of the table (default: build/compare)"
-            )
-            parser.add_argument("--seeds", type=int, nargs="+", default=[0, 1, 2], help="sampling seeds (default: 0 1 2)")
-            parser.add_argument("--device", default="cuda" if torch.cuda.is_available() else "cpu")
-        parser.set_defaults(run=run)
-
-
-def _config(args: Namespace) -> Config:
-    pairs = [word.partition("=") for word in args.set]
-    return Config.preset(args.preset, **{name: yaml.safe_load(value) for name, _, value in pairs})
-
-
-def _train(args: Namespace) -> int:
-    print(get_run(_config(args), progress=True))
-    return 0
-
-
-def _compare(args: Namespace) -> int:
-    cfg, seeds = _config(args), tuple(args.seeds)
-    table = compare(cfg, args.out, seeds, args.device, progress=True)
-    write_table(table, args.out, provenance(cfg, split_motions(cfg), seeds, args.device))
-    print(markdown(table))
-    return 0

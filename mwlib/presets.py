@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 # Own choice, stable when trained for minutes: predict the clean latent, in coefficients of unit deviation, with the loss
-# weighed back to metres; laptop and cmu also count the pose from the last observed one. The paper's noise prediction on raw coefficients needs hundreds of thousands of steps.
+# weighed back to metres. The paper's noise prediction on raw coefficients needs hundreds of thousands of steps.
 _STABLE: dict[str, Any] = dict(
     prediction="x0", coefficient_scale="coefficient", loss_weight="metric",
     lr=5e-4, lr_schedule="cosine", warmup=100, attention_dropout=0.0,

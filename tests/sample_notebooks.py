@@ -9,11 +9,11 @@ from nbformat import NotebookNode
 from nbformat.v4 import new_code_cell, new_markdown_cell, new_notebook
 
 PARAMETERS = """preset: str = "tiny"  # name of a preset
-data: str = ""  # "" = the preset's own
+data: str = ""  # empty = the preset's own
 level: int = 2  # decomposition level
 lr: float = 0.5  # step size
 names: list[str] = ["haar", "db2"]  # wavelets
-out: str = ""  # folder for the results; "" writes nothing"""
+out: str = ""  # folder for the results; empty writes nothing"""
 
 FINISH = """import json, os
 from mwlib import runs
@@ -63,6 +63,8 @@ def model_notebook() -> NotebookNode:
             new_markdown_cell("### Ex 1.1 Double it\nGive `twice` the double of `level`."),
             code("twice = 2 * level", "solution"),
             code("assert twice == level + level"),
-            code("runs.finish(out, metrics={}, parameters={'preset': preset})"),
+            code(
+                "parameters = dict(preset=preset, data=data, level=level, lr=lr, names=names)\nruns.finish(out, {}, parameters)"
+            ),
         ]
     )

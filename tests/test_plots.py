@@ -41,6 +41,7 @@ SCHEDULE = alpha_bar("cosine", 20)
 ENERGIES = {name: float(band.square().sum()) for name, band in BANDS.items()}
 DENOISING = list(ddim(lambda y, t: torch.zeros_like(y), TF(X), SCHEDULE, ddim_indices(20, 5)))
 VALUES = {"wavelet": {"walk": 0.3, "sit": 0.5}, "zero velocity": {"walk": 0.9}}
+NORMAL = (np.linspace(-3, 3, 50), np.exp(-(np.linspace(-3, 3, 50) ** 2) / 2) / np.sqrt(2 * np.pi))
 STILL = {"truth": X, "sample": FUTURE[0]}
 
 PICTURES = {
@@ -71,6 +72,10 @@ PICTURES = {
     "loss_curves": partial(plots.loss_curves, {"training": torch.linspace(1, 0.2, 120), "validation": [(50, 0.4), (100, 0.3)]}),
     "metric_picture": plots.metric_picture,
     "metric_picture of one": partial(plots.metric_picture, "mmfde"),
+    "curves": partial(plots.curves, {"a": SCHEDULE, "b": 1 - SCHEDULE}, xlabel="t", ylabel="share", log="y"),
+    "histograms": partial(plots.histograms, {"a": X, "b": X[:5]}, xlabel="position (m)"),
+    "histograms and density": partial(plots.histograms, {"a": X}, density=NORMAL),
+    "sampling_paths": partial(plots.sampling_paths, [9, 5, 0], X[:3, :20], density=NORMAL, shown=3),
     "bars_per_action": partial(plots.bars_per_action, VALUES, xlabel="ADE (m)"),
 }
 
@@ -255,6 +260,24 @@ def test_saved_files_hold_numbers_words_and_origin(line, tmp_path):
 def test_saved_rows_become_a_table(line, tmp_path):
     plots.save(line, tmp_path, "fig", data=[{"a": 1, "b": 0.1}, {"a": 2, "c": "x"}], alt="A line.", provenance={})
     assert (tmp_path / "fig.csv").read_text() == "a,b,c\n1,0.1,\n2,,x\n"
+
+
+def test_saved_table_holds_rows_and_origin(tmp_path):
+    paths = plots.save_table([{"a": 1, "b": 0.1}, {"a": 2}], tmp_path, "scores", provenance={"seed": 0})
+    assert [path.name for path in paths] == ["scores.csv", "scores.json"]
+    assert (tmp_path / "scores.csv").read_text() == "a,b\n1,0.1\n2,\n"
+    assert json.loads(paths[1].read_text()) == {"table": "scores", "seed": 0}
+    with pytest.raises(ValueError, match="without a folder"):
+        plots.save_table([{"a": 1}], tmp_path, "no/scores", provenance={})
+
+
+def test_histogram_has_area_one_and_paths_end_at_the_samples(generator):
+    numbers = torch.randn(2000, generator=generator)
+    _, (ax,) = plots.histograms({"noise": numbers}, density=NORMAL)
+    heights, edges, _ = ax.patches[0].get_data()
+    assert (heights * np.diff(edges)).sum() == pytest.approx(1, abs=0.01)
+    _, (left, _) = plots.sampling_paths([3, 0], torch.stack([numbers, 2 * numbers]), density=NORMAL, shown=5)
+    assert [line.get_ydata()[-1] for line in left.lines[:5]] == pytest.approx((2 * numbers[:5]).tolist())
 
 
 @pytest.mark.parametrize(

@@ -47,7 +47,8 @@ def read_positions(arrays: dict[str, Shaped[np.ndarray, "*shape"]], file: Path, 
         MotionFormatError: shapes, values or the skeleton do not fit, or nobody states the skeleton or the frame rate.
     """
     beside = _layout_beside(file)
-    inside = _layout({name: arrays[name].item() for name in ("skeleton", "fps", "unit", "up") if _is_single(arrays, name)}, file)
+    said = {name: _single(array, file, name) for name, array in arrays.items() if name != "positions"}
+    inside = _layout(said, file)
     skeleton = inside.skeleton or beside.skeleton or hints.fallback_skeleton
     fps = hints.fps or inside.fps or beside.fps or hints.fallback_fps
     if skeleton is None or fps is None:
@@ -59,13 +60,15 @@ def read_positions(arrays: dict[str, Shaped[np.ndarray, "*shape"]], file: Path, 
         raise MotionFormatError(file, "positions", f"{positions.dtype} of shape {positions.shape}", expected)
     positions = bounded(positions, file, "positions").astype(np.float64)
     positions *= hints.unit or inside.unit or beside.unit or infer_unit(positions, skeleton, file)
-    said = {name: str(arrays[name].item()) for name in ("subject", "action") if _is_single(arrays, name)}
-    motion = Motion(positions.astype(np.float32), fps, skeleton, up=inside.up or beside.up or "z", **said)
+    who, what = (str(said.get(name, "")) for name in ("subject", "action"))
+    motion = Motion(positions.astype(np.float32), fps, skeleton, who, what, up=inside.up or beside.up or "z")
     return hints.label(motion, file)
 
 
-def _is_single(arrays: dict[str, Shaped[np.ndarray, "*shape"]], name: str) -> bool:
-    return name in arrays and arrays[name].size == 1
+def _single(array: Shaped[np.ndarray, "*shape"], file: Path, name: str) -> object:
+    if array.size != 1:
+        raise MotionFormatError(file, name, f"shape {array.shape}", "a single value")
+    return array.item()
 
 
 def _layout_beside(file: Path) -> Layout:
@@ -105,28 +108,23 @@ def read_skeleton_file(file: Path) -> Layout:
 
 
 def _skeleton(tree: dict, file: Path) -> Skeleton:
-    indices = [*(tree.get(side, []) for side in ("left", "right")), *_values(tree.get("parts", {}), file)]
-    count = len(tree["joints"]) if isinstance(tree.get("joints"), list) else 0
-    for row in indices:
-        if not isinstance(row, list) or not all(type(i) is int and 0 <= i < count for i in row):
-            raise MotionFormatError(file, "left, right, parts", repr(row)[:60], f"lists of joint indices, 0 to {count - 1}")
     names, parents = tree.get("joints"), tree.get("parents")
     is_named = isinstance(names, list) and len(names) > 1 and all(isinstance(name, str) for name in names)
     if not is_named or not isinstance(parents, list) or not all(type(p) is int for p in parents):
         found = f"joints {str(names)[:60]}, parents {str(parents)[:60]}"
         raise MotionFormatError(file, "joints, parents", found, "a list of two or more names, a list of indices")
+    parts = tree.get("parts", {})
+    if not isinstance(parts, dict):
+        raise MotionFormatError(file, "parts", repr(parts)[:60], "an object")
+    for row in (tree.get("left", []), tree.get("right", []), *parts.values()):
+        if not isinstance(row, list) or not all(type(i) is int and 0 <= i < len(names) for i in row):
+            raise MotionFormatError(file, "left, right, parts", repr(row)[:60], f"lists of joint indices, 0 to {len(names) - 1}")
     left, right = (tuple(tree.get(side, [])) for side in ("left", "right"))
-    parts = {part: tuple(row) for part, row in tree.get("parts", {}).items()}
+    parts = {part: tuple(row) for part, row in parts.items()}
     try:
         return Skeleton(tree["name"], tuple(names), tuple(parents), left, right, parts)
     except ValueError as error:
         raise MotionFormatError(file, "skeleton", str(error), "a tree") from error
-
-
-def _values(parts: object, file: Path) -> list:
-    if not isinstance(parts, dict):
-        raise MotionFormatError(file, "parts", repr(parts)[:60], "an object")
-    return list(parts.values())
 
 
 def _layout(said: dict, file: Path) -> Layout:

@@ -54,6 +54,12 @@ def check_data(source: str | Path) -> tuple[str, bool]:
     return "\n".join(lines), not broken
 
 
+def fastest(motion: Motion) -> float:
+    """Fastest joint between two frames, metres per second."""
+    steps = np.linalg.norm(np.diff(motion.positions, axis=0), axis=-1)
+    return float(steps.max(initial=0.0)) * motion.fps
+
+
 def _describe(motions: list[Motion]) -> list[str]:
     """One line for each property of clips with one skeleton and rate."""
     frames = sum(map(len, motions))
@@ -61,7 +67,7 @@ def _describe(motions: list[Motion]) -> list[str]:
     heights = [np.percentile(np.ptp(m.positions[..., up], axis=1), 95) for m in motions]
     lengths = [bone_lengths(m.positions, m.skeleton) for m in motions]
     stretch = max(float(np.ptp(length, axis=0).max()) for length in lengths)
-    speeds = [_speed(m) for m in motions]
+    speeds = [fastest(m) for m in motions]
     glitches = [m.name for m, speed in zip(motions, speeds, strict=True) if speed > GLITCH]
     fps, history, future, stride = _protocol(motions)
     return [
@@ -92,12 +98,6 @@ def _counts(words: Iterable[str]) -> str:
     rest = len(counts) - MOST_NAMES
     shown = ", ".join(f"{word} ({count})" for word, count in counts.most_common(MOST_NAMES))
     return f"{len(counts)}: {shown}{f' and {rest} more' if rest > 0 else ''}"
-
-
-def _speed(motion: Motion) -> float:
-    """Fastest joint between two frames, metres per second."""
-    steps = np.linalg.norm(np.diff(motion.positions, axis=0), axis=-1)
-    return float(steps.max(initial=0.0)) * motion.fps
 
 
 def _protocol(motions: list[Motion]) -> tuple[float, int, int, int]:

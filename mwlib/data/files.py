@@ -106,7 +106,7 @@ def bounded(values: Shaped[np.ndarray, "*shape"], file: Path, place: str) -> Sha
     Raises:
         MotionFormatError: one of them is not.
     """
-    good = np.abs(values) <= LARGEST  # False for nan
+    good = (values >= -LARGEST) & (values <= LARGEST)  # False for nan
     if not good.all():
         at = tuple(int(i) for i in np.argwhere(~good)[0])
         raise MotionFormatError(file, f"{place}, entry {at}", repr(float(values[at])), f"a finite number up to {LARGEST:g}")

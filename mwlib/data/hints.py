@@ -43,11 +43,11 @@ class Hints:
     fallback_skeleton: Skeleton | None = None
 
     def label(self, motion: Motion, file: Path) -> Motion:
-        """The motion with subject and action from clips.csv, else from the file's name, else as they are; named like the file."""
+        """The motion named like its file; subject and action from clips.csv, else as they are, else from the file's name."""
         stem = Path(bare_name(file)).stem
         said = next((m.groupdict() for pattern in NAMES if (m := pattern.fullmatch(stem))), {})
-        subject = self.subject or said.get("subject", "").lstrip("0") or motion.subject
-        return replace(motion, subject=subject, action=self.action or said.get("action", "") or motion.action, name=stem)
+        subject = self.subject or motion.subject or said.get("subject", "").lstrip("0")
+        return replace(motion, subject=subject, action=self.action or motion.action or said.get("action", ""), name=stem)
 
 
 def hints(file: Path, **given: object) -> Hints:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +12,7 @@ from ..skeleton import Skeleton
 from .errors import MotionFormatError
 
 UNITS = {"m": 1.0, "cmu": 0.0254 / 0.45, "inch": 0.0254, "cm": 0.01, "mm": 0.001}  # metres
+LONGEST_UNIT = 1000.0
 TYPICAL_REACH = 2.4  # metres, from a toe to the fingers of the other side along the bones, of an adult of 1.7 m
 SLACK = 1.6  # neighbouring units are a factor of 2.2 or more apart
 
@@ -21,12 +21,12 @@ def metres_per_unit(unit: float | str) -> float:
     """A unit's length in metres.
 
     Raises:
-        ValueError: an unknown name, or not a positive number.
+        ValueError: an unknown name, or not a positive number of sensible size.
     """
     if unit in UNITS:
         return UNITS[unit]
-    if isinstance(unit, str) or not (math.isfinite(unit) and unit > 0):
-        raise ValueError(f"unit is {unit!r}; expected metres per unit, or one of {', '.join(UNITS)}")
+    if isinstance(unit, str) or not 0 < unit <= LONGEST_UNIT:
+        raise ValueError(f"unit is {unit!r}; expected metres per unit up to {LONGEST_UNIT:g}, or one of {', '.join(UNITS)}")
     return float(unit)
 
 

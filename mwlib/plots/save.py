@@ -50,17 +50,33 @@ def save(
         ValueError: the alternative text or the data are empty, or the stem is not a plain file name.
         TypeError: the provenance holds something that JSON cannot.
     """
-    if not stem or Path(stem).name != stem:
-        raise ValueError(f"stem is {stem!r}; expected a plain file name without a folder")
     contents = {
         "txt": (_described(alt) + "\n").encode(),
         "csv": _table(data).encode(),
         "png": _render(fig, "png", SAVE_DPI),
         "pdf": _render(fig, "pdf", SAVE_DPI),
-        "json": (json.dumps({"figure": stem, **provenance}, indent=2, sort_keys=True, allow_nan=False) + "\n").encode(),
+        "json": _origin("figure", stem, provenance),
     }
-    Path(folder).mkdir(parents=True, exist_ok=True)
-    return [_write(Path(folder) / f"{stem}.{ending}", content) for ending, content in contents.items()]
+    return _write_all(folder, stem, contents)
+
+
+def save_table(
+    rows: Sequence[Mapping[str, object]], folder: str | Path, stem: str, *, provenance: Mapping[str, object]
+) -> list[Path]:
+    """Write a table as `stem`.csv and its provenance as `stem`.json, in the manner of `save`.
+
+    Args:
+        rows: column -> value; a missing one leaves an empty cell.
+        provenance: as in `save`.
+
+    Returns:
+        The two paths.
+
+    Raises:
+        ValueError: there are no rows, or the stem is not a plain file name.
+        TypeError: the provenance holds something that JSON cannot.
+    """
+    return _write_all(folder, stem, {"csv": _table(rows).encode(), "json": _origin("table", stem, provenance)})
 
 
 @style()
@@ -90,6 +106,18 @@ def _render(fig: Figure, kind: str, dpi: float) -> bytes:
     buffer = io.BytesIO()
     fig.savefig(buffer, format=kind, dpi=dpi, metadata=METADATA[kind])
     return buffer.getvalue()
+
+
+def _origin(kind: str, stem: str, provenance: Mapping[str, object]) -> bytes:
+    return (json.dumps({kind: stem, **provenance}, indent=2, sort_keys=True, allow_nan=False) + "\n").encode()
+
+
+def _write_all(folder: str | Path, stem: str, contents: Mapping[str, bytes]) -> list[Path]:
+    """Files of one stem, in order; the last one tells that the others are there."""
+    if not stem or Path(stem).name != stem:
+        raise ValueError(f"stem is {stem!r}; expected a plain file name without a folder")
+    Path(folder).mkdir(parents=True, exist_ok=True)
+    return [_write(Path(folder) / f"{stem}.{ending}", content) for ending, content in contents.items()]
 
 
 def _write(path: Path, content: bytes) -> Path:

@@ -7,7 +7,7 @@ from jaxtyping import Float
 from scipy.fft import dct
 from torch import Tensor
 
-from .linear import LinearTransform
+from .linear import Constant, LinearTransform
 
 
 class DCTTransform(LinearTransform):
@@ -24,21 +24,21 @@ class DCTTransform(LinearTransform):
     """
 
     def __init__(self, frames: int, channels: int, rows: int | None = None) -> None:
-        super().__init__()
         rows = frames if rows is None else rows
         if not 1 <= rows <= frames:
             raise ValueError(f"rows is {rows}; expected 1 to {frames} (frames)")
         self.frames, self.channels, self.shape = frames, channels, (rows, channels)
         self.analysis_time = dct(np.eye(frames), norm="ortho", axis=0)[:rows]
         self.synthesis_time = self.analysis_time.T
+        self._forward, self._backward = Constant(self.analysis_time), Constant(self.synthesis_time)
 
     def __call__(self, x: Float[Tensor, "... T C"]) -> Float[Tensor, "... L C"]:
         """First L DCT-II coefficients over time."""
-        return self._matrix("analysis_time", x) @ x
+        return self._forward.like(x) @ x
 
     def inverse(self, y: Float[Tensor, "... L C"]) -> Float[Tensor, "... T C"]:
         """The smooth motion with these coefficients; all higher ones zero."""
-        return self._matrix("synthesis_time", y) @ y
+        return self._backward.like(y) @ y
 
     def project(self, y: Float[Tensor, "... L C"]) -> Float[Tensor, "... L C"]:
         """The identity: the rows are orthonormal, so every latent is a motion's."""

@@ -10,7 +10,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from .linear import LinearTransform, apply
+from .linear import Constant, LinearTransform
 
 
 def _level_matrices(length: int, wavelet: pywt.Wavelet, mode: str) -> tuple[np.ndarray, np.ndarray]:
@@ -96,30 +96,32 @@ class WaveletTransform(LinearTransform):
     """
 
     def __init__(self, frames: int, channels: int, wavelet: str = "bior2.8", mode: str = "zero", level: int = 1) -> None:
-        super().__init__()
         self.frames, self.channels, self.wavelet, self.mode, self.level = frames, channels, wavelet, mode, level
         self.analysis_time, self.synthesis_time, self.rows = wavelet_matrices(frames, wavelet, mode, level)
         self.analysis_space, self.synthesis_space, self.columns = wavelet_matrices(channels, wavelet, mode, level)
-        self.projection_time = self.analysis_time @ self.synthesis_time
-        self.projection_space_t = (self.analysis_space @ self.synthesis_space).T
-        self.analysis_space_t, self.synthesis_space_t = self.analysis_space.T, self.synthesis_space.T
         self.shape = (self.rows[0], 4 * self.columns[0]) if level == 1 else (sum(self.rows), sum(self.columns))
+        a, s, b, r = self.analysis_time, self.synthesis_time, self.analysis_space, self.synthesis_space
+        self._analysis = Constant(a), Constant(b.T)
+        self._synthesis = Constant(s), Constant(r.T)
+        self._projection = Constant(a @ s), Constant((b @ r).T)
 
     def __call__(self, x: Float[Tensor, "... T C"]) -> Float[Tensor, "... K columns"]:
         """y = DWT(x)."""
         self._check(x, (self.frames, self.channels))
-        return self._arrange(apply(self._matrix("analysis_time", x), x, self._matrix("analysis_space_t", x)))
+        left, right = (m.like(x) for m in self._analysis)
+        return self._side_by_side((left @ x) @ right)
 
     def inverse(self, y: Float[Tensor, "... K columns"]) -> Float[Tensor, "... T C"]:
         """x = iDWT(y), cropped to T x C."""
         self._check(y, self.shape)
-        return apply(self._matrix("synthesis_time", y), self._unarrange(y), self._matrix("synthesis_space_t", y))
+        left, right = (m.like(y) for m in self._synthesis)
+        return left @ (self._blocks(y) @ right)
 
     def project(self, y: Float[Tensor, "... K columns"]) -> Float[Tensor, "... K columns"]:
         """DWT(iDWT(y)), Eq. 8: onto the range of the DWT."""
         self._check(y, self.shape)
-        grid = apply(self._matrix("projection_time", y), self._unarrange(y), self._matrix("projection_space_t", y))
-        return self._arrange(grid)
+        left, right = (m.like(y) for m in self._projection)
+        return self._side_by_side((left @ self._blocks(y)) @ right)
 
     def split(self, y: Float[Tensor, "... K columns"]) -> dict[str, Tensor]:
         """Sub-bands by name, time letter first: aa, da, ad, dd; with the level after each letter if level > 1."""
@@ -141,20 +143,17 @@ class WaveletTransform(LinearTransform):
     def _letters(self) -> list[str]:
         return [f"a{self.level}", *(f"d{n}" for n in range(self.level, 0, -1))]
 
-    def _arrange(self, grid: Tensor) -> Tensor:
+    def _side_by_side(self, grid: Tensor) -> Tensor:
         """(2K, 2D) blocks [[aa, ad], [da, dd]] -> (K, 4D) columns aa, da, ad, dd."""
         if self.level > 1:
             return grid
-        k, d = self.rows[0], self.columns[0]
-        blocks = grid.unflatten(-1, (2, d)).unflatten(-3, (2, k))
-        return blocks.movedim(-4, -2).reshape(*grid.shape[:-2], k, 4 * d)
+        return grid.unflatten(-1, (2, -1)).unflatten(-3, (2, -1)).movedim(-4, -2).flatten(-3)
 
-    def _unarrange(self, y: Tensor) -> Tensor:
+    def _blocks(self, y: Tensor) -> Tensor:
+        """Inverse of `_side_by_side`."""
         if self.level > 1:
             return y
-        k, d = self.rows[0], self.columns[0]
-        blocks = y.unflatten(-1, (2, 2, d))
-        return blocks.movedim(-2, -4).reshape(*y.shape[:-2], 2 * k, 2 * d)
+        return y.unflatten(-1, (2, 2, -1)).movedim(-2, -4).flatten(-4, -3).flatten(-2)
 
     def _check(self, array: Tensor, expected: tuple[int, int]) -> None:
         if tuple(array.shape[-2:]) != expected:

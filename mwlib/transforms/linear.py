@@ -10,23 +10,28 @@ from jaxtyping import Float
 from torch import Tensor
 
 
+class Constant:
+    """A float64 array that is cast once per precision and device, so that the input decides where and how precisely."""
+
+    def __init__(self, array: np.ndarray) -> None:
+        self.array = np.ascontiguousarray(array)
+        self._cast: dict[tuple[torch.dtype, torch.device], Tensor] = {}
+
+    def like(self, x: Tensor) -> Tensor:
+        """The array in x's precision, where x is."""
+        key = (x.dtype, x.device)
+        if key not in self._cast:
+            self._cast[key] = torch.as_tensor(self.array).to(x.device, x.dtype)
+        return self._cast[key]
+
+
 class LinearTransform(ABC):
     """y = A x Bᵀ up to a fixed arrangement of the columns; its inverse likewise.
 
-    Matrices are kept in float64 on the CPU and cast once per (dtype, device), so the input decides where and
-    how precisely the product is taken. Leading axes are free; gradients flow.
+    Leading axes are free; gradients flow; every matrix is a `Constant`.
     """
 
     shape: tuple[int, int]
-
-    def __init__(self) -> None:
-        self._cast: dict[tuple[str, torch.dtype, torch.device], Tensor] = {}
-
-    def _matrix(self, name: str, like: Tensor) -> Tensor:
-        key = (name, like.dtype, like.device)
-        if key not in self._cast:
-            self._cast[key] = torch.as_tensor(np.ascontiguousarray(getattr(self, name))).to(like.device, like.dtype)
-        return self._cast[key]
 
     @abstractmethod
     def __call__(self, x: Float[Tensor, "... T C"]) -> Float[Tensor, "... K columns"]:
@@ -47,12 +52,3 @@ class LinearTransform(ABC):
     @abstractmethod
     def join(self, bands: dict[str, Tensor]) -> Float[Tensor, "... K columns"]:
         """Put sub-bands together again: ``join(split(y)) == y``."""
-
-
-def apply(left: Tensor, x: Tensor, right: Tensor) -> Tensor:
-    """left @ x @ right for x (..., m, n), cheaper side first."""
-    rows, m = left.shape
-    n, columns = right.shape
-    if rows * m * n + rows * n * columns <= m * n * columns + rows * m * columns:
-        return (left @ x) @ right
-    return left @ (x @ right)

@@ -6,7 +6,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from .linear import LinearTransform
+from .linear import Constant, LinearTransform
 
 
 def fit_scale(tf: LinearTransform, x: Float[Tensor, "N T C"], kind: str) -> tuple[Tensor, Tensor]:
@@ -42,8 +42,8 @@ class ScaledTransform(LinearTransform):
     """
 
     def __init__(self, base: LinearTransform, mean: Tensor, deviation: Tensor) -> None:
-        super().__init__()
         self.base, self.mean, self.deviation, self.shape = base, mean.numpy(), deviation.numpy(), base.shape
+        self._mean, self._deviation = Constant(self.mean), Constant(self.deviation)
 
     def __call__(self, x: Float[Tensor, "... T C"]) -> Float[Tensor, "... K columns"]:
         """Unit-deviation coefficients of a motion."""
@@ -66,7 +66,7 @@ class ScaledTransform(LinearTransform):
         return self.base.join(bands)
 
     def _scale(self, y: Tensor) -> Tensor:
-        return (y - self._matrix("mean", y)) / self._matrix("deviation", y)
+        return (y - self._mean.like(y)) / self._deviation.like(y)
 
     def _unscale(self, y: Tensor) -> Tensor:
-        return torch.addcmul(self._matrix("mean", y), y, self._matrix("deviation", y))
+        return torch.addcmul(self._mean.like(y), y, self._deviation.like(y))

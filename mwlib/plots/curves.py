@@ -1,0 +1,114 @@
+"""Plain curves and clouds of numbers: what a formula does, how samples are spread, how they travel through a sampler."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+import torch
+from jaxtyping import Float
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
+
+from .look import CYCLE, DASHES, FAINT, INK, OBSERVED, array, canvas, style
+
+Array = np.ndarray | torch.Tensor
+Density = tuple[Float[Array, " M"], Float[Array, " M"]]  # values, and the density at them
+
+
+@style()
+def curves(
+    lines: Mapping[str, Float[Array, " M"]],
+    x: Sequence[float] | Float[Array, " M"] | None = None,
+    *,
+    xlabel: str,
+    ylabel: str,
+    log: str = "",
+) -> tuple[Figure, Axes]:
+    """Several functions of one variable, told apart by colour and dashes.
+
+    Args:
+        lines: name -> values at x.
+        x: where; None counts from 0.
+        xlabel, ylabel: what, and its unit.
+        log: axes with a logarithmic scale: "", "x", "y" or "xy".
+    """
+    fig, axes = canvas(height=3.0)
+    ax = axes[0, 0]
+    for (name, values), colour, dashes in zip(lines.items(), CYCLE, DASHES, strict=False):
+        values = array(values)
+        ax.plot(np.arange(len(values)) if x is None else array(x), values, color=colour, linestyle=dashes, label=name)
+    ax.set(xlabel=xlabel, ylabel=ylabel, xscale="log" if "x" in log else "linear", yscale="log" if "y" in log else "linear")
+    ax.grid(axis="y")
+    fig.legend(loc="outside upper left", ncols=3)
+    return fig, ax
+
+
+@style()
+def histograms(
+    samples: Mapping[str, Float[Array, " N"]], *, density: Density | None = None, bins: int = 80, xlabel: str = ""
+) -> tuple[Figure, np.ndarray]:
+    """Where many numbers lie, one panel per name on common axes, each scaled to area 1.
+
+    Args:
+        samples: name -> numbers.
+        density: a curve (values, density) to compare with, drawn in every panel; it also sets the range, widened by half.
+        bins: over the common range; numbers beyond it are not drawn.
+    """
+    edges = np.linspace(*_range(list(samples.values()), density), bins + 1)
+    fig, axes = canvas(len(samples), 1, height=0.5 + 0.95 * len(samples), sharex=True, sharey=True)
+    for ax, (name, values), colour in zip(axes[:, 0], samples.items(), CYCLE * len(samples), strict=False):
+        values = array(values).ravel()
+        counts, _ = np.histogram(values, edges)
+        ax.stairs(counts / (len(values) * np.diff(edges)), edges, fill=True, color=colour, alpha=0.75)
+        if density is not None:
+            ax.plot(*map(array, density), color=INK, linestyle=(0, (3, 1)))
+        ax.set(yticks=[])
+        ax.set_title(name)
+    axes[-1, 0].set_xlabel(xlabel)
+    return fig, axes[:, 0]
+
+
+@style()
+def sampling_paths(
+    ts: Sequence[int], paths: Float[Array, "steps N"], *, density: Density | None = None, shown: int = 40, ylabel: str = "y"
+) -> tuple[Figure, np.ndarray]:
+    """How single numbers travel from noise (left) to samples (right), and where all of them end.
+
+    Args:
+        ts: diffusion index of each row of `paths`; noise first, falling.
+        paths: a column per sample.
+        density: (values, density) of the true distribution, drawn beside the end points.
+        shown: how many paths are drawn; the histogram counts all.
+    """
+    paths, ts = array(paths), np.asarray(ts)
+    low, high = _range([paths[0], paths[-1]], density)
+    fig, axes = canvas(1, 2, height=3.2, sharey=True, gridspec_kw={"width_ratios": (4, 1)})
+    left, right = axes[0]
+    for i, path in enumerate(paths.T[:shown]):
+        left.plot(ts, path, color=CYCLE[i % 2], alpha=0.25, linewidth=1.0)
+    left.set(xlim=(ts[0], ts[-1]), ylim=(low, high), xlabel="diffusion index t, falling", ylabel=ylabel)
+    left.xaxis.set_major_locator(MaxNLocator(integer=True))
+    left.axhline(0, color=OBSERVED, linewidth=0.8, zorder=1)
+    edges = np.linspace(low, high, 81)
+    counts, _ = np.histogram(paths[-1], edges)
+    right.stairs(
+        counts / (paths.shape[1] * np.diff(edges)), edges, orientation="horizontal", fill=True, color=CYCLE[0], alpha=0.75
+    )
+    if density is not None:
+        values, height = map(array, density)
+        right.plot(height, values, color=INK, linestyle=(0, (3, 1)), label="truth")
+        right.legend(loc="lower right")
+    right.set(xticks=[], xlabel="where they end", facecolor="white")
+    right.spines["left"].set_color(FAINT)
+    return fig, axes[0]
+
+
+def _range(samples: Sequence[Array], density: Density | None) -> tuple[float, float]:
+    """What holds nearly all numbers: of the density, widened by half, or of the samples."""
+    if density is not None:
+        low, high = float(array(density[0]).min()), float(array(density[0]).max())
+        return low - (high - low) / 4, high + (high - low) / 4
+    low, high = np.quantile(np.concatenate([array(values).ravel() for values in samples]), [0.001, 0.999])
+    return float(low - 0.05 * (high - low)), float(high + 0.05 * (high - low))
