@@ -29,7 +29,7 @@ test: $(READY) ## lint, unit tests, and every notebook executed and compared wit
 	$(RUN) -m ruff format --check .
 	@rm -rf build/test-runs
 	MW_STATIC=1 SOURCE_DATE_EPOCH=0 MWLIB_RUNS=$(CURDIR)/build/test-runs $(RUN) -m pytest -n 2 --dist loadfile \
-		--nbval-lax --nbval-current-env --nbval-cell-timeout=120 --nbval-kernel-startup-timeout=120 notebooks tests
+		--nbval-lax --nbval-current-env --nbval-cell-timeout=300 --nbval-kernel-startup-timeout=120 notebooks tests
 
 lab: $(READY) ## open JupyterLab on the first notebook
 	$(RUN) -m jupyterlab notebooks/00_start_here.ipynb

@@ -35,6 +35,7 @@ CHOICES = {
     "loss_weight": ("uniform", "metric"),
     "tabg_noise": ("independent", "shared", "eps_hat"),
     "tabg_sigma_place": ("eq9", "alg1"),
+    "tabg_space": ("eps", "clean"),
     "wmsg": ("off", "every_step", "x0_only"),
 }
 
@@ -126,6 +127,7 @@ class SamplingConfig:
     tabg_window: int = 3
     tabg_noise: str = "independent"
     tabg_sigma_place: str = "eq9"
+    tabg_space: str = "eps"  # Eq. 11 on noise estimates, or on "clean" ones
     tabg_steps: float = 0.9  # share of the denoising steps, counted from the first, in which TABG acts
     wmsg: str = "every_step"
     bound: float = 0.0  # metres: clamp the clean estimate in motion space; 0 = off

@@ -7,17 +7,18 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 from torch.nn import functional as F
 
-from .diffusion import clean_estimate, noised
+from .diffusion import clean_estimate, eps_of, noised
 from .sampling import Denoise
 
 
+@runtime_checkable
 class Branches(Protocol):
     """The network's evaluations at one step, as noise estimates."""
 
@@ -76,6 +77,9 @@ class TABG:
         threshold, window: phi and m of the mask. Not given in the paper; own choice: 1 (the mean of A_t) and 3.
         noise: "independent" draws for Eq. 9 and for the re-noising, "shared" (Algorithm 1: the same z), or "eps_hat"
             (self-attention guidance: re-noise with the predicted noise).
+        space: where Eq. 11 compares the two branches. "eps": noise estimates, as written; but the degraded input holds another
+            noise, so their difference is mostly that of the two noises, and grows by 1/sqrt(alpha_bar_t) in the clean
+            estimate. "clean": clean estimates (own choice for networks that predict them).
         sigma_place: "eq9" adds sigma z to the clean estimate; "alg1" inside the bracket, i.e. divided by sqrt(alpha_bar_t).
         active: diffusion indices at which it acts; None = all.
     """
@@ -86,6 +90,7 @@ class TABG:
     window: int = 3
     noise: str = "independent"
     sigma_place: str = "eq9"
+    space: str = "eps"
     active: Collection[int] | None = None
 
     def acts(self, t: int) -> bool:
@@ -139,7 +144,11 @@ def guided(
         eps, conditional, attention = branches.both(y, t, with_attention=acts)
         if acts:
             y_hat = tabg.degraded(y, eps, attention, float(alpha_bar[t]), draw)
-            eps = eps + tabg.scale * (branches.unconditional(y_hat, t) - eps)  # Eq. 11
+            degraded = branches.unconditional(y_hat, t)
+            if tabg.space == "clean":
+                a = float(alpha_bar[t])
+                degraded = eps_of(y, clean_estimate(y_hat, degraded, a), a)
+            eps = eps + tabg.scale * (degraded - eps)  # Eq. 11
         return classifier_free(conditional, eps, weight, form)
 
     return denoise

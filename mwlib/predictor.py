@@ -147,7 +147,9 @@ class Predictor:
         added = self.net.embed_condition(self.conditioning(padded))[:, None]
         branches = NetworkBranches(self.net, added, self.alpha_bar, self.cfg.diffusion.prediction)
         active = frozenset(indices[: round(s.tabg_steps * len(indices))])
-        tabg = TABG(s.tabg_scale, s.tabg_sigma, s.tabg_threshold, s.tabg_window, s.tabg_noise, s.tabg_sigma_place, active)
+        tabg = TABG(
+            s.tabg_scale, s.tabg_sigma, s.tabg_threshold, s.tabg_window, s.tabg_noise, s.tabg_sigma_place, s.tabg_space, active
+        )
         denoise = guided(branches, self.alpha_bar, weight=s.cfg_weight, form=s.cfg_form, tabg=tabg, draw=noise)
         after = [after_step] if after_step else []
         if s.complete_history:

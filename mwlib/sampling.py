@@ -32,7 +32,7 @@ def _previous(alpha_bar: Tensor, indices: Sequence[int], final: float) -> list[f
 
 def ddim(
     denoise: Denoise,
-    y: Float[Tensor, "... K D"],
+    y: Float[Tensor, "..."],
     alpha_bar: Float[Tensor, " M"],
     indices: Sequence[int],
     *,
@@ -81,7 +81,7 @@ def ddim(
 
 def posterior_mean(
     denoise: Denoise,
-    y: Float[Tensor, "... K D"],
+    y: Float[Tensor, "..."],
     alpha_bar: Float[Tensor, " M"],
     indices: Sequence[int],
     *,

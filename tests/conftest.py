@@ -8,6 +8,11 @@ from pathlib import Path
 import matplotlib
 import pytest
 import torch
+from jaxtyping import install_import_hook
+
+# Shapes in annotations are checked here, never at run time.
+CHECKED = "transforms diffusion schedule sampling guidance denoisers predictor metrics multimodal baselines".split()
+install_import_hook([f"mwlib.{name}" for name in CHECKED], "beartype.beartype")
 
 matplotlib.use("Agg")
 torch.set_num_threads(1)

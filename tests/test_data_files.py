@@ -5,11 +5,12 @@ from __future__ import annotations
 import gzip
 import io
 import lzma
+import random
 from pathlib import Path
 
 import numpy as np
 import pytest
-from sample_motions import BVH
+from sample_motions import BVH, mutate
 
 from mwlib import MotionFormatError, load_motions
 from mwlib.data import files
@@ -83,7 +84,21 @@ def test_arrays_are_read_and_nothing_else():
         found = read_array(io.BytesIO(npy(array)), FILE, "here")
         np.testing.assert_array_equal(found, array)
     good = npy(np.arange(6.0))
+    python2 = good.replace(b"(6,) ", b"(6L,)")
+    np.testing.assert_array_equal(read_array(io.BytesIO(python2), FILE, "here"), np.arange(6.0))
     vast = good.replace(b"(6,)", b"(6" + b"0" * 17 + b",)").replace(b" " * 17, b"", 1)
     for data in (b"", b"\x93NUMPY", good[:-1], good + b"x", vast, npy(np.array({}, dtype=object)), npy(np.zeros(2, "f4,i4"))):
         with pytest.raises(MotionFormatError, match="file, here"):
             read_array(io.BytesIO(data), FILE, "here")
+
+
+def test_no_injury_gets_past_the_array_reader():
+    rng, outcomes = random.Random(4), set()
+    for _ in range(500):
+        try:
+            read_array(io.BytesIO(mutate(npy(np.arange(6.0)), rng)), FILE, "here")
+        except MotionFormatError:
+            outcomes.add("refused")
+        else:
+            outcomes.add("read")
+    assert outcomes == {"refused", "read"}

@@ -33,7 +33,7 @@ def check_exhibit(files: dict[str, Path], named: set[str]) -> None:
     assert all(file.stat().st_size > 0 for file in files.values())
     assert named <= set(json.loads(files["json"].read_text())), files["json"]
     if "txt" in files:
-        assert len(files["txt"].read_text()) > 40, files["txt"]
+        assert len(files["txt"].read_text()) > 20, files["txt"]
 
 
 def test_changed_parameters_are_of_notebooks_that_exist():

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 import torch
 
-from mwlib.diffusion import noised
+from mwlib.diffusion import clean_estimate, eps_of, noised
 from mwlib.guidance import TABG, attention_mask, classifier_free, guided, temporal_attention
 from mwlib.schedule import alpha_bar
 
@@ -117,6 +117,27 @@ def test_readings_of_the_noise(generator):
     torch.testing.assert_close(found, noised(y0 + 0.8 * z, eps, a))
     found = TABG(noise="shared", sigma_place="alg1", **everywhere).degraded(y, eps, attention, a, lambda: z)
     torch.testing.assert_close(found, noised(y0 + 0.8 * z / a**0.5, z, a))
+
+
+def test_comparing_clean_estimates_ignores_the_other_noise(generator):
+    """A network that finds the same clean latent in y and in the degraded y is not moved by TABG."""
+    clean = torch.randn(K, D, generator=generator, dtype=torch.float64)
+
+    class Sure(Fake):
+        def unconditional(self, y, t):
+            return eps_of(y, clean.expand_as(y), A_BAR[t])
+
+        conditional = unconditional
+
+    y = torch.randn(2, K, D, generator=generator, dtype=torch.float64)
+    draw = lambda: torch.randn(y.shape, generator=generator, dtype=torch.float64)  # noqa: E731
+    for t in (400, 991):
+        moved = {
+            space: guided(Sure(), A_BAR, weight=0.5, tabg=TABG(space=space, threshold=0.0), draw=draw)(y, t)
+            for space in ("clean", "eps")
+        }
+        error = {k: (clean_estimate(y, v, A_BAR[t]) - clean).abs().max() for k, v in moved.items()}
+        assert error["clean"] < 1e-8 and error["eps"] > 0.5
 
 
 def test_tabg_needs_noise():

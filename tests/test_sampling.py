@@ -100,7 +100,7 @@ def test_every_parametrisation_says_the_same(kind, generator):
 
 
 def test_unknown_prediction():
-    for call in (lambda: target("x", None, None, 0.5), lambda: to_eps("x", torch.ones(1), torch.ones(1), 0.5)):
+    for call in (lambda: target("x", torch.ones(1), torch.ones(1), 0.5), lambda: to_eps("x", torch.ones(1), torch.ones(1), 0.5)):
         with pytest.raises(ValueError, match="'x'"):
             call()
 

@@ -121,7 +121,9 @@ def test_the_callers_randomness_is_left_alone(motions):
     "changes", [dict(), dict(transform="dct", dct_rows=8), dict(target="displacement", loss_weight="metric")]
 )
 def test_every_option_learns(motions, prediction, changes):
-    cfg = small(prediction=prediction, train_steps=80, lr=1e-2, lr_schedule="constant", dropout=0.0, attention_dropout=0.0, **changes)
+    cfg = small(
+        prediction=prediction, train_steps=80, lr=1e-2, lr_schedule="constant", dropout=0.0, attention_dropout=0.0, **changes
+    )
     losses = [s.loss for s in train(cfg, motions)]
     assert sum(losses[-10:]) < 0.95 * sum(losses[:10])
 

@@ -14,6 +14,7 @@ from mwlib.course.files import source_hash
 PICTURES = ("image/png", "image/gif")
 KEPT_TYPES = (*PICTURES, "text/plain", "text/latex", "text/markdown")
 WIDGET = "application/vnd.jupyter.widget-view+json"
+QUIET = ["--log-level=ERROR"]  # else every kernel start warns about its transport on stderr
 KEPT_CELL_METADATA = ("tags", "jupyter")
 
 
@@ -32,7 +33,8 @@ def execute_notebook(path: Path, timeout: float = 600.0) -> None:
     # With its state kept, a widget swallows what it draws; without, that would land in the page beside the static figure.
     client = NotebookClient(
         notebook, timeout=timeout, startup_timeout=120, kernel_name="python3", store_widget_state=True,
-        record_timing=False, coalesce_streams=True, resources={"metadata": {"path": str(path.resolve().parent)}},
+        record_timing=False, coalesce_streams=True, extra_arguments=QUIET,
+        resources={"metadata": {"path": str(path.resolve().parent)}},
     )  # fmt: skip
     client.execute()
     filter_notebook(notebook)

@@ -15,12 +15,12 @@ import papermill
 from nbconvert import HTMLExporter
 
 from mwlib import runs
+from mwlib.course.execute import QUIET
 from mwlib.course.files import ROOT
 from mwlib.course.parameters import ParameterError, read_parameters, resolve
 
 EXECUTED = "notebook.ipynb"
 PAGE = "notebook.html"
-QUIET = ["--log-level=ERROR"]  # else every kernel start warns about its transport on stderr
 
 
 class NotDone(RuntimeError):

@@ -53,7 +53,8 @@ def histograms(
 
     Args:
         samples: name -> numbers.
-        density: a curve (values, density) to compare with, drawn in every panel; it also sets the range, widened by half.
+        density: a curve (values, density) to compare with, drawn in every panel; it also sets the range, widened by half,
+            and the height: a spike is cut off.
         bins: over the common range; numbers beyond it are not drawn.
     """
     edges = np.linspace(*_range(list(samples.values()), density), bins + 1)
@@ -64,8 +65,9 @@ def histograms(
         ax.stairs(counts / (len(values) * np.diff(edges)), edges, fill=True, color=colour, alpha=0.75)
         if density is not None:
             ax.plot(*map(array, density), color=INK, linestyle=(0, (3, 1)))
-        ax.set(yticks=[])
-        ax.set_title(name)
+        ax.set(yticks=[], title=name)
+    if density is not None:
+        axes[0, 0].set_ylim(0, 1.4 * float(array(density[1]).max()))
     axes[-1, 0].set_xlabel(xlabel)
     return fig, axes[:, 0]
 
