@@ -22,7 +22,7 @@ from sample_notebooks import code, runnable, save
 import mwlib
 from mwlib.course.files import course, write_source_hashes
 from mwlib.course.index import write_index
-from mwlib.course.manifest import FILES, MANIFEST, read_manifest
+from mwlib.course.manifest import FILES, read_manifest
 
 ROOT = Path(__file__).parents[1]
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
@@ -213,8 +213,3 @@ def test_snakemake_runs_again_what_changed_and_nothing_else(tmp_path):
     save(executed, tmp_path / "notebooks", "01_first")
     todo = snakemake(tmp_path)
     assert "Updated input files: out/.sources/01_first.sha256" in todo and "07_prediction.sha256" not in todo
-
-
-def test_manifest_is_of_this_course():
-    stems = {path.stem for path in course()}
-    assert MANIFEST.is_file() and {row.notebook for row in read_manifest() if row.status == "made"} <= stems

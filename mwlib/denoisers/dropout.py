@@ -29,4 +29,4 @@ class Dropout(nn.Module):
             return F.dropout(x, self.p)
         words = torch.randint(-(2**63), 2**63 - 1, (x.numel() // 8 + 1,))
         kept = words.view(torch.uint8)[: x.numel()].reshape(x.shape) >= self.dropped
-        return x * kept * (256 / (256 - self.dropped))
+        return x * kept.to(x.dtype).mul_(256 / (256 - self.dropped))
