@@ -36,8 +36,8 @@ def provenance(cfg: Config, split: Split, seeds: tuple[int, ...], device: str) -
         "train_subjects": sorted({m.subject for m in split.train}), "test_subjects": sorted({m.subject for m in split.test}),
         "fps": d.fps, "history": d.history, "future": d.future, "joints": len(split.test[0].skeleton) - 1,
         "test_windows": d.test_windows or "all", "test_stride": d.test_stride, "multimodal_threshold_m": 0.5,
-        "samples": s.samples, "ddim_steps": s.ddim_steps, "cfg_weight": s.cfg_weight, "tabg_scale": s.tabg_scale,
-        "tabg_sigma": s.tabg_sigma, "sampling_seeds": list(seeds), "training_seed": cfg.training.seed,
+        "samples": s.samples, "ddim_steps": s.ddim_steps, "guidance": rows(cfg)[-1].sampling,
+        "tabg_sigma": s.tabg_sigma, "tabg_space": s.tabg_space, "sampling_seeds": list(seeds), "training_seed": cfg.training.seed,
         "train_steps": cfg.training.train_steps, "training_hash": cfg.training_hash(), "mwlib": __version__,
         "torch": torch.__version__.split("+")[0], "device": device, "machine": platform.machine(),
     }  # fmt: skip
@@ -92,21 +92,20 @@ def write_storyboards(cfg: Config, split: Split, out: Path, about: dict[str, Any
     loaded = {"wavelet": load_run(get_run(cfg, split))}
     every = windows(split.test, d.history, d.future, d.test_stride)
     for picture, i in enumerate(torch.linspace(0, len(every) - 1, 2 * count + 1).long()[1::2].tolist()):
-        board = {"truth": every.x[i]}
-        for row in chosen:
-            futures = row_predictor(row, cfg.sampling.sampling_seed, cfg, split, loaded)(every.past[i : i + 1], [i])[0]
-            name = "MotionWavelet" if row.model == "wavelet" else row.name
-            board[f"{name}, closest of {len(futures)}" if len(futures) > 1 else name] = _closest(futures, every.future[i])
-            if row.model == "wavelet":
-                board |= {f"{name}, sample {k + 1}": futures[k] for k in range(2)}
+        seed = cfg.sampling.sampling_seed
+        model, looked_up, still = (row_predictor(r, seed, cfg, split, loaded)(every.past[i : i + 1], [i])[0] for r in chosen)
+        board = {"truth": every.x[i], f"closest of {len(model)}": _closest(model, every.future[i])}
+        board |= {"sample 1": model[0], "sample 2": model[1]}
+        board |= {"looked up": _closest(looked_up, every.future[i]), "held still": still[0]}
         fig, _ = plots.storyboard(board, split.test[0].skeleton, fps=d.fps, history=d.history, frames=10)
         clip = every.motions[int(every.clip[i])]
         alt = (
             f"Storyboard of test clip {clip.name} ({clip.action}), subject {clip.subject}: the true motion on top, below it the "
-            f"sampled future closest to it, two samples taken blindly, the closest retrieved future, and the pose held still."
+            f"future closest to it among {len(model)} sampled by MotionWavelet, two samples taken blindly, the closest of "
+            f"{len(looked_up)} looked up in the training set, and the last pose held still."
         )
         where = about | {"clip": clip.name, "start_frame": int(every.start[i]), "window": i}
-        data = {name.replace(",", "").replace(" ", "_"): row.numpy() for name, row in board.items()}
+        data = {name.replace(" ", "_"): row.numpy() for name, row in board.items()}
         plots.save(fig, out, f"storyboard_{picture + 1}", data=data, alt=alt, provenance=where)
 
 
