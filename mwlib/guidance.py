@@ -14,7 +14,6 @@ from jaxtyping import Bool, Float
 from torch import Tensor
 from torch.nn import functional as F
 
-from .diffusion import clean_estimate, eps_of, noised
 from .sampling import Denoise
 
 
@@ -100,13 +99,21 @@ class TABG:
     def degraded(
         self, y_t: Tensor, eps: Tensor, attention: Tensor, alpha_bar_t: float, draw: Callable[[], Tensor]
     ) -> Float[Tensor, "... K D"]:
-        """y_hat_t of Eq. 10: y_t with the most attended rows noised once more."""
+        """y_hat_t of Eq. 10: y_t with the most attended rows noised once more.
+
+        With a = alpha_bar_t, Eq. 9 and the re-noising give sqrt(a) y0_hat + sqrt(a) sigma z + sqrt(1-a) z', and
+        sqrt(a) y0_hat is y_t - sqrt(1-a) eps. Two independent draws add up to one of their joint deviation.
+        """
         mask = attention_mask(temporal_attention(attention), self.threshold, self.window)
-        z = draw()
-        spread = self.sigma / alpha_bar_t**0.5 if self.sigma_place == "alg1" else self.sigma
-        y0_tilde = clean_estimate(y_t, eps, alpha_bar_t) + spread * z
-        again = {"independent": draw, "shared": lambda: z, "eps_hat": lambda: eps}[self.noise]()
-        return torch.where(mask, noised(y0_tilde, again, alpha_bar_t), y_t)
+        noise = (1 - alpha_bar_t) ** 0.5
+        spread = self.sigma if self.sigma_place == "alg1" else alpha_bar_t**0.5 * self.sigma
+        if self.noise == "independent":
+            added = (spread**2 + noise**2) ** 0.5 * draw()
+        elif self.noise == "shared":
+            added = (spread + noise) * draw()
+        else:
+            added = spread * draw() + noise * eps
+        return torch.where(mask, y_t - noise * eps + added, y_t)
 
 
 def guided(
@@ -145,9 +152,8 @@ def guided(
         if acts:
             y_hat = tabg.degraded(y, eps, attention, float(alpha_bar[t]), draw)
             degraded = branches.unconditional(y_hat, t)
-            if tabg.space == "clean":
-                a = float(alpha_bar[t])
-                degraded = eps_of(y, clean_estimate(y_hat, degraded, a), a)
+            if tabg.space == "clean":  # the noise that leads from the degraded branch's clean estimate to y
+                degraded = degraded + (y - y_hat) / (1 - float(alpha_bar[t])) ** 0.5
             eps = eps + tabg.scale * (degraded - eps)  # Eq. 11
         return classifier_free(conditional, eps, weight, form)
 
