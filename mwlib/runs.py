@@ -9,7 +9,7 @@ import os
 import sys
 import time
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -105,7 +105,8 @@ def get_run(cfg: Config, split: Split | None = None, progress: bool = False) -> 
     split = split or split_motions(cfg)
     folder = run_path(cfg, split)
     if read_result(folder, cfg.training_hash()) is None:
-        with _lock(folder):
+        # of the processes that `accelerate launch` started, the first holds the lock for all
+        with _lock(folder) if _rank() == 0 else nullcontext():
             if read_result(folder, cfg.training_hash()) is None:
                 _train(cfg, split, folder, progress)
     return folder
@@ -113,14 +114,21 @@ def get_run(cfg: Config, split: Split | None = None, progress: bool = False) -> 
 
 def _train(cfg: Config, split: Split, folder: Path, progress: bool) -> None:
     started, last = time.time(), None
-    with tqdm(total=cfg.training.train_steps, desc="training", disable=not progress, file=sys.stderr) as bar:
+    hidden = not progress or _rank() > 0
+    with tqdm(total=cfg.training.train_steps, desc="training", disable=hidden, file=sys.stderr) as bar:
         for last in train(cfg, split.train, folder, split.validation):
             bar.update(last.step - bar.n)
             if last.step % 20 == 0:
                 bar.set_postfix(loss=f"{last.loss:.4f}", lr=f"{last.lr:.2e}")
     values = {} if last is None else {"loss": last.loss, "validation": last.validation}
     values |= {"steps": cfg.training.train_steps, "clips": len(split.train), "seconds": round(time.time() - started, 1)}
-    write_result(folder, values, cfg.training_hash())
+    if _rank() == 0:
+        write_result(folder, values, cfg.training_hash())
+
+
+def _rank() -> int:
+    """This process's number among those of one training."""
+    return int(os.environ.get("RANK", "0"))
 
 
 def write_result(folder: Path, metrics: Mapping[str, Any], digest: str) -> Path:
