@@ -110,8 +110,8 @@ def padding_modes(
         ax.set_visible(False)
     for ax, mode in zip(axes.flat, modes, strict=False):
         longer = pywt.pad(signal, pad, mode)
-        for outside in (slice(0, pad + 1), slice(len(longer) - pad - 1, None)):
-            ax.plot(np.arange(-pad, len(signal) + pad)[outside], longer[outside], color=CYCLE[1], linestyle=(0, (2, 0.8)))
+        for outside in (slice(0, pad + 1), slice(pad + len(signal) - 1, None)):  # periodization makes an odd length even first
+            ax.plot(np.arange(-pad, len(longer) - pad)[outside], longer[outside], color=CYCLE[1], linestyle=(0, (2, 0.8)))
         ax.plot(inside, signal, color=INK)
         ax.axvspan(0, len(signal) - 1, color=FAINT, linewidth=0, zorder=0)
         ax.set_title(mode)
