@@ -24,14 +24,15 @@ def test_notebook_runs_with_other_parameters(path, tmp_path):
     folder = run_notebook(path, tmp_path, given)
     for row in read_manifest():
         if row.notebook == path.stem and row.status == "made":
-            named = {"data", "preset", *({"seed", "seeds"} & set(offered))}
-            check_exhibit({kind: folder / f"{row.stem}.{kind}" for kind in row.files}, named)
+            seeded = bool({"seed", "seeds"} & set(offered))
+            check_exhibit({kind: folder / f"{row.stem}.{kind}" for kind in row.files}, seeded)
 
 
-def check_exhibit(files: dict[str, Path], named: set[str]) -> None:
+def check_exhibit(files: dict[str, Path], seeded: bool) -> None:
     """All files are there, the picture is described, and the provenance names what the exhibit depends on."""
     assert all(file.stat().st_size > 0 for file in files.values())
-    assert named <= set(json.loads(files["json"].read_text())), files["json"]
+    about = set(json.loads(files["json"].read_text()))
+    assert {"data", "preset"} <= about and (not seeded or {"seed", "seeds"} & about), files["json"]
     if "txt" in files:
         assert len(files["txt"].read_text()) > 20, files["txt"]
 
