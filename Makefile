@@ -5,6 +5,7 @@ DATA ?= synthetic
 OUT ?= build/$(PRESET)-$(subst /,-,$(or $(patsubst /%,%,$(DATA)),preset))
 JOBS ?= 2
 NB ?=
+GRIDS ?= figures/grids.yaml
 
 VENV := .venv
 RUN := $(VENV)/bin/python
@@ -14,7 +15,7 @@ export OMP_NUM_THREADS ?= 1
 export MWLIB_RUNS ?= $(CURDIR)/runs
 
 .DEFAULT_GOAL := help
-.PHONY: help figures test lab notebooks learner
+.PHONY: help figures grids test lab notebooks learner
 
 help: ## show this list
 	@awk -F ':.*## ' '/^[a-z]+:.*## / { printf "  make %-10s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -23,6 +24,11 @@ figures: $(READY) ## run every notebook, make every figure and table: PRESET=tin
 	$(RUN) -m snakemake --cores $(JOBS) --keep-going --rerun-incomplete --quiet progress rules \
 		--config preset='"$(PRESET)"' data='"$(DATA)"' out='"$(OUT)"'
 	@echo "Open $(OUT)/index.html"
+
+grids: $(READY) ## run only the experiments behind the tables, and write these: same settings as figures, GRIDS=figures/grids.yaml
+	$(RUN) -m snakemake grids --cores $(JOBS) --keep-going --rerun-incomplete --quiet progress rules \
+		--config preset='"$(PRESET)"' data='"$(DATA)"' out='"$(OUT)"' grids='"$(GRIDS)"'
+	@echo "Tables are in $(OUT)/grids"
 
 test: $(READY) ## lint, unit tests, and every notebook executed and compared with its stored outputs
 	$(RUN) -m ruff check .

@@ -8,9 +8,9 @@ import torch
 from jaxtyping import Complex, Float, Int
 from torch import Tensor
 
-from .diffusion import noised
+from .guidance import masked
 from .motion import AXES
-from .transforms import LinearTransform
+from .transforms import Transform
 
 ALIGN = ("none", "heading")
 DISTANCE = ("history", "last_frame")
@@ -127,7 +127,7 @@ def _axes(up: str) -> tuple[int, int, int]:
 
 
 def history_completion(
-    tf: LinearTransform, x_padded: Float[Tensor, "... T C"], history: int, noise: Callable[[], Tensor]
+    tf: Transform, x_padded: Float[Tensor, "... T C"], history: int, noise: Callable[[], Tensor]
 ) -> Callable[[Tensor, float], Tensor]:
     """HumanMAC's mask completion, as the `after_step` of a sampler: observed frames are put back after every step.
 
@@ -142,11 +142,5 @@ def history_completion(
 
     Source: HumanMAC (Chen et al., 2023), "DCT-Completion".
     """
-    y0 = tf(x_padded)
-
-    def complete(y: Float[Tensor, "... K D"], alpha_bar_prev: float) -> Float[Tensor, "... K D"]:
-        clean = y0.unsqueeze(-3) if y0.ndim < y.ndim else y0
-        known = tf.inverse(noised(clean, noise(), alpha_bar_prev))
-        return tf(torch.cat([known[..., :history, :], tf.inverse(y)[..., history:, :]], dim=-2))
-
-    return complete
+    mask = (torch.arange(x_padded.shape[-2]) < history)[:, None].expand(x_padded.shape[-2:])
+    return masked(tf, x_padded, mask, noise)

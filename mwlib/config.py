@@ -19,7 +19,7 @@ CHOICES = {
     "up": ("y", "z"),
     "window_sampling": ("uniform", "subject_action"),
     "augment": ("none", "humanmac", "heading", "heading_mirror"),
-    "transform": ("wavelet", "dct"),
+    "transform": ("wavelet", "dct", "phase"),
     "wavelet": tuple(pywt.wavelist(kind="discrete")),
     "mode": tuple(pywt.Modes.modes),
     "coefficient_scale": ("none", "band", "coefficient"),
@@ -30,7 +30,7 @@ CHOICES = {
     "drop_per": ("sample", "batch"),
     "mixed_precision": ("no", "fp16", "bf16"),
     "cfg_form": ("eq7", "alg1"),
-    "sampler": ("ddim", "eq6"),
+    "sampler": ("ddim", "dpmpp", "eq6"),
     "spacing": ("leading", "trailing"),
     "loss_weight": ("uniform", "metric"),
     "tabg_noise": ("independent", "shared", "eps_hat"),
@@ -67,6 +67,9 @@ class ModelConfig:
     mode: str = "zero"
     level: int = 1
     dct_rows: int = 20
+    phases: int = 8  # channels of the periodic autoencoder
+    phase_seconds: float = 1.0  # its window
+    phase_steps: int = 1500  # its training
     coefficient_scale: str = "none"
     target: str = "pose"  # "displacement": model the motion minus its last observed pose
     latent: int = 768
@@ -115,7 +118,7 @@ class SamplingConfig:
     """The reverse process, its guidance and how much of it to run."""
 
     samples: int = 50
-    sampler: str = "ddim"  # or "eq6", the paper's Eq. 6 taken literally
+    sampler: str = "ddim"  # "dpmpp": DPM-Solver++(2M); "eq6": the paper's Eq. 6 taken literally
     ddim_steps: int = 100
     spacing: str = "leading"  # of the retained diffusion indices: HumanMAC's, or "trailing"
     eta: float = 0.0
@@ -214,6 +217,9 @@ class Config:
         for name in ("test_stride", "test_windows"):
             parts["data"].pop(name)
         parts["training"].pop("checkpoint_every")
+        if self.model.transform != "phase":
+            for name in ("phases", "phase_seconds", "phase_steps"):
+                parts["model"].pop(name)
         return _digest(parts)
 
     def hash(self) -> str:
@@ -275,6 +281,8 @@ _AT_LEAST_ONE = (
     "test_stride",
     "level",
     "dct_rows",
+    "phases",
+    "phase_steps",
     "latent",
     "layers",
     "heads",
@@ -291,7 +299,7 @@ def _check_ranges(cfg: Config) -> None:
     for name in _SHARES:
         if not 0 <= cfg.get(name) <= 1:
             raise ValueError(f"{name} is {cfg.get(name)}; expected 0 to 1")
-    for name in ("fps", "lr"):
+    for name in ("fps", "lr", "phase_seconds"):
         if not cfg.get(name) > 0:
             raise ValueError(f"{name} is {cfg.get(name)}; expected more than 0")
     if cfg.model.latent % cfg.model.heads or (cfg.model.latent // cfg.model.heads) < 1 or cfg.model.latent % 2:

@@ -1,4 +1,4 @@
-"""Guidance of Algorithm 1: classifier-free (CFG), temporal attention (TABG), manifold shaping (WMSG).
+"""Guidance of Algorithm 1: classifier-free (CFG), temporal attention (TABG), manifold shaping (WMSG); control masks.
 
 Each formula is one short function; `guided` composes them into the ``denoise(y_t, t)`` that the samplers ask for.
 """
@@ -14,7 +14,9 @@ from jaxtyping import Bool, Float
 from torch import Tensor
 from torch.nn import functional as F
 
-from .sampling import Denoise
+from .diffusion import noised
+from .sampling import AfterStep, Denoise
+from .transforms import Transform
 
 
 @runtime_checkable
@@ -158,3 +160,31 @@ def guided(
         return classifier_free(conditional, eps, weight, form)
 
     return denoise
+
+
+def masked(
+    tf: Transform, x_target: Float[Tensor, "... T C"], mask: Bool[Tensor, "T C"], noise: Callable[[], Tensor], until: float = 1.0
+) -> AfterStep:
+    """Eq. 12 and 13 as the `after_step` of a sampler: the masked part of the motion is the noisy target's.
+
+    y_c = sqrt(a) DWT(x_target) + sqrt(1-a) z (Eq. 12), x_c = iDWT(y_c), x' = M x_c + (1-M) iDWT(y) (Eq. 13), and DWT(x')
+    goes on. The paper's Eq. 12 mixes alpha_bar of t and of t-1; here both are that of the index reached. With a = 1 the
+    masked part is the target itself, to rounding.
+
+    Args:
+        tf: transform of motions; an axis for the samples may be missing in x_target.
+        x_target: the motion to impose, in the latent's frame of reference (see `Predictor.origin`).
+        mask: True where the target holds.
+        noise: draws a tensor like y, anew at every step.
+        until: largest alpha_bar at which it acts; 1 = to the last step.
+    """
+    y0 = tf(x_target)
+
+    def impose(y: Float[Tensor, "... K D"], alpha_bar_prev: float) -> Float[Tensor, "... K D"]:
+        if alpha_bar_prev > until:
+            return y
+        clean = y0.unsqueeze(-3) if y0.ndim < y.ndim else y0
+        x_c = tf.inverse(noised(clean, noise(), alpha_bar_prev))
+        return tf(torch.where(mask.to(y.device), x_c, tf.inverse(y)))
+
+    return impose

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import reduce
 
 import torch
 from jaxtyping import Float
@@ -15,14 +16,17 @@ from .config import Config, SamplingConfig
 from .denoisers import TransLinear
 from .diffusion import to_eps
 from .guidance import TABG, guided
-from .sampling import AfterStep, Step, WindowNoise, ddim, posterior_mean
+from .sampling import AfterStep, Shape, Step, WindowNoise, ddim, dpm_solver, posterior_mean
 from .schedule import alpha_bar, ddim_indices
-from .transforms import DCTTransform, LinearTransform, ScaledTransform, WaveletTransform, pad_history
+from .transforms import DCTTransform, PhaseTransform, ScaledTransform, Transform, WaveletTransform, pad_history
 
 
-def make_transform(cfg: Config, channels: int) -> LinearTransform:
-    """The frequency view that a configuration names, for motions of `channels` channels."""
+def make_transform(cfg: Config, channels: int) -> Transform:
+    """The frequency view that a configuration names, for motions of `channels` channels; "phase" is yet untrained."""
     m = cfg.model
+    if m.transform == "phase":
+        window = 2 * int(m.phase_seconds * cfg.data.fps / 2) + 1
+        return PhaseTransform(cfg.frames, channels, m.phases, max(window, 3), cfg.data.fps, cfg.training.seed)
     if m.transform == "dct":
         return DCTTransform(cfg.frames, channels, m.dct_rows)
     return WaveletTransform(cfg.frames, channels, m.wavelet, m.mode, m.level)
@@ -85,11 +89,14 @@ class Predictor:
         scales: mean and deviation of latent and condition, each of the latent's shape: keys "mean", "deviation",
             "condition_mean", "condition_deviation".
         channels: C.
+        base: the frequency view; None = the configured one, which serves unless it is one that is trained.
     """
 
-    def __init__(self, cfg: Config, net: TransLinear, scales: dict[str, Tensor], channels: int) -> None:
+    def __init__(
+        self, cfg: Config, net: TransLinear, scales: dict[str, Tensor], channels: int, base: Transform | None = None
+    ) -> None:
         self.cfg, self.net, self.channels, self.scales = cfg, net.eval(), channels, scales
-        base = make_transform(cfg, channels)
+        base = base or make_transform(cfg, channels)
         self.latent = ScaledTransform(base, scales["mean"], scales["deviation"])
         self.conditioning = ScaledTransform(base, scales["condition_mean"], scales["condition_deviation"])
         self.alpha_bar = alpha_bar(cfg.diffusion.schedule, cfg.diffusion.steps)
@@ -123,6 +130,7 @@ class Predictor:
         window_ids: Sequence[int] | None = None,
         sampling: SamplingConfig | None = None,
         after_step: AfterStep | None = None,
+        clean: Shape | None = None,
     ) -> Iterator[Step]:
         """Algorithm 1 as a generator over denoising steps; the last item holds the latents (N, S, K, D).
 
@@ -134,6 +142,7 @@ class Predictor:
                 identity only.
             sampling: guidance and sampler settings; None = those of the configuration.
             after_step: applied after each step, after manifold shaping (control masks).
+            clean: applied to every clean estimate, after the bound or projection that the settings ask for.
 
         Raises:
             ValueError: the history's shape does not fit the model.
@@ -158,9 +167,12 @@ class Predictor:
         if s.wmsg == "every_step":
             after.insert(0, lambda y, _: self.latent.project(y))
         start = noise()
-        shared = dict(clean=self._clean(s, x_history), after_step=_chain(after))
+        cleaning = [function for function in (self._clean(s, x_history), clean) if function]
+        shared = dict(clean=_compose(cleaning), after_step=_chain(after))
         if s.sampler == "ddim":
             yield from ddim(denoise, start, self.alpha_bar, indices, eta=s.eta, noise=noise, **shared)
+        elif s.sampler == "dpmpp":
+            yield from dpm_solver(denoise, start, self.alpha_bar, indices, **shared)
         else:
             yield from posterior_mean(denoise, start, self.alpha_bar, indices, **shared)
 
@@ -217,6 +229,11 @@ class Predictor:
         expected = (self.cfg.data.history, self.channels)
         if x_history.ndim != 3 or tuple(x_history.shape[1:]) != expected:
             raise ValueError(f"x_history has shape {tuple(x_history.shape)}; expected (N, {expected[0]}, {expected[1]})")
+
+
+def _compose(functions: list[Shape]) -> Shape | None:
+    """One function of a latent after the other."""
+    return (lambda y: reduce(lambda value, function: function(value), functions, y)) if functions else None
 
 
 def _chain(functions: list[AfterStep]) -> AfterStep | None:

@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import Any
 
 import torch
-import yaml
 from torch import Tensor
 
 from . import __version__, plots
@@ -17,6 +16,7 @@ from .checkpoint import write_atomic
 from .comparison import METRICS, Row, compare, row_predictor, rows
 from .config import Config
 from .data.windows import windows
+from .experiment import parse_changes
 from .presets import PRESETS
 from .runs import Split, get_run, split_motions
 from .training import load_run
@@ -146,8 +146,7 @@ def add_parser(subparsers: _SubParsersAction) -> None:
 
 
 def _config(args: Namespace) -> Config:
-    pairs = [word.partition("=") for word in args.set]
-    return Config.preset(args.preset, **{name: yaml.safe_load(value) for name, _, value in pairs})
+    return Config.preset(args.preset, **parse_changes(args.set))
 
 
 def _train(args: Namespace) -> int:

@@ -106,7 +106,7 @@ def get_run(cfg: Config, split: Split | None = None, progress: bool = False) -> 
     folder = run_path(cfg, split)
     if read_result(folder, cfg.training_hash()) is None:
         # of the processes that `accelerate launch` started, the first holds the lock for all
-        with _lock(folder) if _rank() == 0 else nullcontext():
+        with locked(folder / ".lock") if _rank() == 0 else nullcontext():
             if read_result(folder, cfg.training_hash()) is None:
                 _train(cfg, split, folder, progress)
     return folder
@@ -161,9 +161,9 @@ def finish(out: str, metrics: Mapping[str, Any], parameters: Mapping[str, Any]) 
 
 
 @contextmanager
-def _lock(folder: Path) -> Iterator[None]:
+def locked(file: Path) -> Iterator[None]:
     """One process at a time; the lock dies with its holder, however it dies."""
-    folder.mkdir(parents=True, exist_ok=True)
-    with open(folder / ".lock", "w") as handle:
+    file.parent.mkdir(parents=True, exist_ok=True)
+    with open(file, "w") as handle:
         fcntl.flock(handle, fcntl.LOCK_EX)
         yield

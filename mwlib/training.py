@@ -21,7 +21,7 @@ from .diffusion import noised, target
 from .motion import Motion
 from .predictor import Predictor, make_network, make_transform
 from .schedule import alpha_bar
-from .transforms import ScaledTransform, fit_scale, pad_history
+from .transforms import PhaseTransform, ScaledTransform, Transform, fit_scale, pad_history
 
 CHECKPOINT, MODEL, CONFIG = "checkpoint.safetensors", "model.safetensors", "config.yaml"
 
@@ -98,14 +98,16 @@ class Objective:
 class _State:
     """Everything that training changes, and how it is saved."""
 
-    def __init__(self, cfg: Config, motions: Sequence[Motion], device: torch.device) -> None:
+    def __init__(self, cfg: Config, motions: Sequence[Motion], device: torch.device, learnt: dict[str, Tensor]) -> None:
         self.cfg, self.step = cfg, 0
         data = windows(motions, cfg.data.history, cfg.data.future, cfg.data.train_stride)
         channels = data.x.shape[-1]
-        base = make_transform(cfg, channels)
-        self.scales = fit_scales(cfg, base, data.x)
+        self.base = make_transform(cfg, channels)
+        if isinstance(self.base, PhaseTransform):
+            _fit_phase(cfg, self.base, motions, learnt)
+        self.scales = fit_scales(cfg, self.base, data.x)
         with seeded(cfg.training.seed, 0):
-            self.net = make_network(cfg, base.shape).to(device)
+            self.net = make_network(cfg, self.base.shape).to(device)
         self.ema = [p.detach().clone() for p in self.net.parameters()]
         self.optimiser = torch.optim.AdamW(
             self.net.parameters(), lr=cfg.training.lr, weight_decay=cfg.training.weight_decay, fused=True
@@ -126,12 +128,16 @@ class _State:
                 parameter.copy_(average)
         return net
 
+    def learnt(self) -> dict[str, Tensor]:
+        """What the frequency view learnt, by name; nothing for a linear one."""
+        return {f"phase.{k}": v for k, v in self.base.tensors().items()}
+
     def _names(self) -> list[str]:
         return [name for name, _ in self.net.named_parameters()]
 
     def tensors(self) -> dict[str, Tensor]:
         """Flat names to tensors."""
-        out = {f"net.{k}": v for k, v in self.net.state_dict().items()}
+        out = {f"net.{k}": v for k, v in self.net.state_dict().items()} | self.learnt()
         out |= {f"ema.{k}": v for k, v in zip(self._names(), self.ema, strict=True)}
         for name, parameter in self.net.named_parameters():
             for key, value in self.optimiser.state.get(parameter, {}).items():
@@ -143,7 +149,7 @@ class _State:
     def restore(self, tensors: dict[str, Tensor], step: int) -> None:
         """Inverse of `tensors`."""
         self.step = step
-        self.net.load_state_dict({k[4:]: v for k, v in tensors.items() if k.startswith("net.")})
+        self.net.load_state_dict(_part(tensors, "net."))
         for average, name in zip(self.ema, self._names(), strict=True):
             average.copy_(tensors[f"ema.{name}"])
         for name, parameter in self.net.named_parameters():
@@ -152,7 +158,24 @@ class _State:
         self.curve, self.validation = tensors["curve"].tolist(), tensors["validation"].tolist()
 
 
-def fit_scales(cfg: Config, base, x: Tensor) -> dict[str, Tensor]:
+def _fit_phase(cfg: Config, base: PhaseTransform, motions: Sequence[Motion], learnt: dict[str, Tensor]) -> None:
+    """Take over what was learnt before, or train on augmented windows as the network will see them, sixteen at a time."""
+    if learnt:
+        base.restore(learnt)
+        return
+    source = TrainingWindows(motions, cfg.frames, cfg.data.window_sampling, cfg.data.augment)
+
+    def draw(generator: torch.Generator) -> Tensor:
+        x = source.draw(16, generator)
+        if cfg.model.target == "pose":
+            return x
+        history = x[:, : cfg.data.history]  # a displacement to model, and a condition that is a pose
+        return torch.cat([x - history[:, -1:], pad_history(history, cfg.frames)])
+
+    base.fit(draw, cfg.model.phase_steps)
+
+
+def fit_scales(cfg: Config, base: Transform, x: Tensor) -> dict[str, Tensor]:
     """Means and deviations of latent and condition over training windows x (N, T, C), for `Predictor`."""
     history = cfg.data.history
     relative = x - x[:, history - 1, None] if cfg.model.target == "displacement" else x
@@ -184,12 +207,12 @@ def train(
     """
     c = cfg.training
     accelerator = Accelerator(mixed_precision=c.mixed_precision)
-    state = _State(cfg, motions, accelerator.device)
-    if folder is not None and (folder / CHECKPOINT).exists():
-        _resume(state, folder / CHECKPOINT)
-    base = make_transform(cfg, state.channels)
-    latent = ScaledTransform(base, state.scales["mean"], state.scales["deviation"])
-    conditioning = ScaledTransform(base, state.scales["condition_mean"], state.scales["condition_deviation"])
+    saved, step = _saved(cfg, folder / CHECKPOINT) if folder is not None and (folder / CHECKPOINT).exists() else ({}, 0)
+    state = _State(cfg, motions, accelerator.device, _part(saved, "phase."))
+    if saved:
+        state.restore(saved, step)
+    latent = ScaledTransform(state.base, state.scales["mean"], state.scales["deviation"])
+    conditioning = ScaledTransform(state.base, state.scales["condition_mean"], state.scales["condition_deviation"])
     objective = Objective(cfg, latent, conditioning)
     source = TrainingWindows(motions, cfg.frames, cfg.data.window_sampling, cfg.data.augment, accelerator.device)
     net, optimiser = accelerator.prepare(state.net, state.optimiser)
@@ -229,19 +252,25 @@ def validation_loss(objective: Objective, net: TransLinear, x: Tensor) -> float:
         return sum(float(objective(net, part, generator)) * len(part) for part in parts) / len(x)
 
 
-def _resume(state: _State, file: Path) -> None:
+def _saved(cfg: Config, file: Path) -> tuple[dict[str, Tensor], int]:
+    """A checkpoint's tensors and step, if it is of this configuration."""
     tensors, metadata = load_tensors(file)
-    found, expected = metadata["training_hash"], state.cfg.training_hash()
+    found, expected = metadata["training_hash"], cfg.training_hash()
     if found != expected:
         raise ValueError(f"{file} was made with configuration {found}; expected {expected}: use another folder")
-    state.restore(tensors, int(metadata["step"]))
+    return tensors, int(metadata["step"])
+
+
+def _part(tensors: dict[str, Tensor], prefix: str) -> dict[str, Tensor]:
+    """The tensors whose names begin so, by the rest of their names."""
+    return {name.removeprefix(prefix): tensor for name, tensor in tensors.items() if name.startswith(prefix)}
 
 
 def _save(state: _State, folder: Path) -> None:
     metadata = {"step": str(state.step), "training_hash": state.cfg.training_hash(), "channels": str(state.channels)}
     folder.mkdir(parents=True, exist_ok=True)
     if state.step == state.cfg.training.train_steps:
-        model = {f"net.{k}": v for k, v in state.averaged().state_dict().items()}
+        model = {f"net.{k}": v for k, v in state.averaged().state_dict().items()} | state.learnt()
         save_tensors(folder / MODEL, model | {f"scale.{k}": v for k, v in state.scales.items()}, metadata)
         write_atomic(folder / CONFIG, state.cfg.to_yaml())
         curves = {"loss": state.curve, "validation": state.validation}
@@ -261,7 +290,10 @@ def load_run(folder: str | Path) -> Predictor:
             raise FileNotFoundError(f"{folder / name} is missing: no finished training run in this folder")
     cfg = Config.from_yaml(folder / CONFIG)
     tensors, metadata = load_tensors(folder / MODEL)
-    scales = {k[6:]: v for k, v in tensors.items() if k.startswith("scale.")}
+    scales, channels = _part(tensors, "scale."), int(metadata["channels"])
     net = make_network(cfg, tuple(scales["mean"].shape))
-    net.load_state_dict({k[4:]: v for k, v in tensors.items() if k.startswith("net.")})
-    return Predictor(cfg, net, scales, int(metadata["channels"]))
+    net.load_state_dict(_part(tensors, "net."))
+    base = make_transform(cfg, channels)
+    if isinstance(base, PhaseTransform):
+        base.restore(_part(tensors, "phase."))
+    return Predictor(cfg, net, scales, channels, base)

@@ -14,13 +14,13 @@ from nbformat.v4 import new_markdown_cell, new_output
 from sample_notebooks import code, model_notebook, save
 
 from mwlib.course.execute import execute_notebook, filter_notebook
-from mwlib.course.files import course, find_notebook, source_hash
+from mwlib.course.files import EXPERIMENT, course, find_notebook, source_hash
 from mwlib.course.learner import learner_copy, write_learner_copies
 from mwlib.course.parameters import ParameterError, from_text, read_parameters, resolve
 from mwlib.course.rules import check, pictures
 
 
-@pytest.mark.parametrize("path", course(), ids=lambda path: path.stem)
+@pytest.mark.parametrize("path", [*course(), EXPERIMENT], ids=lambda path: path.stem)
 def test_notebook_keeps_the_rules(path):
     assert check(path) == []
 

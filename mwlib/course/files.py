@@ -11,6 +11,7 @@ from mwlib.checkpoint import write_atomic
 
 ROOT = Path(__file__).resolve().parents[2]
 NOTEBOOKS = ROOT / "notebooks"
+EXPERIMENT = NOTEBOOKS / "experiment.ipynb"  # one row of a grid
 
 
 def course(folder: Path = NOTEBOOKS) -> list[Path]:

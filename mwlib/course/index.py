@@ -16,6 +16,7 @@ import jinja2
 from mwlib.checkpoint import write_atomic
 from mwlib.course.manifest import MANIFEST, Exhibit, read_manifest
 from mwlib.course.worker import PAGE
+from mwlib.plots import significant
 from mwlib.runs import RESULT
 
 FIRST = ("data", "preset", "seed", "seeds")
@@ -109,11 +110,28 @@ def _found(build: Path, sidecar: Path) -> Found:
         folder=Path(os.path.relpath(sidecar.parent, build)).as_posix(),
         files=files,
         alt=text.read_text(encoding="utf-8").strip() if text.is_file() else "",
-        provenance={name: ", ".join(map(str, v)) if isinstance(v, list) else v for name, v in ordered.items()},
+        provenance={name: _told(value) for name, value in ordered.items()},
         table=() if "png" in files else _table(sidecar.with_suffix(".csv")),
     )
 
 
+def _told(value: Any) -> str:
+    """A JSON value as a reader wants it: no brackets, no quotes."""
+    if isinstance(value, dict):
+        return "; ".join(f"{name}: {_told(part)}" for name, part in value.items())
+    if isinstance(value, list):
+        return ", ".join(map(_told, value))
+    return f"{value:.3g}" if isinstance(value, float) else str(value)
+
+
 def _table(path: Path) -> tuple[tuple[str, ...], ...]:
     with path.open(newline="", encoding="utf-8") as file:
-        return tuple(tuple(row) for row in csv.reader(file))
+        return tuple(tuple(map(_short, row)) for row in csv.reader(file))
+
+
+def _short(cell: str) -> str:
+    """Numbers with a fraction to three digits: the CSV has them all."""
+    try:
+        return significant(float(cell)) if cell.strip("-").count(".") or "e" in cell else cell
+    except ValueError:
+        return cell

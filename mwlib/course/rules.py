@@ -184,7 +184,7 @@ def exercises(notebook: NotebookNode) -> Iterator[str]:
     numbers = [int(number) for _, (_, number) in places]
     if numbers != list(range(1, len(places) + 1)) or len({chapter for _, (chapter, _) in places}) > 1:
         yield f"exercises are numbered {['.'.join(pair) for _, pair in places]}; expected 1, 2, ... of one chapter"
-    ends = [place for place, _ in places[1:]] + [len(notebook.cells)]
+    ends = [place for place, _ in places[1:]] + [len(notebook.cells)][: len(places)]
     for (place, pair), end in zip(places, ends, strict=True):
         cells = [cell for cell in notebook.cells[place:end] if cell.cell_type == "code"]
         if not any("solution" in tags(cell) for cell in cells):

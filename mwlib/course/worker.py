@@ -6,6 +6,7 @@ Own choice: papermill's exit code and metadata cannot tell (a kernel that dies l
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -15,9 +16,11 @@ import papermill
 from nbconvert import HTMLExporter
 
 from mwlib import runs
+from mwlib.config import Config
 from mwlib.course.execute import QUIET
-from mwlib.course.files import ROOT
+from mwlib.course.files import EXPERIMENT, ROOT
 from mwlib.course.parameters import ParameterError, read_parameters, resolve
+from mwlib.grids import Grid, changes, seeded
 
 EXECUTED = "notebook.ipynb"
 PAGE = "notebook.html"
@@ -65,6 +68,33 @@ def run_notebook(notebook: Path, out: Path | None, given: Mapping[str, Any]) -> 
         if (folder / EXECUTED).is_file():
             write_page(folder / EXECUTED, folder / PAGE)
     return folder
+
+
+def run_experiment(grid: Grid, row: int, seed: int, preset: str, data: str, out: Path) -> Path:
+    """Run one row of a grid at one seed, as a run of the notebook `experiment.ipynb`.
+
+    Args:
+        grid: the grid.
+        row: number of the row, from 0.
+        seed: of the sampling, and of the training where the grid's rows train.
+        preset, data: what the row changes; empty data: the preset's own.
+        out: folder, as for `run_notebook`.
+
+    Returns:
+        The folder.
+
+    Raises:
+        LookupError: there is no such row.
+        NotDone: as for `run_notebook`.
+    """
+    if not 0 <= row < len(grid.rows):
+        raise LookupError(f"row is {row}; {grid.id} has 0 to {len(grid.rows) - 1}")
+    base = Config.preset(preset, **({"data": data} if data else {}))
+    wanted = changes(grid, grid.rows[row], base)
+    changed = seeded(grid, base.override(**wanted), seed)
+    names = [*wanted, "sampling_seed", "seed"]
+    words = [f"{name}={json.dumps(changed.get(name))}" for name in names]
+    return run_notebook(EXPERIMENT, out, {"preset": preset, "data": data, "changes": words})
 
 
 def write_page(notebook: Path, page: Path) -> None:

@@ -1,11 +1,17 @@
 """Every picture. Functions return (fig, ax) and show nothing; `show` puts a figure into a notebook, `save` into files."""
 
+from .attention import attention_heads, attention_over_steps, attention_part, attention_vectors, row_support
+from .bases import basis_card, dots
 from .coefficients import energy_bars, matrix, projection_change, subbands
+from .control import controlled_poses
 from .curves import curves, histograms, sampling_paths
+from .diagrams import overview, tabg_diagram
 from .diffusion import band_snr, ddim_path, loss_curves, noising, schedules
 from .evaluation import bars_per_action, trajectories
+from .guidance import claimed_and_measured, noised_rows, pose_grid
 from .look import CYCLE, STYLE, style, use_style
 from .metric_picture import metric_picture
+from .phase import error_by_size, phase_circles, predicted_curves, windows_and_sinusoids
 from .save import save, save_table, show
 from .signals import filters, padding_modes, scaling_and_wavelet, signal_and_coefficients
 from .skeletons import animate, film, overlay_futures, storyboard
@@ -16,22 +22,37 @@ __all__ = [
     "STYLE",
     "Table",
     "animate",
+    "attention_heads",
+    "attention_over_steps",
+    "attention_part",
+    "attention_vectors",
     "band_snr",
     "bars_per_action",
+    "basis_card",
+    "claimed_and_measured",
+    "controlled_poses",
     "curves",
     "ddim_path",
+    "dots",
     "energy_bars",
+    "error_by_size",
     "film",
     "filters",
     "histograms",
     "loss_curves",
     "matrix",
     "metric_picture",
+    "noised_rows",
     "noising",
     "overlay_futures",
+    "overview",
     "padding_modes",
+    "phase_circles",
+    "pose_grid",
+    "predicted_curves",
     "projection_change",
     "results_table",
+    "row_support",
     "sampling_paths",
     "save",
     "save_table",
@@ -43,6 +64,8 @@ __all__ = [
     "storyboard",
     "style",
     "subbands",
+    "tabg_diagram",
     "trajectories",
     "use_style",
+    "windows_and_sinusoids",
 ]

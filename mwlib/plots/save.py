@@ -15,6 +15,7 @@ import matplotlib as mpl
 import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.figure import Figure
+from PIL import Image
 
 from .look import array, style
 
@@ -66,7 +67,7 @@ def save_table(
     """Write a table as `stem`.csv and its provenance as `stem`.json, in the manner of `save`.
 
     Args:
-        rows: column -> value; a missing one leaves an empty cell.
+        rows: column -> value; a missing one leaves an empty cell. A pair (value, spread) takes two columns.
         provenance: as in `save`.
 
     Returns:
@@ -76,7 +77,9 @@ def save_table(
         ValueError: there are no rows, or the stem is not a plain file name.
         TypeError: the provenance holds something that JSON cannot.
     """
-    return _write_all(folder, stem, {"csv": _table(rows).encode(), "json": _origin("table", stem, provenance)})
+    return _write_all(
+        folder, stem, {"csv": _table([_unpaired(row) for row in rows]).encode(), "json": _origin("table", stem, provenance)}
+    )
 
 
 @style()
@@ -91,7 +94,7 @@ def show(fig: Figure, alt: str) -> None:
     from IPython.display import display  # at hand in every notebook; the library itself does without
 
     alt = _described(alt)
-    png = base64.b64encode(_render(fig, "png", mpl.rcParams["figure.dpi"])).decode()
+    png = base64.b64encode(_with_palette(_render(fig, "png", mpl.rcParams["figure.dpi"]))).decode()
     display({"image/png": png, "text/plain": alt}, metadata={"image/png": {"alt": alt}}, raw=True)
     plt.close(fig)  # a figure made by pyplot would otherwise appear a second time
 
@@ -105,6 +108,13 @@ def _described(alt: str) -> str:
 def _render(fig: Figure, kind: str, dpi: float) -> bytes:
     buffer = io.BytesIO()
     fig.savefig(buffer, format=kind, dpi=dpi, metadata=METADATA[kind])
+    return buffer.getvalue()
+
+
+def _with_palette(png: bytes) -> bytes:
+    """The same picture in 256 colours: less than half the size, so that a notebook full of bodies stays light."""
+    buffer = io.BytesIO()
+    Image.open(io.BytesIO(png)).convert("RGB").quantize(256, dither=Image.Dither.NONE).save(buffer, "png", optimize=True)
     return buffer.getvalue()
 
 
@@ -141,6 +151,14 @@ def _table(data: Mapping[str, np.ndarray] | Sequence[Mapping[str, object]]) -> s
     writer.writerow(header)
     writer.writerows([_cell(value) for value in row] for row in rows)
     return text.getvalue()
+
+
+def _unpaired(row: Mapping[str, object]) -> dict[str, object]:
+    """A pair (value, spread) as two cells."""
+    cells: dict[str, object] = {}
+    for name, value in row.items():
+        cells |= {name: value[0], f"{name}, deviation": value[1]} if isinstance(value, tuple) else {name: value}
+    return cells
 
 
 def _columns(name: str, values: np.ndarray) -> list[tuple[str, np.ndarray]]:

@@ -1,4 +1,4 @@
-"""What every transform here is: a separable linear map given by constant matrices."""
+"""What every transform here is, and what most are: a separable linear map given by constant matrices."""
 
 from __future__ import annotations
 
@@ -25,11 +25,8 @@ class Constant:
         return self._cast[key]
 
 
-class LinearTransform(ABC):
-    """y = A x Bᵀ up to a fixed arrangement of the columns; its inverse likewise.
-
-    Leading axes are free; gradients flow; every matrix is a `Constant`.
-    """
+class Transform(ABC):
+    """A frequency view of motions of T frames and C channels. Leading axes are free; gradients flow."""
 
     shape: tuple[int, int]
 
@@ -43,7 +40,7 @@ class LinearTransform(ABC):
 
     @abstractmethod
     def project(self, y: Float[Tensor, "... K columns"]) -> Float[Tensor, "... K columns"]:
-        """Analysis of the synthesis: the nearest thing to y, along a fixed direction, that some motion has."""
+        """Analysis of the synthesis; of a linear map: the nearest thing to y, along a fixed direction, that some motion has."""
 
     @abstractmethod
     def split(self, y: Float[Tensor, "... K columns"]) -> dict[str, Tensor]:
@@ -52,3 +49,11 @@ class LinearTransform(ABC):
     @abstractmethod
     def join(self, bands: dict[str, Tensor]) -> Float[Tensor, "... K columns"]:
         """Put sub-bands together again: ``join(split(y)) == y``."""
+
+    def tensors(self) -> dict[str, Tensor]:
+        """What was learnt from data, by name; nothing for a map given by constants."""
+        return {}
+
+
+class LinearTransform(Transform):
+    """y = A x Bᵀ up to a fixed arrangement of the columns; its inverse likewise; every matrix is a `Constant`."""

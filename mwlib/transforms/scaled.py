@@ -6,10 +6,10 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from .linear import Constant, LinearTransform
+from .linear import Constant, Transform
 
 
-def fit_scale(tf: LinearTransform, x: Float[Tensor, "N T C"], kind: str) -> tuple[Tensor, Tensor]:
+def fit_scale(tf: Transform, x: Float[Tensor, "N T C"], kind: str) -> tuple[Tensor, Tensor]:
     """Mean and deviation of the coefficients of training windows.
 
     Own choice: the paper diffuses raw coefficients, in which the details lie far below the noise.
@@ -33,7 +33,7 @@ def fit_scale(tf: LinearTransform, x: Float[Tensor, "N T C"], kind: str) -> tupl
     return mean, deviation.clamp_min(1e-3 * float(deviation.max()))
 
 
-class ScaledTransform(LinearTransform):
+class ScaledTransform(Transform):
     """(tf(x) - mean) / deviation, with the inverse, projection and sub-bands to match.
 
     Args:
@@ -41,7 +41,7 @@ class ScaledTransform(LinearTransform):
         mean, deviation: as `fit_scale` returns them; in metres, shape `base.shape`.
     """
 
-    def __init__(self, base: LinearTransform, mean: Tensor, deviation: Tensor) -> None:
+    def __init__(self, base: Transform, mean: Tensor, deviation: Tensor) -> None:
         self.base, self.mean, self.deviation, self.shape = base, mean.numpy(), deviation.numpy(), base.shape
         self._mean, self._deviation = Constant(self.mean), Constant(self.deviation)
 

@@ -1,0 +1,160 @@
+"""Control of a prediction by masks over joints and frames: joint-level control, motion switching, filled gaps."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import torch
+from jaxtyping import Bool, Float
+from torch import Tensor
+from tqdm import tqdm
+
+from .config import SamplingConfig
+from .guidance import masked
+from .predictor import Predictor
+from .sampling import Shape, WindowNoise
+from .schedule import ddim_indices
+from .skeleton import Skeleton
+
+_STREAM = 1912  # own stream of noise beside the sampler's
+
+
+def joint_mask(skeleton: Skeleton, parts: Sequence[str], frames: int) -> Bool[Tensor, "T C"]:
+    """M of joint-level control: the channels of some body parts, in every frame.
+
+    Source: MotionWavelet Sec. 4.6.1. Own reading: C there is a set of joints and M is over channels: a joint stands for three.
+
+    Raises:
+        KeyError: the skeleton has no such part; the message lists the ones it has.
+    """
+    mask = torch.zeros(frames, 3 * (len(skeleton) - 1), dtype=torch.bool)
+    for part in parts:
+        mask[:, torch.from_numpy(skeleton.channels(part))] = True
+    return mask
+
+
+def frame_mask(frames: int, channels: int, first: int, last: int | None = None) -> Bool[Tensor, "T C"]:
+    """M over frames first to last - 1 (None: to the end), every channel.
+
+    Source: MotionWavelet Sec. 4.6.2: motion switching prescribes the target's last frames. A gap to be filled is the
+    complement.
+
+    Raises:
+        ValueError: the range is empty or leaves the motion.
+    """
+    last = frames if last is None else last
+    if not 0 <= first < last <= frames:
+        raise ValueError(f"frames {first} to {last}; expected a range within 0 to {frames}")
+    mask = torch.zeros(frames, channels, dtype=torch.bool)
+    mask[first:last] = True
+    return mask
+
+
+@torch.inference_mode()
+def controlled(
+    predictor: Predictor,
+    x_target: Float[Tensor, "N T C"],
+    mask: Bool[Tensor, "T C"],
+    samples: int,
+    seed: int = 0,
+    *,
+    x_history: Float[Tensor, "N H C"] | None = None,
+    active: float = 0.9,
+    place: str = "latent",
+    sampling: SamplingConfig | None = None,
+    window_ids: Sequence[int] | None = None,
+    chunk: int = 8,
+    progress: bool = False,
+) -> Float[Tensor, "N S T C"]:
+    """Sampled whole motions whose masked part follows a target.
+
+    Source: MotionWavelet Sec. 4.6; Appendix A: the mask acts in the first 90 of 100 steps. With `active` = 1 it acts in the
+    last one too, with the clean target, and the constraint holds exactly.
+
+    Args:
+        predictor: a trained model.
+        x_target: where the mask is True, what is to happen, metres; elsewhere its values do not matter.
+        mask: over frames and channels.
+        samples: S.
+        seed: of the noise; a window's result depends on it and the window's identity, not on `chunk`.
+        x_history: observed frames; None = the first H frames of x_target.
+        active: share of the steps, counted from the first, in which the mask acts.
+        place: "latent", Eq. 12 and 13; or "clean" (own choice): the target replaces the masked part of every clean estimate, and
+            no second noise comes in. Two noises meet at the mask's border: in coefficients of unit deviation that makes time
+            details many times larger than any the network was trained on.
+        sampling: other guidance settings than the configuration's.
+        window_ids: identity of each window (default 0..N-1).
+        chunk: windows sampled together.
+        progress: show a bar.
+
+    Raises:
+        ValueError: the shapes of target and mask do not fit, or `active` is not a share.
+    """
+    if mask.shape != x_target.shape[1:]:
+        raise ValueError(f"mask has shape {tuple(mask.shape)}; expected {tuple(x_target.shape[1:])}, frames and channels")
+    if place not in ("latent", "clean"):
+        raise ValueError(f"place is {place!r}; expected 'latent' or 'clean'")
+    if not 0 <= active <= 1:
+        raise ValueError(f"active is {active}; expected 0 to 1")
+    s = sampling or predictor.cfg.sampling
+    indices = ddim_indices(predictor.cfg.diffusion.steps, s.ddim_steps, s.spacing)
+    count = round(active * len(indices))
+    reached = [-1.0, *(float(predictor.alpha_bar[t]) for t in indices[1:]), 1.0]  # alpha_bar after so many steps
+    own = int(np.random.SeedSequence((seed, _STREAM)).generate_state(1)[0])
+    past = x_target[:, : predictor.cfg.data.history] if x_history is None else x_history
+    ids = list(window_ids) if window_ids is not None else list(range(len(x_target)))
+    motions = []
+    for first in tqdm(range(0, len(x_target), chunk), disable=not progress, desc="controlling", unit="chunk"):
+        part = slice(first, first + chunk)
+        history = past[part].to(predictor.device, torch.float32)
+        target = x_target[part].to(predictor.device, torch.float32) - predictor.origin(history)
+        noise = WindowNoise(own, ids[part], (samples, *predictor.latent.shape), predictor.device)
+        step = masked(predictor.latent, target, mask, noise, reached[count])
+        hook = {"after_step": step} if place == "latent" else {"clean": _imposed(predictor, target, mask, count)}
+        for state in predictor.steps(history, samples, seed, window_ids=ids[part], sampling=s, **hook):
+            last = state
+        motions.append(predictor.decode(last.y, history).cpu())
+    return torch.cat(motions)
+
+
+def _imposed(predictor: Predictor, target: Tensor, mask: Tensor, steps: int) -> Shape:
+    """The target in place of the masked part of a clean estimate, in the first so many calls, one a step."""
+    tf, left = predictor.latent, iter([True] * steps)
+
+    def impose(y: Tensor) -> Tensor:
+        if not next(left, False):
+            return y
+        return tf(torch.where(mask.to(y.device), target[:, None], tf.inverse(y)))
+
+    return impose
+
+
+def constraint_error(
+    p: Float[Tensor, "N S T C"], x_target: Float[Tensor, "N T C"], mask: Bool[Tensor, "T C"]
+) -> Float[Tensor, "N S"]:
+    """Mean distance of the masked coordinates from the target, metres per coordinate (root mean square)."""
+    return (p - x_target[:, None])[..., mask].square().mean(dim=-1).sqrt()
+
+
+def seam(x: Float[Tensor, "... T C"], frame: int, fps: float) -> dict[str, Float[Tensor, "..."]]:
+    """How hard a motion is at the border before a frame, averaged over joints; set beside the same of real motion.
+
+    Args:
+        x: motions, metres.
+        frame: first frame after the border, at least 2 and at most T - 2.
+        fps: frames per second.
+
+    Returns:
+        "jump" (m), distance from the frame before; "velocity" (m/s), change of velocity across the border; "jerk" (m/s³),
+        third difference across it.
+
+    Raises:
+        ValueError: too near an end.
+    """
+    if not 2 <= frame <= x.shape[-2] - 2:
+        raise ValueError(f"frame is {frame}; expected 2 to {x.shape[-2] - 2}")
+    joints = x[..., frame - 2 : frame + 2, :].unflatten(-1, (-1, 3)).movedim(-3, 0)  # four frames about the border
+    steps = joints.diff(dim=0)
+    found = {"jump": steps[1], "velocity": (steps[2] - steps[0]) * fps, "jerk": steps.diff(dim=0).diff(dim=0)[0] * fps**3}
+    return {name: value.norm(dim=-1).mean(dim=-1) for name, value in found.items()}

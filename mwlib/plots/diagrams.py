@@ -1,0 +1,187 @@
+"""Diagrams of the method, drawn by code around real data: the whole of it (Fig. 1), and attention guidance (Fig. 2)."""
+
+from __future__ import annotations
+
+import numpy as np
+import torch
+from jaxtyping import Bool, Float
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.patches import FancyBboxPatch
+
+from ..skeleton import Skeleton
+from .bodies import THREE_QUARTER, draw_bodies, facing, poses, project
+from .coefficients import DIVERGING
+from .look import CYCLE, FAINT, INK, OBSERVED, WIDTH, array, canvas, limit, style
+
+Array = np.ndarray | torch.Tensor
+SPACING = 0.8  # metres between bodies
+Place = tuple[float, float, float, float]  # left, bottom, width, height, in inches
+
+
+def _board(height: float) -> tuple[Figure, Axes]:
+    """An empty sheet whose data unit is an inch."""
+    fig, axes = canvas(height=height)
+    fig.set_layout_engine("none")
+    ax = axes[0, 0]
+    ax.set(position=(0, 0, 1, 1), xlim=(0, WIDTH), ylim=(0, height))
+    ax.set_axis_off()
+    return fig, ax
+
+
+def _box(ax: Axes, place: Place, text: str, colour: str = INK) -> None:
+    left, bottom, width, height = place
+    look = {"boxstyle": "round,pad=0,rounding_size=0.08", "facecolor": FAINT, "edgecolor": colour, "linewidth": 1.4}
+    ax.add_patch(FancyBboxPatch((left, bottom), width, height, **look))
+    ax.text(left + width / 2, bottom + height / 2, text, ha="center", va="center", fontsize=9, color=INK)
+
+
+def _arrow(ax: Axes, start: tuple[float, float], end: tuple[float, float], text: str = "") -> None:
+    look = {
+        "arrowstyle": "-|>",
+        "color": INK,
+        "linewidth": 1.3,
+        "shrinkA": 2,
+        "shrinkB": 2,
+    }
+    ax.annotate("", end, start, arrowprops=look)
+    if text:
+        ax.text((start[0] + end[0]) / 2, (start[1] + end[1]) / 2 + 0.06, text, ha="center", va="bottom", fontsize=9)
+
+
+def _inset(ax: Axes, place: Place, title: str) -> Axes:
+    inset = ax.inset_axes(place, transform=ax.transData)
+    inset.set(xticks=[], yticks=[])
+    inset.spines[:].set_visible(True)
+    ax.text(place[0] + place[2] / 2, place[1] + place[3] + 0.05, title, ha="center", va="bottom", fontsize=9)
+    return inset
+
+
+def _image(ax: Axes, place: Place, title: str, values: Array, cmap: str = DIVERGING) -> None:
+    values = array(values)
+    most = limit(values)
+    low = -most if cmap == DIVERGING else 0
+    _inset(ax, place, title).imshow(values, cmap=cmap, vmin=low, vmax=most, aspect="auto")
+
+
+def _bodies(ax: Axes, place: Place, title: str, rows: list[tuple[Array, str]], skeleton: Skeleton) -> None:
+    """Several poses side by side in an inset; each item is (poses (n, C), kind)."""
+    inset = _inset(ax, place, title)
+    inset.spines[:].set_visible(False)
+    bodies = [(poses(motion, skeleton), kind) for motion, kind in rows]
+    view = facing(bodies[0][0][0], skeleton) + THREE_QUARTER
+    flat = [(pose, kind) for body, kind in bodies for pose in project(body, view)]
+    for column, (pose, kind) in enumerate(flat):
+        draw_bodies(inset, (pose + [SPACING * column, 0.0])[None], skeleton, kind, width=1.5)
+    heights = np.concatenate([pose[:, 1] for pose, _ in flat])
+    inset.set(xlim=(-SPACING * 0.6, SPACING * (len(flat) - 0.4)), ylim=(heights.min() - 0.08, heights.max() + 0.12))
+    inset.set_aspect("equal")
+
+
+@style()
+def overview(
+    x: Float[Array, "T C"],
+    y: Float[Array, "K columns"],
+    y_t: Float[Array, "K columns"],
+    futures: Float[Array, "S F C"],
+    skeleton: Skeleton,
+    *,
+    history: int,
+) -> tuple[Figure, Axes]:
+    """The whole method (the paper's Fig. 1): training above, prediction below, with real data in the insets.
+
+    Args:
+        x: a whole motion, metres.
+        y: its coefficients.
+        y_t: the same with noise.
+        futures: sampled futures of its history, metres.
+        history: observed frames H.
+    """
+    x, futures = array(x), array(futures)
+    fig, ax = _board(5.3)
+    ax.text(0.08, 5.1, "Training", fontsize=10.5, fontweight="bold", va="center")
+    middle = len(x) // 2
+    moments = [(x[[0, history - 1]], "observed"), (x[[middle, -1]], "truth")]
+    _bodies(ax, (0.05, 3.4, 1.75, 1.1), "motion $\\mathbf{x}$, $T\\times C$", moments, skeleton)
+    _box(ax, (2.05, 3.7, 0.6, 0.5), "DWT")
+    _image(ax, (2.95, 3.4, 0.95, 1.1), "$\\mathbf{y}^{(0)}$, $K\\times4D$", y)
+    _arrow(ax, (1.8, 3.95), (2.05, 3.95))
+    _arrow(ax, (2.65, 3.95), (2.95, 3.95))
+    _arrow(ax, (3.9, 3.95), (4.4, 3.95), "noise")
+    _image(ax, (4.4, 3.4, 0.95, 1.1), "$\\mathbf{y}^{(t)}$", y_t)
+    _box(ax, (5.6, 3.62, 0.75, 0.66), "denoiser\n$\\epsilon_\\theta$", CYCLE[0])
+    _arrow(ax, (5.36, 3.95), (5.6, 3.95))
+    ax.text(WIDTH - 0.05, 3.5, "learns the noise", ha="right", va="top", fontsize=9)
+
+    ax.plot([0.08, WIDTH - 0.08], [3.05, 3.05], color=OBSERVED, linewidth=0.8)
+    ax.text(0.08, 2.85, "Prediction", fontsize=10.5, fontweight="bold", va="center")
+    last = x[[0, history // 2, history - 1]]
+    _bodies(ax, (0.05, 1.35, 1.3, 1.1), "history, padded", [(last, "observed")], skeleton)
+    _box(ax, (1.5, 1.65, 0.55, 0.5), "DWT")
+    _arrow(ax, (1.35, 1.9), (1.5, 1.9))
+    _arrow(ax, (2.05, 1.9), (2.45, 1.9))
+    _box(ax, (2.45, 1.5, 0.95, 0.8), "denoiser\n$\\epsilon_\\theta$\n+ CFG, TABG", CYCLE[0])
+    _box(ax, (2.45, 0.45, 0.95, 0.55), "DDIM step,\nWMSG", CYCLE[0])
+    _arrow(ax, (3.15, 1.5), (3.15, 1.0))
+    _arrow(ax, (2.7, 1.0), (2.7, 1.5))
+    ax.text(2.92, 0.18, "repeat, $t=M,\\dots,1$", ha="center", va="center", fontsize=9)
+    noise = np.random.default_rng(0).normal(size=array(y).shape)
+    _image(ax, (1.1, 0.25, 0.8, 0.75), "start: noise", noise)
+    _arrow(ax, (1.9, 0.65), (2.45, 0.72))
+    _box(ax, (3.75, 0.47, 0.6, 0.5), "iDWT")
+    _arrow(ax, (3.4, 0.72), (3.75, 0.72), "")
+    ends = [(futures[: min(4, len(futures)), -1], "predicted")]
+    _bodies(ax, (4.55, 0.2, 1.8, 1.15), "many futures (last frames)", ends, skeleton)
+    _arrow(ax, (4.35, 0.72), (4.6, 0.72))
+    return fig, ax
+
+
+@style()
+def tabg_diagram(
+    y_t: Float[Array, "K columns"],
+    attention: Float[Array, "K K"],
+    a_t: Float[Array, " K"],
+    mask: Bool[Array, " K"],
+    y_hat: Float[Array, "K columns"],
+    *,
+    threshold: float = 1.0,
+) -> tuple[Figure, Axes]:
+    """Attention guidance (TABG, the paper's Fig. 2), with one real step in the insets.
+
+    Args:
+        y_t: the noisy latent.
+        attention: mean of the middle two blocks and heads; rows ask, columns are looked at.
+        a_t: its column sums, mean 1.
+        mask: rows that are noised once more.
+        y_hat: the latent with those rows noised.
+        threshold: phi.
+    """
+    a_t, mask = array(a_t), array(mask)
+    fig, ax = _board(4.1)
+    shown = limit(np.quantile(np.abs(array(y_t)), 0.99))
+    attention = np.minimum(array(attention), np.quantile(array(attention), 0.995))  # else one bright spot hides the rest
+    _image(ax, (0.1, 2.35, 0.95, 1.15), "$\\mathbf{y}^{(t)}$", np.clip(array(y_t), -shown, shown))
+    _box(ax, (1.35, 2.6, 0.95, 0.65), "TransLinear\n$\\epsilon_\\theta(\\mathbf{y}^{(t)})$", CYCLE[0])
+    _arrow(ax, (1.05, 2.92), (1.35, 2.92))
+    _image(ax, (2.75, 2.35, 1.15, 1.15), "attention, middle blocks", attention, "viridis")
+    _arrow(ax, (2.3, 2.92), (2.75, 2.92))
+    curve = _inset(ax, (4.55, 2.35, 1.7, 1.15), "$A_t$ and the rows of the mask $M_t$")
+    rows = np.arange(len(a_t))
+    curve.fill_between(rows, 0, float(a_t.max()) * 1.05, where=mask, color=CYCLE[1], alpha=0.3, linewidth=0, step="mid")
+    curve.plot(rows, a_t, color=CYCLE[0])
+    curve.axhline(threshold, color=INK, linewidth=0.9, linestyle="--")
+    curve.set(ylim=(0, float(a_t.max()) * 1.05), xlim=(0, len(a_t) - 1))
+    curve.text(len(a_t) * 0.97, threshold, "$\\phi$", ha="right", va="bottom", fontsize=9)
+    _arrow(ax, (3.9, 2.92), (4.55, 2.92), "sum over\nqueries")
+    _image(ax, (4.9, 0.35, 0.95, 1.15), "$\\hat{\\mathbf{y}}^{(t)}$: those rows noised", np.clip(array(y_hat), -shown, shown))
+    _arrow(ax, (5.4, 2.35), (5.4, 1.75))
+    _box(ax, (3.35, 0.6, 1.0, 0.65), "TransLinear\n$\\epsilon_\\theta(\\hat{\\mathbf{y}}^{(t)})$", CYCLE[0])
+    _arrow(ax, (4.9, 0.92), (4.35, 0.92))
+    eq11 = "Eq. 11\n$\\tilde\\epsilon=\\epsilon+s\\,(\\hat\\epsilon-\\epsilon)$"
+    _box(ax, (1.05, 0.55, 1.6, 0.75), eq11, CYCLE[1])
+    _arrow(ax, (3.35, 0.92), (2.65, 0.92), "$\\hat\\epsilon$")
+    _arrow(ax, (1.82, 2.6), (1.82, 1.3))
+    ax.text(1.9, 1.95, "$\\epsilon$", fontsize=10, va="center")
+    ax.text(0.5, 0.92, "to CFG", ha="center", va="bottom", fontsize=9)
+    _arrow(ax, (1.05, 0.92), (0.15, 0.92))
+    return fig, ax

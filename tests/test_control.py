@@ -1,0 +1,113 @@
+"""Control masks: what they hold, that constraints hold, and that they change nothing else by accident."""
+
+from __future__ import annotations
+
+import pytest
+import torch
+
+from mwlib.config import Config
+from mwlib.control import constraint_error, controlled, frame_mask, joint_mask, seam
+from mwlib.data import load_motions
+from mwlib.data.windows import windows
+from mwlib.diffusion import noised
+from mwlib.guidance import masked
+from mwlib.predictor import Predictor, make_network, make_transform
+from mwlib.runs import prepare
+from mwlib.skeleton import H36M17
+from mwlib.training import fit_scales
+from mwlib.transforms import WaveletTransform
+from tests.test_training import SMALL
+
+T, C = 20, 48
+
+
+@pytest.fixture(scope="module", params=["pose", "displacement"])
+def model(request):
+    """An untrained network that does something: random weights where training starts from zero."""
+    cfg = Config.preset("tiny", **SMALL, target=request.param)
+    x = windows(prepare(load_motions("synthetic")[:4], cfg.data.fps), 6, 14, 5).x
+    base = make_transform(cfg, C)
+    torch.manual_seed(0)
+    net = make_network(cfg, base.shape)
+    for parameter in net.parameters():
+        torch.nn.init.normal_(parameter, std=0.02)
+    return Predictor(cfg, net, fit_scales(cfg, base, x), C), x[:3]
+
+
+def test_masks_hold_what_they_say():
+    mask = joint_mask(H36M17, ["left_arm", "right_leg"], T)
+    assert mask.shape == (T, C) and mask.sum() == T * 18 and torch.equal(mask[0], mask[-1])
+    assert mask[0, :9].all() and mask[0, 30:39].all()
+    assert frame_mask(T, C, 15).sum() == 5 * C and frame_mask(T, C, 3, 5).nonzero()[:, 0].unique().tolist() == [3, 4]
+    with pytest.raises(KeyError, match="no part 'tail'"):
+        joint_mask(H36M17, ["tail"], T)
+    with pytest.raises(ValueError, match="within 0 to 20"):
+        frame_mask(T, C, 15, 25)
+
+
+def test_eq_12_and_13_by_hand():
+    generator = torch.Generator().manual_seed(0)
+    tf = WaveletTransform(T, C)
+    x, z = torch.randn(2, T, C, generator=generator, dtype=torch.float64), torch.randn(*tf.shape, dtype=torch.float64)
+    y, mask, a = tf(x[0]) + 0.1, joint_mask(H36M17, ["spine"], T), 0.7
+    expected = tf(mask * tf.inverse(a**0.5 * tf(x[1]) + (1 - a) ** 0.5 * z) + ~mask * tf.inverse(y))
+    torch.testing.assert_close(masked(tf, x[1], mask, lambda: z)(y, a), expected)
+    assert masked(tf, x[1], mask, lambda: z, until=0.5)(y, a) is y
+    torch.testing.assert_close(noised(tf(x[1]), z, a), a**0.5 * tf(x[1]) + (1 - a) ** 0.5 * z)
+
+
+@pytest.mark.parametrize("place", ["latent", "clean"])
+def test_the_constraint_holds_when_the_mask_acts_to_the_end(model, place):
+    predictor, x = model
+    for mask in (joint_mask(H36M17, ["left_leg"], T), frame_mask(T, C, 15)):
+        exact = controlled(predictor, x, mask, 2, active=1.0, place=place)
+        loose = controlled(predictor, x, mask, 2, active=0.4, place=place)
+        assert exact.shape == (3, 2, T, C) and constraint_error(exact, x, mask).max() < 1e-5
+        assert constraint_error(loose, x, mask).min() > 10 * constraint_error(exact, x, mask).max()
+        assert not torch.allclose(exact[:, 0][:, ~mask], exact[:, 1][:, ~mask])  # the rest stays free
+
+
+def test_without_a_mask_it_is_the_plain_prediction_on_the_manifold(model):
+    predictor, x = model
+    shaped = predictor.with_sampling(wmsg="every_step")
+    plain = predictor.predict(x[:, :6], 2, 5, sampling=shaped)
+    free = controlled(predictor, x, torch.zeros(T, C, dtype=torch.bool), 2, 5, active=1.0)
+    torch.testing.assert_close(free[:, :, 6:], plain, atol=1e-4, rtol=1e-4)
+    never = controlled(predictor, x, frame_mask(T, C, 0), 2, 5, active=0.0)
+    assert torch.equal(never[:, :, 6:], predictor.predict(x[:, :6], 2, 5))
+
+
+def test_chunks_change_nothing(model):
+    predictor, x = model
+    mask = frame_mask(T, C, 15)
+    together = controlled(predictor, x, mask, 2, chunk=8)
+    apart = [controlled(predictor, x[i : i + 1], mask, 2, window_ids=[i]) for i in range(3)]
+    torch.testing.assert_close(together, torch.cat(apart), atol=1e-5, rtol=1e-4)
+
+
+def test_other_histories_and_bad_shapes(model):
+    predictor, x = model
+    mask = frame_mask(T, C, 15)
+    other = controlled(predictor, x, mask, 1, x_history=x.flip(0)[:, :6], active=1.0)
+    assert constraint_error(other, x, mask).max() < 1e-5
+    with pytest.raises(ValueError, match="mask has shape"):
+        controlled(predictor, x, mask[:5], 1)
+    with pytest.raises(ValueError, match="place is 'both'"):
+        controlled(predictor, x, mask, 1, place="both")
+    with pytest.raises(ValueError, match="active is 2"):
+        controlled(predictor, x, mask, 1, active=2.0)
+
+
+def test_seam_measures_a_known_motion():
+    """x = t³ m on every coordinate: third difference 6 fps⁻³ each, so jerk is 6 sqrt(3) m/s³."""
+    fps = 10.0
+    t = torch.arange(T, dtype=torch.float64) / fps
+    x = (t**3)[:, None].expand(T, C)
+    found = seam(x, 10, fps)
+    assert abs(float(found["jerk"]) - 6 * 3**0.5) < 1e-6
+    assert abs(float(found["jump"]) - 3**0.5 * float(t[10] ** 3 - t[9] ** 3)) < 1e-9
+    step = torch.zeros(T, C)
+    step[10:] = 0.2
+    assert abs(float(seam(step, 10, fps)["jump"]) - 0.2 * 3**0.5) < 1e-6 and float(seam(step, 5, fps)["jerk"]) == 0
+    with pytest.raises(ValueError, match="expected 2 to 18"):
+        seam(x, 19, fps)
