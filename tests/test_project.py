@@ -105,7 +105,8 @@ def test_every_saved_exhibit_is_in_the_manifest_and_made_ones_are_saved():
         (path.stem, stem)
         for path in course()
         for cell in json.loads(path.read_text())["cells"]
-        for stem in re.findall(r"""\bsave(?:_table)?\([^"']*["'](\w+)["']""", "".join(cell["source"]))
+        if cell["cell_type"] == "code"
+        for stem in re.findall(r"""["']((?:fig|table)_\d\d_\w+)["']""", "".join(cell["source"]))
     }
     assert saved == {(row.notebook, row.stem) for row in read_manifest() if row.status == "made"}
 

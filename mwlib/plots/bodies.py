@@ -123,7 +123,8 @@ class Board:
         if observed:
             edge = (observed - 0.5) * self.spacing
             self.ax.axvspan(-0.5 * self.spacing, edge, color=FAINT, linewidth=0, zorder=0)
-            for side, word in (("right", "observed  "), ("left", "  future")):
+            words = (("right", "observed  "), ("left", "  future"))
+            for side, word in words[: 1 if observed == len(titles) else 2]:
                 self.ax.annotate(word, (edge, self.top), (0, 19), ha=side, **near)
         for column, title in enumerate(titles):
             self.ax.annotate(title, (column * self.spacing, self.top), (0, 5), ha="center", size=9, **near)

@@ -111,7 +111,7 @@ def overview(
     _image(ax, (4.4, 3.4, 0.95, 1.1), "$\\mathbf{y}^{(t)}$", y_t)
     _box(ax, (5.6, 3.62, 0.75, 0.66), "denoiser\n$\\epsilon_\\theta$", CYCLE[0])
     _arrow(ax, (5.36, 3.95), (5.6, 3.95))
-    ax.text(WIDTH - 0.05, 3.5, "learns the noise", ha="right", va="top", fontsize=9)
+    ax.text(5.97, 3.56, "learns\nthe noise", ha="center", va="top", fontsize=9)
 
     ax.plot([0.08, WIDTH - 0.08], [3.05, 3.05], color=OBSERVED, linewidth=0.8)
     ax.text(0.08, 2.85, "Prediction", fontsize=10.5, fontweight="bold", va="center")
