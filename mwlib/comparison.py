@@ -23,6 +23,7 @@ from .runs import Split, fingerprint, get_run, split_motions
 from .training import load_run
 
 METRICS = ("apd", "ade", "fde", "mmade", "mmfde", "bone_length_jitter")
+HEADS = ("APD", "ADE", "FDE", "MMADE", "MMFDE", "bone jitter (mm)")  # of their columns
 _OFF: dict[str, Any] = dict(cfg_weight=0.0, cfg_form="eq7", tabg_scale=0.0, wmsg="off")
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -11,7 +12,7 @@ from torch import Tensor
 from tqdm import tqdm
 
 from .config import SamplingConfig
-from .guidance import masked
+from .guidance import Mask, masked
 from .predictor import Predictor
 from .sampling import Shape, WindowNoise
 from .schedule import ddim_indices
@@ -51,11 +52,24 @@ def frame_mask(frames: int, channels: int, first: int, last: int | None = None) 
     return mask
 
 
+def feathered(mask: Bool[Tensor, "T C"], frames: int) -> Float[Tensor, "T C"]:
+    """M that rises and falls as half a cosine within so many frames before and after each prescribed stretch.
+
+    Own choice: the paper's M is 0 or 1. There the target must be given, too; it counts as far as M says.
+    """
+    soft = mask.float()
+    for k in range(1, frames + 1):
+        height = 0.5 + 0.5 * math.cos(math.pi * k / (frames + 1))
+        soft[:-k] = soft[:-k].maximum(height * mask[k:])
+        soft[k:] = soft[k:].maximum(height * mask[:-k])
+    return soft
+
+
 @torch.inference_mode()
 def controlled(
     predictor: Predictor,
     x_target: Float[Tensor, "N T C"],
-    mask: Bool[Tensor, "T C"],
+    mask: Mask,
     samples: int,
     seed: int = 0,
     *,
@@ -74,8 +88,8 @@ def controlled(
 
     Args:
         predictor: a trained model.
-        x_target: where the mask is True, what is to happen, metres; elsewhere its values do not matter.
-        mask: over frames and channels.
+        x_target: where the mask is not 0, what is to happen, metres; elsewhere its values do not matter.
+        mask: over frames and channels, hard (0 or 1) or feathered.
         samples: S.
         seed: of the noise; a window's result depends on it and the window's identity, not on `chunk`.
         x_history: observed frames; None = the first H frames of x_target.
@@ -89,10 +103,12 @@ def controlled(
         progress: show a bar.
 
     Raises:
-        ValueError: the shapes of target and mask do not fit, or `active` is not a share.
+        ValueError: the shapes of target and mask do not fit, the mask leaves 0 to 1, or `active` is not a share.
     """
     if mask.shape != x_target.shape[1:]:
         raise ValueError(f"mask has shape {tuple(mask.shape)}; expected {tuple(x_target.shape[1:])}, frames and channels")
+    if mask.is_floating_point() and not 0 <= float(mask.min()) <= float(mask.max()) <= 1:
+        raise ValueError(f"mask has values from {float(mask.min()):g} to {float(mask.max()):g}; expected 0 to 1")
     if place not in ("latent", "clean"):
         raise ValueError(f"place is {place!r}; expected 'latent' or 'clean'")
     if not 0 <= active <= 1:
@@ -120,30 +136,29 @@ def controlled(
 
 def _imposed(predictor: Predictor, target: Tensor, mask: Tensor, steps: int) -> Shape:
     """The target in place of the masked part of a clean estimate, in the first so many calls, one a step."""
-    tf, left = predictor.latent, iter([True] * steps)
+    tf, left, m = predictor.latent, iter([True] * steps), mask.to(target)
 
     def impose(y: Tensor) -> Tensor:
         if not next(left, False):
             return y
-        return tf(torch.where(mask.to(y.device), target[:, None], tf.inverse(y)))
+        return tf(m * target[:, None] + (1 - m) * tf.inverse(y))
 
     return impose
 
 
-def constraint_error(
-    p: Float[Tensor, "N S T C"], x_target: Float[Tensor, "N T C"], mask: Bool[Tensor, "T C"]
-) -> Float[Tensor, "N S"]:
-    """Mean distance of the masked coordinates from the target, metres per coordinate (root mean square)."""
-    return (p - x_target[:, None])[..., mask].square().mean(dim=-1).sqrt()
+def constraint_error(p: Float[Tensor, "N S T C"], x_target: Float[Tensor, "N T C"], mask: Mask) -> Float[Tensor, "N S"]:
+    """Mean distance of the prescribed coordinates (M = 1) from the target, metres per coordinate (root mean square)."""
+    return (p - x_target[:, None])[..., mask == 1].square().mean(dim=-1).sqrt()
 
 
-def seam(x: Float[Tensor, "... T C"], frame: int, fps: float) -> dict[str, Float[Tensor, "..."]]:
-    """How hard a motion is at the border before a frame, averaged over joints; set beside the same of real motion.
+def seam(x: Float[Tensor, "... T C"], frame: int, fps: float, ramp: int = 0) -> dict[str, Float[Tensor, "..."]]:
+    """How hard a motion is at a border between frames, averaged over joints; set beside the same of real motion.
 
     Args:
         x: motions, metres.
-        frame: first frame after the border, at least 2 and at most T - 2.
+        frame: first frame after the border, at most T - 2.
         fps: frames per second.
+        ramp: for feathered masks; the largest value counts of the borders before frames `frame - ramp` to `frame`.
 
     Returns:
         "jump" (m), distance from the frame before; "velocity" (m/s), change of velocity across the border; "jerk" (m/s³),
@@ -152,9 +167,13 @@ def seam(x: Float[Tensor, "... T C"], frame: int, fps: float) -> dict[str, Float
     Raises:
         ValueError: too near an end.
     """
-    if not 2 <= frame <= x.shape[-2] - 2:
-        raise ValueError(f"frame is {frame}; expected 2 to {x.shape[-2] - 2}")
-    joints = x[..., frame - 2 : frame + 2, :].unflatten(-1, (-1, 3)).movedim(-3, 0)  # four frames about the border
-    steps = joints.diff(dim=0)
-    found = {"jump": steps[1], "velocity": (steps[2] - steps[0]) * fps, "jerk": steps.diff(dim=0).diff(dim=0)[0] * fps**3}
-    return {name: value.norm(dim=-1).mean(dim=-1) for name, value in found.items()}
+    if ramp < 0 or not 2 + ramp <= frame <= x.shape[-2] - 2:
+        raise ValueError(f"frame is {frame} and ramp {ramp}; expected a frame from {2 + max(ramp, 0)} to {x.shape[-2] - 2}")
+    joints = x[..., frame - ramp - 2 : frame + 2, :].unflatten(-1, (-1, 3))
+    steps = joints.diff(dim=-3)
+    found = {
+        "jump": steps[..., 1:-1, :, :],
+        "velocity": (steps[..., 2:, :, :] - steps[..., :-2, :, :]) * fps,
+        "jerk": steps.diff(dim=-3).diff(dim=-3) * fps**3,
+    }
+    return {name: value.norm(dim=-1).mean(dim=-1).amax(dim=-1) for name, value in found.items()}

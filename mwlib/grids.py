@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -12,15 +13,14 @@ import torch
 import yaml
 
 from . import __version__
-from .comparison import METRICS
+from .comparison import HEADS, METRICS
 from .config import Config
 from .experiment import get_result
 from .runs import Split, split_motions
 
-GRIDS = Path(__file__).resolve().parents[1] / "figures" / "grids.yaml"
-HEADS = {
-    "apd": "APD", "ade": "ADE", "fde": "FDE", "mmade": "MMADE", "mmfde": "MMFDE", "bone_length_jitter": "bone jitter",
-}  # fmt: skip
+FIGURES = Path(__file__).resolve().parents[1] / "figures"
+GRIDS = FIGURES / "grids.yaml"
+HEAD = dict(zip(METRICS, HEADS, strict=True))
 
 
 @dataclass(frozen=True)
@@ -187,7 +187,7 @@ def lines(found: Sequence[dict[str, Any]], metrics: Sequence[str] = METRICS[:5],
     for row in found:
         line: dict[str, object] = {"row": row["name"]}
         for m in metrics:
-            scale, head = (1000, "bone jitter (mm)") if m == "bone_length_jitter" else (1, HEADS[m])
+            scale, head = 1000 if m == "bone_length_jitter" else 1, HEAD[m]
             if any(m in other["paper"] for other in found):
                 line[f"{head}, paper"] = row["paper"].get(m)
             spread = row["seed_deviation"][m]
@@ -196,6 +196,28 @@ def lines(found: Sequence[dict[str, Any]], metrics: Sequence[str] = METRICS[:5],
             if errors:
                 line[f"{head}, standard error"] = scale * row["standard_error"][m]
         out.append(line | ({"seeds": row["seeds"], "windows": row["windows"]} if errors else {}))
+    return out
+
+
+def committed(name: str, metrics: Sequence[str] = METRICS[:3], folder: Path = FIGURES / "cmu") -> list[dict[str, object]]:
+    """A grid as measured on real people, read from the table that `grid-table` wrote, in the form of `lines`.
+
+    Raises:
+        FileNotFoundError: there is no such table in the folder.
+    """
+    heads = [HEAD[m] for m in metrics]
+    with (folder / f"{name}.csv").open(encoding="utf-8", newline="") as file:
+        rows = list(csv.DictReader(file))
+    out = []
+    for row in rows:
+        number = {head: float(value) for head, value in row.items() if head != "row" and value}
+        line: dict[str, object] = {"row": row["row"]}
+        for head in heads:
+            if f"{head}, paper" in row:
+                line[f"{head}, paper"] = number.get(f"{head}, paper")
+            spread = number.get(f"{head}, deviation")
+            line[head] = number[head] if spread is None else (number[head], spread)
+        out.append(line)
     return out
 
 

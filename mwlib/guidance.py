@@ -18,6 +18,8 @@ from .diffusion import noised
 from .sampling import AfterStep, Denoise
 from .transforms import Transform
 
+Mask = Bool[Tensor, "T C"] | Float[Tensor, "T C"]  # True or 1 where a target holds, in between a mixture
+
 
 @runtime_checkable
 class Branches(Protocol):
@@ -163,7 +165,7 @@ def guided(
 
 
 def masked(
-    tf: Transform, x_target: Float[Tensor, "... T C"], mask: Bool[Tensor, "T C"], noise: Callable[[], Tensor], until: float = 1.0
+    tf: Transform, x_target: Float[Tensor, "... T C"], mask: Mask, noise: Callable[[], Tensor], until: float = 1.0
 ) -> AfterStep:
     """Eq. 12 and 13 as the `after_step` of a sampler: the masked part of the motion is the noisy target's.
 
@@ -174,17 +176,18 @@ def masked(
     Args:
         tf: transform of motions; an axis for the samples may be missing in x_target.
         x_target: the motion to impose, in the latent's frame of reference (see `Predictor.origin`).
-        mask: True where the target holds.
+        mask: M.
         noise: draws a tensor like y, anew at every step.
         until: largest alpha_bar at which it acts; 1 = to the last step.
     """
     y0 = tf(x_target)
+    m = mask.to(y0)
 
     def impose(y: Float[Tensor, "... K D"], alpha_bar_prev: float) -> Float[Tensor, "... K D"]:
         if alpha_bar_prev > until:
             return y
         clean = y0.unsqueeze(-3) if y0.ndim < y.ndim else y0
         x_c = tf.inverse(noised(clean, noise(), alpha_bar_prev))
-        return tf(torch.where(mask.to(y.device), x_c, tf.inverse(y)))
+        return tf(m * x_c + (1 - m) * tf.inverse(y))
 
     return impose

@@ -13,7 +13,7 @@ from torch import Tensor
 
 from . import __version__, plots
 from .checkpoint import write_atomic
-from .comparison import METRICS, Row, compare, row_predictor, rows
+from .comparison import HEADS, METRICS, Row, compare, row_predictor, rows
 from .config import Config
 from .data.windows import windows
 from .experiment import parse_changes
@@ -21,7 +21,6 @@ from .presets import PRESETS
 from .runs import Split, get_run, split_motions
 from .training import load_run
 
-HEADS = ("APD", "ADE", "FDE", "MMADE", "MMFDE", "bone jitter (mm)")
 ACKNOWLEDGEMENT = {
     "cmu": "The data used in this project was obtained from mocap.cs.cmu.edu. The database was created with funding from "
     "NSF EIA-0196217."

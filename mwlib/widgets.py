@@ -35,6 +35,8 @@ def explore(figure_function: FigureFunction, **controls: object) -> VBox | None:
     for control in box.children:
         if control.has_trait("continuous_update"):
             control.continuous_update = False
+        if control.has_trait("description"):
+            control.style.description_width = "initial"  # names are never cut off
     return box
 
 

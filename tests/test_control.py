@@ -6,7 +6,7 @@ import pytest
 import torch
 
 from mwlib.config import Config
-from mwlib.control import constraint_error, controlled, frame_mask, joint_mask, seam
+from mwlib.control import constraint_error, controlled, feathered, frame_mask, joint_mask, seam
 from mwlib.data import load_motions
 from mwlib.data.windows import windows
 from mwlib.diffusion import noised
@@ -67,6 +67,31 @@ def test_the_constraint_holds_when_the_mask_acts_to_the_end(model, place):
         assert not torch.allclose(exact[:, 0][:, ~mask], exact[:, 1][:, ~mask])  # the rest stays free
 
 
+def test_a_feathered_mask_rises_as_half_a_cosine():
+    hard = frame_mask(T, C, 12, 15)
+    soft = feathered(hard, 3)
+    rise = torch.tensor([0, 0.5 - 0.125**0.5, 0.5, 0.5 + 0.125**0.5, 1])
+    torch.testing.assert_close(soft[8:13, 0], rise)
+    torch.testing.assert_close(soft[14:19, 5], rise.flip(0))
+    assert torch.equal(soft == 1, hard) and torch.equal(feathered(hard, 0), hard.float())
+    assert feathered(frame_mask(T, C, 0), 4).min() == 1
+
+
+def test_feathered_control_is_exact_where_it_is_one_and_a_mixture_in_between(model):
+    predictor, x = model
+    hard = frame_mask(T, C, 15)
+    goal, soft = x.roll(1, 0), feathered(hard, 3)
+    p = controlled(predictor, goal, soft, 2, x_history=x[:, :6], active=1.0, place="clean")
+    assert constraint_error(p, goal, soft).max() < 1e-5
+    free = controlled(predictor, goal, hard, 2, x_history=x[:, :6], active=0.0)
+    pasted = torch.where(hard, goal[:, None], free)
+    assert seam(p, 15, 25, 3)["jump"].mean() < seam(pasted, 15, 25, 3)["jump"].mean()
+    as_float = controlled(predictor, goal, hard.float(), 2)
+    assert torch.equal(as_float, controlled(predictor, goal, hard, 2))
+    with pytest.raises(ValueError, match="values from 0 to 2"):
+        controlled(predictor, goal, 2 * soft, 2)
+
+
 def test_without_a_mask_it_is_the_plain_prediction_on_the_manifold(model):
     predictor, x = model
     shaped = predictor.with_sampling(wmsg="every_step")
@@ -109,5 +134,9 @@ def test_seam_measures_a_known_motion():
     step = torch.zeros(T, C)
     step[10:] = 0.2
     assert abs(float(seam(step, 10, fps)["jump"]) - 0.2 * 3**0.5) < 1e-6 and float(seam(step, 5, fps)["jerk"]) == 0
-    with pytest.raises(ValueError, match="expected 2 to 18"):
+    late = seam(step, 13, fps, ramp=4)
+    assert abs(float(late["jump"]) - 0.2 * 3**0.5) < 1e-6 and float(seam(step, 13, fps, ramp=1)["jump"]) == 0
+    with pytest.raises(ValueError, match="from 2 to 18"):
         seam(x, 19, fps)
+    with pytest.raises(ValueError, match="from 6 to 18"):
+        seam(x, 5, fps, ramp=4)

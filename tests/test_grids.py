@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 import yaml
 
-from mwlib import experiment, grids
+from mwlib import experiment, grids, plots
 from mwlib.__main__ import main
 from mwlib.config import Config
 from mwlib.course.files import course
@@ -128,3 +128,17 @@ def test_after_a_kill_only_what_is_missing_runs_again(tmp_path):
     assert again.stdout.count("rule experiment:") == 1, again.stdout
     assert done[0].stat().st_mtime_ns == first
     assert (tmp_path / "out" / "grids" / "bases.csv").read_text().count("\n") == 3
+
+
+def test_the_committed_tables_come_back_as_lines(tmp_path):
+    found = {"name": "a", "paper": {"ade": 0.4}, "windows": 3, "seeds": 2, "seconds": 1.0}
+    found |= {"mean": dict.fromkeys(grids.METRICS, 0.5), "standard_error": dict.fromkeys(grids.METRICS, 0.1)}
+    rows = [found | {"seed_deviation": dict.fromkeys(grids.METRICS, 0.25)}]
+    rows.append(found | {"name": "b", "paper": {}, "seed_deviation": dict.fromkeys(grids.METRICS)})
+    plots.save_table(grids.lines(rows, grids.METRICS, errors=True), tmp_path, "bases", provenance={"data": "synthetic"})
+    metrics = ("ade", "bone_length_jitter")
+    assert grids.committed("bases", metrics, tmp_path) == grids.lines(rows, metrics)
+    with pytest.raises(FileNotFoundError, match="table_9"):
+        grids.committed("table_9")
+    for name in grids.read_grids():
+        assert len(grids.committed(name)) == len(grids.read_grids()[name].rows)

@@ -49,6 +49,7 @@ PICTURES = {
     "storyboard of one motion in the world": partial(plots.storyboard, WALK.positions, H36M17, fps=FPS, frames=[0, 5, -1]),
     "overlay_futures": partial(plots.overlay_futures, FUTURE, H36M17, fps=FPS, truth=X[HISTORY:], last=X[HISTORY - 1]),
     "overlay_futures alone": partial(plots.overlay_futures, FUTURE.numpy(), H36M17, fps=FPS, frames=(3, -1)),
+    "end_poses": partial(plots.end_poses, {"walk": (FUTURE, X[HISTORY:]), "again": (FUTURE[:2], X)}, H36M17),
     "trajectories": partial(plots.trajectories, X[:, 8], FUTURE[:, :, 8], fps=FPS),
     "trajectories of two methods": partial(plots.trajectories, X[:, 8], {"a": FUTURE[:, :, 8], "b": FUTURE[:1, :, 8]}, fps=FPS),
     "trajectories as lines": partial(plots.trajectories, X[:, 8], FUTURE[:, :, 8], fps=FPS, fan=False),

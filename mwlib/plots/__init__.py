@@ -14,7 +14,7 @@ from .metric_picture import metric_picture
 from .phase import error_by_size, phase_circles, predicted_curves, windows_and_sinusoids
 from .save import save, save_table, show
 from .signals import filters, padding_modes, scaling_and_wavelet, signal_and_coefficients
-from .skeletons import animate, film, overlay_futures, storyboard
+from .skeletons import animate, end_poses, film, overlay_futures, storyboard
 from .tables import Table, results_table, significant
 
 __all__ = [
@@ -34,6 +34,7 @@ __all__ = [
     "curves",
     "ddim_path",
     "dots",
+    "end_poses",
     "energy_bars",
     "error_by_size",
     "film",

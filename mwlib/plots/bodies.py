@@ -22,7 +22,8 @@ ELEVATION = 15.0  # degrees, as HumanMAC draws
 THREE_QUARTER = -55.0  # degrees from the body's front, towards its right: it walks to the right of the page, both arms visible
 # (middle, left, right) of a body; right limbs are dashed besides
 COLOURS = {"observed": (OBSERVED,) * 3, "truth": (TRUTH,) * 3, "predicted": ("#5d6470", LEFT, RIGHT)}
-TALLEST, HIGHEST = 3.0, 7.2  # inches for a row of bodies, for all of them
+TALLEST, LEAST, HIGHEST = 3.0, 0.85, 7.2  # inches for a row of bodies, at least, and for all of them unless rows need more
+TITLE = 0.68  # inches that a time above a column takes
 
 
 def poses(motion: AnyMotion, skeleton: Skeleton) -> Float[np.ndarray, "... joints 3"]:
@@ -102,18 +103,19 @@ class Board:
     ) -> None:
         self.skeleton = skeleton
         half, bottom, top = _extent(motions)
-        half *= 1.04
-        self.spacing, self.height = 2 * half, 1.08 * (top - bottom)
+        self.spacing, self.height = 2.08 * half, 1.08 * (top - bottom)
         top += 0.04 * (top - bottom)
         margin, header = 0.3 if any(labels) else 0.0, 0.45  # inches
         # scale: inches per metre
-        scale = min((WIDTH - margin) / (self.spacing * len(titles)), TALLEST / self.height, HIGHEST / self.height / len(labels))
+        row = min(TALLEST, max(LEAST, HIGHEST / len(labels)))
+        scale = min((WIDTH - margin) / (self.spacing * len(titles)), row / self.height)
+        self.spacing = max(self.spacing, min(TITLE, (WIDTH - margin) / len(titles)) / scale)
         width = max(self.spacing * len(titles) * scale + margin, 2.4)
         height = self.height * len(labels) * scale
         self.fig = Figure(figsize=(width, height + header))
         self.ax = self.fig.add_axes((margin / width, 0.0, 1 - margin / width, height / (height + header)))
         self.ax.set_axis_off()
-        middle, reach = (len(titles) - 1) * half, (width - margin) / scale / 2
+        middle, reach = (len(titles) - 1) * self.spacing / 2, (width - margin) / scale / 2
         self.ax.set(xlim=(middle - reach, middle + reach), ylim=(top - len(labels) * self.height, top), aspect="equal")
         self.top = top
         self._caption(labels, titles, observed)

@@ -102,6 +102,31 @@ def overlay_futures(
 
 
 @style()
+def end_poses(
+    windows: Mapping[str, tuple[Float[Array, "S F ..."], Float[Array, "F ..."]]], skeleton: Skeleton
+) -> tuple[Figure, Axes]:
+    """Last frames of all sampled futures of several windows, one place per window, the true pose on top in black.
+
+    Args:
+        windows: title -> (futures (S, F, C) or (S, F, J+1, 3), truth (F, C) or (F, J+1, 3)), metres.
+        skeleton: of all of them; each window is seen from the front right of its own true pose.
+
+    Raises:
+        ValueError: a motion does not fit the skeleton.
+    """
+    flat = []
+    for futures, truth in windows.values():
+        last = poses(truth, skeleton)[-1]
+        view = _camera(None, last, skeleton)
+        flat.append((project(poses(futures, skeleton)[:, -1], view), project(last, view)[None]))
+    board = Board(skeleton, [np.concatenate(pair) for pair in flat], [""], list(windows))
+    for column, (points, true) in enumerate(flat):
+        board.draw(0, column, points, "predicted", max(0.15, 1 / len(points)), 1.5)
+        board.draw(0, column, true, "truth", width=2.4)
+    return board.fig, board.ax
+
+
+@style()
 def animate(
     rows: Mapping[str, AnyMotion] | AnyMotion,
     skeleton: Skeleton,
