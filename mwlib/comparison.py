@@ -19,12 +19,21 @@ from .config import Config
 from .data.windows import Windows, windows
 from .metrics import MetricTable, multimodal_futures
 from .predictor import Predictor
-from .runs import Split, fingerprint, get_run, split_motions
-from .training import load_run
+from .runs import Split, fingerprint, get_predictor, split_motions
 
 METRICS = ("apd", "ade", "fde", "mmade", "mmfde", "bone_length_jitter")
 HEADS = ("APD", "ADE", "FDE", "MMADE", "MMFDE", "bone jitter (mm)")  # of their columns
+ACKNOWLEDGEMENTS = {
+    "cmu": "The data used in this project was obtained from mocap.cs.cmu.edu. The database was created with funding from "
+    "NSF EIA-0196217."
+}
 _OFF: dict[str, Any] = dict(cfg_weight=0.0, cfg_form="eq7", tabg_scale=0.0, wmsg="off")
+
+
+def acknowledgement(data: str) -> dict[str, str]:
+    """What the owners of a data source want said beside any result on it: one entry, or none."""
+    found = [text for name, text in ACKNOWLEDGEMENTS.items() if data.startswith(name)]
+    return {"acknowledgement": found[0]} if found else {}
 
 
 @dataclass(frozen=True)
@@ -125,7 +134,7 @@ def compare(
             result = _stored(file, key)
             if result is None:
                 if row.model in models and row.model not in loaded:
-                    loaded[row.model] = load_run(get_run(models[row.model], split, progress)).to(device)
+                    loaded[row.model] = get_predictor(models[row.model], split, progress).to(device)
                 started = time.time()
                 predict = row_predictor(row, seed, cfg, split, loaded)
                 summary = evaluate(predict, test, all_test, 0.5, f"{row.name}, seed {seed}" if progress else None)

@@ -16,8 +16,7 @@ from .checkpoint import write_json
 from .comparison import evaluate
 from .config import Config
 from .data.windows import windows
-from .runs import Split, fingerprint, get_run, locked, runs_folder, split_motions
-from .training import load_run
+from .runs import Split, fingerprint, get_predictor, get_run, locked, runs_folder, split_motions
 
 THRESHOLD = 0.5  # of the multimodal sets, metres (Human3.6M protocol)
 
@@ -70,13 +69,13 @@ def get_result(cfg: Config, split: Split | None = None, progress: bool = False) 
 
 def _measure(cfg: Config, split: Split, progress: bool) -> dict[str, Any]:
     folder = get_run(cfg, split, progress)
-    predictor = load_run(folder).to("cuda" if torch.cuda.is_available() else "cpu")
+    predictor = get_predictor(cfg, split).to("cuda" if torch.cuda.is_available() else "cpu")
     d = cfg.data
     every = windows(split.test, d.history, d.future, d.test_stride)
     test = every.thin(d.test_windows)
     started = time.time()
     summary = evaluate(
-        lambda past, ids: predictor.predict(past, seed=cfg.sampling.sampling_seed, window_ids=ids, sampling=cfg.sampling),
+        lambda past, ids: predictor.predict(past, seed=cfg.sampling.sampling_seed, window_ids=ids),
         test, every, THRESHOLD, "sampling" if progress else None,
     )  # fmt: skip
     trained = json.loads((folder / "metrics.json").read_text(encoding="utf-8"))["metrics"]

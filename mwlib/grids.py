@@ -13,7 +13,7 @@ import torch
 import yaml
 
 from . import __version__
-from .comparison import HEADS, METRICS
+from .comparison import HEADS, METRICS, acknowledgement
 from .config import Config
 from .experiment import get_result
 from .runs import Split, split_motions
@@ -234,4 +234,4 @@ def provenance(grid: Grid, cfg: Config, found: Sequence[dict[str, Any]]) -> dict
         "seconds_of_sampling": {row["name"]: row["seconds"] for row in found},
         "multimodal_threshold_m": 0.5, "mwlib": __version__, "torch": torch.__version__.split("+")[0],
         "device": "cuda" if torch.cuda.is_available() else "cpu",
-    }  # fmt: skip
+    } | acknowledgement(cfg.data.data)  # fmt: skip

@@ -13,18 +13,12 @@ from torch import Tensor
 
 from . import __version__, plots
 from .checkpoint import write_atomic
-from .comparison import HEADS, METRICS, Row, compare, row_predictor, rows
+from .comparison import HEADS, METRICS, Row, acknowledgement, compare, row_predictor, rows
 from .config import Config
 from .data.windows import windows
 from .experiment import parse_changes
 from .presets import PRESETS
-from .runs import Split, get_run, split_motions
-from .training import load_run
-
-ACKNOWLEDGEMENT = {
-    "cmu": "The data used in this project was obtained from mocap.cs.cmu.edu. The database was created with funding from "
-    "NSF EIA-0196217."
-}
+from .runs import Split, get_predictor, get_run, split_motions
 
 
 def provenance(cfg: Config, split: Split, seeds: tuple[int, ...], device: str) -> dict[str, Any]:
@@ -40,8 +34,7 @@ def provenance(cfg: Config, split: Split, seeds: tuple[int, ...], device: str) -
         "train_steps": cfg.training.train_steps, "training_hash": cfg.training_hash(), "mwlib": __version__,
         "torch": torch.__version__.split("+")[0], "device": device, "machine": platform.machine(),
     }  # fmt: skip
-    source = next((text for name, text in ACKNOWLEDGEMENT.items() if d.data.startswith(name)), None)
-    return about | ({"acknowledgement": source} if source else {})
+    return about | acknowledgement(d.data)
 
 
 def results(table: list[dict]) -> plots.Table:
@@ -88,7 +81,7 @@ def write_storyboards(cfg: Config, split: Split, out: Path, about: dict[str, Any
     d = cfg.data
     known = {row.name: row for row in rows(cfg)}
     chosen: list[Row] = [known[n] for n in ("MotionWavelet + CFG + TABG + WMSG", "nearest history", "zero velocity")]
-    loaded = {"wavelet": load_run(get_run(cfg, split))}
+    loaded = {"wavelet": get_predictor(cfg, split)}
     every = windows(split.test, d.history, d.future, d.test_stride)
     for picture, i in enumerate(torch.linspace(0, len(every) - 1, 2 * count + 1).long()[1::2].tolist()):
         seed = cfg.sampling.sampling_seed

@@ -20,8 +20,9 @@ from .checkpoint import write_json
 from .config import Config
 from .data import load_motions
 from .motion import Motion
+from .predictor import Predictor
 from .skeleton import H36M17, TO_H36M17
-from .training import train
+from .training import load_run, train
 
 RESULT = "metrics.json"
 
@@ -110,6 +111,19 @@ def get_run(cfg: Config, split: Split | None = None, progress: bool = False) -> 
             if read_result(folder, cfg.training_hash()) is None:
                 _train(cfg, split, folder, progress)
     return folder
+
+
+def get_predictor(cfg: Config, split: Split | None = None, progress: bool = False) -> Predictor:
+    """The trained model of a configuration, trained once if missing; it samples as `cfg` says.
+
+    Configurations that differ in sampling only share a run, and the run's own file knows the one that trained it.
+
+    Args:
+        cfg, split, progress: as in `get_run`.
+    """
+    predictor = load_run(get_run(cfg, split, progress))
+    predictor.cfg = cfg
+    return predictor
 
 
 def _train(cfg: Config, split: Split, folder: Path, progress: bool) -> None:

@@ -39,11 +39,11 @@ def write(folder: Path, **changes) -> Path:
 def test_the_papers_grids_are_complete():
     known = grids.read_grids()
     sizes = {name: sum(bool(row.paper) for row in known[name].rows) for name in known if known[name].paper}
-    assert sizes == {"table_2": 2, "table_3": 10, "table_4": 11, "table_5": 2, "table_6": 3}
+    assert sizes == {"table_2": 2, "table_3": 10, "table_4": 11, "table_4_raw": 11, "table_5": 2, "table_6": 3}
     best = known["table_4"].rows[7]
     assert best.changes == {"tabg_scale": 1.0, "tabg_sigma": 2.5, "wmsg": "every_step"}
     assert best.paper == {"apd": 6.506, "ade": 0.376, "fde": 0.408, "mmade": 0.466, "mmfde": 0.443}
-    assert {grid.notebook for grid in known.values()} <= {path.stem for path in course()}
+    assert {grid.notebook for grid in known.values() if grid.notebook} <= {path.stem for path in course()}
 
 
 @pytest.mark.parametrize(

@@ -14,6 +14,7 @@ from mwlib.checkpoint import write_atomic
 from mwlib.config import Config
 from mwlib.data.synthetic import synthetic_motions
 from mwlib.skeleton import CMU, H36M17
+from mwlib.training import load_run
 from tests.test_training import SMALL
 
 
@@ -111,3 +112,14 @@ def test_runs_folder_follows_the_environment(monkeypatch, tmp_path):
     monkeypatch.delenv("MWLIB_RUNS")
     monkeypatch.chdir(tmp_path)
     assert runs.runs_folder() == tmp_path / "runs"
+
+
+def test_a_predictor_samples_as_its_configuration_says(monkeypatch, tmp_path):
+    """Two configurations that differ in sampling share a run; each gets its own settings back."""
+    monkeypatch.setenv("MWLIB_RUNS", str(tmp_path))
+    cfg = Config.preset("tiny", **SMALL)
+    guided = cfg.override(cfg_weight=0.7, tabg_space="eps")
+    folder = runs.get_run(guided)
+    assert load_run(folder).cfg.sampling == guided.sampling
+    assert runs.get_predictor(cfg).cfg.sampling == cfg.sampling != guided.sampling
+    assert list(tmp_path.iterdir()) == [folder]
