@@ -6,36 +6,47 @@ OUT ?= build/$(PRESET)-$(subst /,-,$(or $(patsubst /%,%,$(DATA)),preset))
 JOBS ?= 2
 NB ?=
 GRIDS ?= figures/grids.yaml
+SET ?=
 
 VENV := .venv
 RUN := $(VENV)/bin/python
 READY := $(VENV)/.ready
+BLENDER_ENV ?= $(or $(XDG_CACHE_HOME),$(HOME)/.cache)/mwlib/blender
 
 export OMP_NUM_THREADS ?= 1
 export MWLIB_RUNS ?= $(CURDIR)/runs
 
 .DEFAULT_GOAL := help
-.PHONY: help figures grids test lab notebooks learner
+.PHONY: help figures grids test types test-blender lab notebooks learner wheel
 
 help: ## show this list
-	@awk -F ':.*## ' '/^[a-z]+:.*## / { printf "  make %-10s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
+	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-12s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
 
 figures: $(READY) ## run every notebook, make every figure and table: PRESET=tiny DATA=synthetic OUT=build/... JOBS=2
 	$(RUN) -m snakemake --cores $(JOBS) --keep-going --rerun-incomplete --quiet progress rules \
 		--config preset='"$(PRESET)"' data='"$(DATA)"' out='"$(OUT)"'
 	@echo "Open $(OUT)/index.html"
 
-grids: $(READY) ## run only the experiments behind the tables, and write these: same settings as figures, GRIDS=figures/grids.yaml
+grids: $(READY) ## run only the experiments behind the tables, and write these: same settings as figures, GRIDS=figures/grids.yaml SET="lr=1e-3"
 	$(RUN) -m snakemake grids --cores $(JOBS) --keep-going --rerun-incomplete --quiet progress rules \
-		--config preset='"$(PRESET)"' data='"$(DATA)"' out='"$(OUT)"' grids='"$(GRIDS)"'
+		--config preset='"$(PRESET)"' data='"$(DATA)"' out='"$(OUT)"' grids='"$(GRIDS)"' set='"$(SET)"'
 	@echo "Tables are in $(OUT)/grids"
 
-test: $(READY) ## lint, unit tests, and every notebook executed and compared with its stored outputs
+test: $(READY) ## lint, types, unit tests, and every notebook executed and compared with its stored outputs
 	$(RUN) -m ruff check .
 	$(RUN) -m ruff format --check .
+	$(RUN) -m basedpyright
 	@rm -rf build/test-runs
-	MW_STATIC=1 SOURCE_DATE_EPOCH=0 MWLIB_RUNS=$(CURDIR)/build/test-runs $(RUN) -m pytest -n 2 --dist loadfile \
-		--nbval-lax --nbval-current-env --nbval-cell-timeout=300 --nbval-kernel-startup-timeout=120 notebooks tests
+	MW_STATIC=1 SOURCE_DATE_EPOCH=0 MWLIB_RUNS=$(CURDIR)/build/test-runs $(RUN) -m pytest -n 2 --dist loadgroup --no-loadscope-reorder \
+		--nbval-lax --nbval-current-env --nbval-cell-timeout=300 --nbval-kernel-startup-timeout=120 --ignore=tests/blender notebooks tests
+
+types: $(READY) ## check the library's types
+	$(RUN) -m basedpyright
+
+test-blender: $(READY) ## open written BVH files in Blender: installs bpy, 1 GB, outside the repository; needs Python 3.11
+	@test -x $(BLENDER_ENV)/bin/python || $(PYTHON) -m venv $(BLENDER_ENV)
+	@$(BLENDER_ENV)/bin/python -c 'import bpy' 2>/dev/null || $(BLENDER_ENV)/bin/python -m pip install --quiet bpy==4.2.23
+	MWLIB_BLENDER=$(BLENDER_ENV)/bin/python $(RUN) -m pytest tests/blender
 
 lab: $(READY) ## open JupyterLab on the first notebook
 	$(RUN) -m jupyterlab notebooks/00_start_here.ipynb
@@ -45,6 +56,9 @@ notebooks: $(READY) ## execute the committed notebooks in place and filter their
 
 learner: $(READY) ## write copies without the solutions to build/learner, keeping the ones already there
 	$(RUN) -m mwlib learner-copies
+
+wheel: $(READY) ## build what pip installs anywhere, notebooks included, into build/wheel
+	env -u SOURCE_DATE_EPOCH $(RUN) -m hatchling build -t wheel -d build/wheel
 
 $(READY): pyproject.toml constraints.txt
 	@command -v $(PYTHON) >/dev/null || { echo "make: $(PYTHON) not found; install Python 3.11 or newer, or say PYTHON=/path/to/python" >&2; exit 1; }

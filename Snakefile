@@ -5,35 +5,43 @@ On a cluster: the same with --executor slurm (and its plugin). A notebook counts
 wrote metrics.json; the executed notebook is the log, which stays when a run fails.
 """
 
+import shlex
 import sys
 from pathlib import Path
 
-from mwlib import Config
 from mwlib.course.files import EXPERIMENT, course, write_source_hashes
 from mwlib.course.manifest import MANIFEST
-from mwlib.grids import GRIDS, read_grids
+from mwlib.experiments import read_grids, system
+from mwlib.experiments.grids import grids_file
+from mwlib.settings import parse_changes
 
 PRESET = config.get("preset", "tiny")
 DATA = config.get("data", "synthetic")  # empty: the preset's own
 OUT = config.get("out", f"build/{PRESET}-{DATA.strip('/').replace('/', '-') or 'preset'}")
 FOLDER = Path(config.get("notebooks", "notebooks"))
-MW = f"{sys.executable} -m mwlib"
+MW = f"{shlex.quote(sys.executable)} -m mwlib"
 NAMES = [path.stem for path in course(FOLDER)]
 TRAINING = "06_training"
-GRID_FILE = config.get("grids", GRIDS)
-BASE = Config.preset(PRESET, **({"data": DATA} if DATA else {}))
+GRID_FILE = config.get("grids", grids_file())
+SET = shlex.split(str(config.get("set", "")))  # settings that the grids must not override: "test_windows=30 lr=1e-3"
+GIVEN = ({"data": DATA} if DATA else {}) | parse_changes(SET)
+OPTIONS = " ".join(f"--set {shlex.quote(word)}" for word in SET)
 TABLES = read_grids(Path(GRID_FILE))
 
 # Hashes of sources, not the notebooks themselves: executing a notebook in place must not schedule everything again.
 write_source_hashes(Path(OUT) / ".sources", [*course(FOLDER), EXPERIMENT])
 
 
+def base(grid):
+    """The configuration that a grid's rows change."""
+    return system(grid.system).Config.preset(PRESET, **GIVEN)
+
+
 def parts(grid):
     """The result of every row of a grid at every seed."""
-    return expand(
-        "{out}/grids/{grid}/{row}-{seed}/metrics.json",
-        out=OUT, grid=grid.id, row=range(len(grid.rows)), seed=range(grid.budget(BASE).seeds),
-    )  # fmt: skip
+    cfg = base(grid)
+    cells = [(number, seed) for number, row in enumerate(grid.rows) for seed in grid.seeds(row, cfg)]
+    return [f"{OUT}/grids/{grid.id}/{number}-{seed}/metrics.json" for number, seed in cells]
 
 
 def training_first(wildcards):
@@ -44,7 +52,8 @@ def training_first(wildcards):
 
 def needed(wildcards):
     """Notebooks print the grids that were run before them; where a row takes less time than starting Python they do it all."""
-    return [] if BASE.training.train_steps <= 1000 else [part for grid in TABLES.values() if grid.notebook == wildcards.name for part in parts(grid)]
+    grids = [grid for grid in TABLES.values() if grid.notebook == wildcards.name and base(grid).training.train_steps > 1000]
+    return [part for grid in grids for part in parts(grid)]
 
 
 def one_training(wildcards):
@@ -92,7 +101,7 @@ rule table:
     output:
         f"{OUT}/grids/{{grid}}.csv",
     shell:
-        "{MW} grid-table {wildcards.grid} --preset {PRESET:q} --data {DATA:q} --grids {GRID_FILE:q} --out {OUT:q}/grids"
+        "{MW} grid-table {wildcards.grid} --preset {PRESET:q} --data {DATA:q} {OPTIONS} --grids {GRID_FILE:q} --out {OUT:q}/grids"
 
 
 rule experiment:
@@ -111,7 +120,7 @@ rule experiment:
     params:
         folder=lambda wildcards, output: str(Path(output[0]).parent),
     shell:
-        "{MW} run-experiment {wildcards.grid} {wildcards.row} {wildcards.seed} --preset {PRESET:q} --data {DATA:q}"
+        "{MW} run-experiment {wildcards.grid} {wildcards.row} {wildcards.seed} --preset {PRESET:q} --data {DATA:q} {OPTIONS}"
         " --grids {GRID_FILE:q} --out {params.folder:q}"
 
 

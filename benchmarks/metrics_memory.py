@@ -15,7 +15,7 @@ import time
 import torch
 
 from mwlib import metrics
-from mwlib.skeleton import H36M17
+from mwlib.body.skeleton import H36M17
 
 
 def peak_gib() -> float:

@@ -20,11 +20,11 @@ import torch
 from torch import nn
 from torch.nn import functional as F
 
-from mwlib.config import Config
-from mwlib.denoisers.translinear import TransLinear
-from mwlib.runs import split_motions
-from mwlib.schedule import alpha_bar
-from mwlib.training import train
+from mwlib.prediction.config import Config
+from mwlib.networks.translinear import TransLinear
+from mwlib.data.sources import split_motions
+from mwlib.diffusion.schedule import alpha_bar
+from mwlib.training.loop import train
 
 
 class PlainStylize(nn.Module):

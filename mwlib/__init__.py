@@ -1,12 +1,25 @@
-"""Frequency-domain motion diffusion: motions, transforms, denoisers, samplers, metrics and pictures.
+"""Frequency-domain motion diffusion: motions, transforms, networks, samplers, metrics and pictures.
 
-Tensors flow one way: `Motion`, windows x, transform y, denoiser and sampler, inverse, metrics and plots.
+Tensors flow one way: `Motion`, windows x, coefficients y, network and sampler, inverse, metrics and plots.
+
+>>> import mwlib as mw
+>>> motions = mw.load_motions("synthetic", fps=25)
+>>> mw.windows(motions, history=10, future=30, stride=10).x.shape[1:]
+torch.Size([40, 48])
 """
 
-from .config import Config
-from .data import MotionFormatError, Windows, load_motions, windows
-from .motion import Motion
-from .skeleton import Skeleton
+__version__ = "0.2.0"  # first: results carry it
 
-__version__ = "0.1.0"
-__all__ = ["Config", "Motion", "MotionFormatError", "Skeleton", "Windows", "load_motions", "windows"]
+from mwlib import metrics, plots
+from mwlib.body.motion import Motion
+from mwlib.body.skeleton import Skeleton
+from mwlib.data import MotionFormatError, Windows, load_motions, windows
+from mwlib.data.formats.bvh_writing import write_bvh
+from mwlib.experiments import get_model, get_run, load_run
+from mwlib.prediction.config import Config
+from mwlib.transforms import DCTTransform, PhaseTransform, WaveletTransform
+
+__all__ = [
+    "Config", "DCTTransform", "Motion", "MotionFormatError", "PhaseTransform", "Skeleton", "WaveletTransform", "Windows",
+    "get_model", "get_run", "load_motions", "load_run", "metrics", "plots", "windows", "write_bvh",
+]  # fmt: skip

@@ -1,30 +1,37 @@
-"""The command line: python -m mwlib COMMAND."""
+"""The command line: ``mwlib COMMAND``, or ``python -m mwlib COMMAND``."""
 
 from __future__ import annotations
 
 import argparse
 import sys
 
-from . import report
-from .course import commands as course_commands
-from .data import commands as data_commands
+from mwlib import __version__
+from mwlib.course import commands as course_commands
+from mwlib.data import commands as data_commands
+from mwlib.experiments import commands as experiment_commands
+from mwlib.experiments import run_commands
 
-# Every module here has add_parser(subparsers), which sets `run`: arguments -> exit status.
-MODULES = (data_commands, report, course_commands)
+# Each room brings its own commands: add_parser(subparsers) registers them, and each sets `run`: arguments -> exit status.
+ROOMS = (data_commands, experiment_commands, run_commands, course_commands)
 
 
 def main(words: list[str] | None = None) -> int:
     """Run one command; 0 if all is well."""
-    parser = argparse.ArgumentParser("mwlib", description="Frequency-domain human motion prediction: data and notebooks.")
+    parser = argparse.ArgumentParser("mwlib", description="Frequency-domain human motion diffusion: data, models and notebooks.")
+    parser.add_argument("--version", action="version", version=f"mwlib {__version__}")
     subparsers = parser.add_subparsers(required=True, metavar="COMMAND")
-    for module in MODULES:
-        module.add_parser(subparsers)
+    for room in ROOMS:
+        room.add_parser(subparsers)
     arguments = parser.parse_args(words)
     try:
         return arguments.run(arguments)
+    except ModuleNotFoundError as error:
+        if error.name is None or error.name.partition(".")[0] == "mwlib":
+            raise
+        print(f'mwlib: {error}; this command needs pip install "motion-wavelet-notebooks[notebooks]"', file=sys.stderr)
     except (OSError, ValueError) as error:
         print(f"mwlib: {error}", file=sys.stderr)
-        return 1
+    return 1
 
 
 if __name__ == "__main__":

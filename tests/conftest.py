@@ -3,16 +3,23 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Iterator
 from pathlib import Path
 
+import jaxtyping
 import matplotlib
 import pytest
 import torch
-from jaxtyping import install_import_hook
+from beartype import BeartypeConf, beartype
 
-# Shapes in annotations are checked here, never at run time.
-CHECKED = "transforms diffusion schedule sampling guidance denoisers predictor metrics multimodal baselines".split()
-install_import_hook([f"mwlib.{name}" for name in CHECKED], "beartype.beartype")
+# Shapes in annotations are checked here, never at run time. Settings have no shapes, and checks of their own.
+ROOT = Path(__file__).parents[1]
+ROOMS = "body transforms networks diffusion metrics training prediction".split()
+FILES = [file for room in ROOMS for file in (ROOT / "mwlib" / room).glob("*.py") if file.stem not in ("__init__", "config")]
+checker = beartype(conf=BeartypeConf(is_pep484_tower=True))  # 25 is a float, too
+jaxtyping.install_import_hook(
+    [".".join(file.relative_to(ROOT).with_suffix("").parts) for file in FILES], "tests.conftest.checker"
+)
 
 matplotlib.use("Agg")
 torch.set_num_threads(1)
@@ -30,3 +37,34 @@ def data_folder() -> Path:
 def generator() -> torch.Generator:
     """A seeded source of randomness."""
     return torch.Generator().manual_seed(0)
+
+
+@pytest.fixture
+def unchecked() -> Iterator[None]:
+    """Shapes go unchecked, as for a user: what the functions themselves refuse."""
+    jaxtyping.config.update("jaxtyping_disable", True)
+    yield
+    jaxtyping.config.update("jaxtyping_disable", False)
+
+
+@pytest.fixture(scope="session")
+def finished(tmp_path_factory) -> Path:
+    """Folder of a small run that has been trained to its end."""
+    from mwlib.experiments import train_run
+    from tests.sample_settings import small, two_people
+
+    folder = tmp_path_factory.mktemp("run")
+    list(train_run(small(), two_people(), folder))
+    return folder
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Parallel workers take a file each; notebooks that run anew count as files, and come first, as they take longest."""
+
+    def group(item: pytest.Item) -> str:
+        file = item.path.name
+        return item.name if file == "test_figures.py" else str(item.path)
+
+    for item in items:
+        item.add_marker(pytest.mark.xdist_group(group(item)))
+    items.sort(key=lambda item: (item.path.name != "test_figures.py", item.path.suffix != ".ipynb"))

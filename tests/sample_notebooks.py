@@ -15,10 +15,12 @@ lr: float = 0.5  # step size
 names: list[str] = ["haar", "db2"]  # wavelets
 out: str = ""  # folder for the results; empty writes nothing"""
 
-FINISH = """import json, os
-from mwlib import runs
-parameters = dict(preset=preset, data=data, level=level, lr=lr, names=names)
-runs.finish(out, {"answer": level + lr}, parameters)"""
+IMPORTS = "import mwlib as mw\nfrom mwlib.experiments.page import Page"
+PAGE = """cfg = mw.Config.preset(preset)
+page = Page("01_sample", out, cfg, preset=preset, data=data, level=level, lr=lr, names=names)"""
+PICTURE = """fig, ax = plt.subplots(figsize=(2, 1))
+page.show(fig, "fig_01_axes", "An empty pair of axes, nothing drawn", {"n": [0, 1]})"""
+FINISH = 'page.finish({"answer": level + lr})'
 
 SYMBOLS = """## Energy
 $$E = \\sum_n x_n^2$$
@@ -35,8 +37,8 @@ def code(source: str, *tags: str) -> NotebookNode:
 
 
 def runnable(*cells: str, last: str = FINISH) -> NotebookNode:
-    """Parameters, some cells, and the cell that writes the result. Needs no display, imports little: quick to run."""
-    return new_notebook(cells=[code(PARAMETERS, "parameters"), *map(code, cells), code(last)])
+    """Parameters, the page, some cells, and the cell that writes the result. Draws nothing: quick to run."""
+    return new_notebook(cells=[code(PARAMETERS, "parameters"), *map(code, (f"{IMPORTS}\n{PAGE}", *cells, last))])
 
 
 def save(notebook: NotebookNode, folder: Path, stem: str = "01_sample") -> Path:
@@ -52,19 +54,18 @@ def model_notebook() -> NotebookNode:
     return new_notebook(
         cells=[
             new_markdown_cell("# A sample\n\nIt shows what a notebook looks like."),
-            code("import warnings\n\nimport matplotlib.pyplot as plt\n\nimport mwlib as mw\nfrom mwlib import plots, runs"),
+            code(f"import warnings\n\nimport matplotlib.pyplot as plt\n\n{IMPORTS}"),
             code(PARAMETERS, "parameters"),
-            code("cfg = mw.Config.preset(preset)"),
+            code(PAGE),
             new_markdown_cell(SYMBOLS),
             code('print("energy", sum(n * n for n in range(4)))', "nbval-check-output"),
             code('warnings.warn("noise", stacklevel=1)'),
-            code("fig, ax = plt.subplots(figsize=(2, 1))\nplots.show(fig, 'An empty pair of axes, nothing drawn')"),
+            code(PICTURE),
             new_markdown_cell("**What you should see.** Axes from 0 to 1."),
             new_markdown_cell("### Ex 1.1 Double it\nGive `twice` the double of `level`."),
             code("twice = 2 * level", "solution"),
             code("assert twice == level + level"),
-            code(
-                "parameters = dict(preset=preset, data=data, level=level, lr=lr, names=names)\nruns.finish(out, {}, parameters)"
-            ),
+            code('page.table([{"n": 1, "square": 1.0}], "table_01_squares")'),
+            code(FINISH),
         ]
     )

@@ -11,13 +11,13 @@ import pytest
 from nbclient.exceptions import CellExecutionError
 from nbformat import NotebookNode
 from nbformat.v4 import new_markdown_cell, new_output
-from sample_notebooks import code, model_notebook, save
 
 from mwlib.course.execute import execute_notebook, filter_notebook
 from mwlib.course.files import EXPERIMENT, course, find_notebook, source_hash
 from mwlib.course.learner import learner_copy, write_learner_copies
 from mwlib.course.parameters import ParameterError, from_text, read_parameters, resolve
 from mwlib.course.rules import check, pictures
+from tests.sample_notebooks import code, model_notebook, save
 
 
 @pytest.mark.parametrize("path", [*course(), EXPERIMENT], ids=lambda path: path.stem)
@@ -112,6 +112,14 @@ def append(text: str, addition: str):
     return change
 
 
+def swap(text: str, replacement: str):
+    def change(notebook: NotebookNode) -> None:
+        cell = cell_with(notebook, text)
+        cell.source = cell.source.replace(text, replacement)
+
+    return change
+
+
 def output(**fields):
     def change(notebook: NotebookNode) -> None:
         cell_with(notebook, "energy").outputs.append(new_output(**fields))
@@ -121,6 +129,12 @@ def output(**fields):
 
 def unnamed_picture(notebook: NotebookNode) -> None:
     cell_with(notebook, "subplots").outputs[0].metadata = {}
+
+
+def long_winded(notebook: NotebookNode) -> None:
+    for cell in notebook.cells:
+        if cell.cell_type == "code":
+            cell.source += "\n1" * 5
 
 
 def widget_state(notebook: NotebookNode) -> None:
@@ -139,13 +153,26 @@ BREACHES = {
     "parameter of another type": (append(PARAMETERS, "\nk: int = 0.5  # half"), "parameters: .*expected int"),
     "no preset": (edit(PARAMETERS, source='out: str = ""  # folder'), "parameters: .*preset: str"),
     "no Config": (edit("cfg =", source="cfg = None"), "parameters: .*Config"),
-    "no result": (drop("runs.finish"), "result: "),
+    "no page": (edit("page = Page", source="cfg = mw.Config.preset(preset)"), "page: .*no 'page = Page"),
+    "page without a parameter": (swap(", lr=lr", ""), "page: .*expected name=name .*'lr'"),
+    "page with another value": (swap("lr=lr", "lr=level"), "page: .*expected name=name .*'lr'"),
+    "page of another name": (swap("01_sample", "02_sample"), "name: the page is called '02_sample'"),
+    "files of its own": (append("energy", "\nif out:\n    open(out)"), "page: cell 4 uses 'out'"),
+    "stem twice": (append("subplots", "\npage.table([{}], 'fig_01_axes')"), "page: the stem 'fig_01_axes' is saved twice"),
+    "stem unreadable": (append("subplots", "\npage.show(fig, name(), '', {})"), "page: the stem in .* cannot be read"),
+    "no result": (drop("page.finish"), "result: 0 calls"),
+    "result too early": (append("page.finish", "\nprint(1)"), "result: 1 calls"),
+    "two results": (append("energy", "\npage.finish({})"), "result: 2 calls"),
     "install": (append("energy", "\n%pip install x"), "forbidden: .*magic"),
     "absolute path": (append("energy", "\nopen('/etc/hosts')"), "forbidden: .*absolute path"),
     "printed path": (output(output_type="stream", text="saved /home/me/x.png"), "forbidden: .*one machine"),
     "progress bar": (append("energy", "\ntqdm(3)"), "forbidden: .*tqdm"),
     "tagged to raise": (tag("warnings.warn", "raises-exception"), "forbidden: .*raises-exception"),
+    "picture of its own": (append("energy", "\nplots.show(fig, '')"), "forbidden: .*a picture or table of its own"),
+    "showing imported": (append("import mwlib", "\nfrom mwlib.plots import curves, show"), "forbidden: .*of its own"),
+    "result of its own": (append("energy", "\nruns.finish('', {}, {})"), "forbidden: .*a result of its own"),
     "long cell": (append("energy", "\nx = 1" * 26), "length: the longest cell"),
+    "long cells": (long_winded, "length: the median cell"),
     "not executed": (edit("energy", execution_count=None), "executed: execution counts"),
     "changed since": (append("energy", "  # changed"), "executed: a source has changed"),
     "stderr": (output(output_type="stream", name="stderr", text="noise"), "outputs: .*stderr"),

@@ -17,12 +17,13 @@ import pytest
 import yaml
 from packaging.requirements import Requirement
 from packaging.utils import canonicalize_name
-from sample_notebooks import code, runnable, save
 
 import mwlib
 from mwlib.course.files import course, write_source_hashes
 from mwlib.course.index import write_index
 from mwlib.course.manifest import FILES, read_manifest
+from mwlib.course.stems import saved_stems
+from tests.sample_notebooks import code, runnable, save
 
 ROOT = Path(__file__).parents[1]
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
@@ -56,7 +57,7 @@ def imported(folder: Path, skip: str = "") -> dict[str, str]:
     [
         ("mwlib", "course", (), {"IPython", "ipywidgets"}),
         ("mwlib", "", ("notebooks",), set()),
-        ("tests", "", ("notebooks", "dev"), set()),
+        ("tests", "blender", ("notebooks", "dev"), set()),  # Blender is no dependency, see test-blender
         ("benchmarks", "", ("notebooks", "dev"), set()),
     ],
 )
@@ -95,19 +96,14 @@ def test_bounds_say_from_when_on():
 
 def test_one_version_and_one_licence():
     citation = yaml.safe_load((ROOT / "CITATION.cff").read_text())
-    assert PROJECT["version"] == mwlib.__version__ == citation["version"]
+    assert PROJECT["dynamic"] == ["version"]  # hatch reads it from mwlib
+    assert mwlib.__version__ == citation["version"]
     assert PROJECT["license"] == citation["license"] == "MIT"
     assert (ROOT / "LICENSE").read_text().startswith("MIT License")
 
 
 def test_every_saved_exhibit_is_in_the_manifest_and_made_ones_are_saved():
-    saved = {
-        (path.stem, stem)
-        for path in course()
-        for cell in json.loads(path.read_text())["cells"]
-        if cell["cell_type"] == "code"
-        for stem in re.findall(r"""["']((?:fig|table)_\d\d_\w+)["']""", "".join(cell["source"]))
-    }
+    saved = {(path.stem, stem) for path in course() for stem in saved_stems(json.loads(path.read_text()))}
     assert saved == {(row.notebook, row.stem) for row in read_manifest() if row.status == "made"}
 
 

@@ -8,8 +8,8 @@ import nbformat
 from nbclient import NotebookClient
 from nbformat import NotebookNode
 
-from mwlib.checkpoint import write_atomic
 from mwlib.course.files import source_hash
+from mwlib.files import write_atomic
 
 PICTURES = ("image/png", "image/gif")
 KEPT_TYPES = (*PICTURES, "text/plain", "text/latex", "text/markdown")
@@ -33,7 +33,7 @@ def execute_notebook(path: Path, timeout: float = 600.0) -> None:
     # With its state kept, a widget swallows what it draws; without, that would land in the page beside the static figure.
     client = NotebookClient(
         notebook, timeout=timeout, startup_timeout=120, kernel_name="python3", store_widget_state=True,
-        record_timing=False, coalesce_streams=True, extra_arguments=QUIET,
+        record_timing=False, extra_arguments=QUIET,
         resources={"metadata": {"path": str(path.resolve().parent)}},
     )  # fmt: skip
     client.execute()
@@ -50,7 +50,7 @@ def filter_notebook(notebook: NotebookNode) -> None:
     for cell in notebook.cells:
         cell.metadata = NotebookNode({key: cell.metadata[key] for key in KEPT_CELL_METADATA if key in cell.metadata})
         if cell.cell_type == "code":
-            cell.outputs = [kept for output in cell.outputs if (kept := _filtered(output)) is not None]
+            cell.outputs = _joined([kept for output in cell.outputs if (kept := _filtered(output)) is not None])
     notebook.metadata = NotebookNode(
         kernelspec={"display_name": "Python 3", "language": "python", "name": "python3"},
         language_info={"name": "python"},
@@ -61,6 +61,17 @@ def filter_notebook(notebook: NotebookNode) -> None:
 def is_table(kind: str, value: str) -> bool:
     """Whether an output is a plain HTML table: the one HTML that reads well everywhere and is the same in each run."""
     return kind == "text/html" and value.startswith("<table>") and "<script" not in value
+
+
+def _joined(outputs: list[NotebookNode]) -> list[NotebookNode]:
+    """Neighbouring prints as one, as where a kernel cuts them is chance; a print between two tables stays between them."""
+    out: list[NotebookNode] = []
+    for output in outputs:
+        if out and output.output_type == out[-1].output_type == "stream" and output.name == out[-1].name:
+            out[-1].text += output.text
+        else:
+            out.append(output)
+    return out
 
 
 def _filtered(output: NotebookNode) -> NotebookNode | None:

@@ -7,9 +7,10 @@ import json
 from collections.abc import Iterable
 from pathlib import Path
 
-from mwlib.checkpoint import write_atomic
+from mwlib.files import write_atomic
+from mwlib.material import PACKAGED, course_folder
 
-ROOT = Path(__file__).resolve().parents[2]
+ROOT = course_folder()  # of the folder that the process was started in
 NOTEBOOKS = ROOT / "notebooks"
 EXPERIMENT = NOTEBOOKS / "experiment.ipynb"  # one row of a grid
 
@@ -44,13 +45,13 @@ def source_hash(notebook: Path | dict) -> str:
     return hashlib.sha256(json.dumps(cells).encode()).hexdigest()
 
 
-def package_hash(package: Path = ROOT / "mwlib") -> str:
-    """Hash of the library's files; this tooling is left out, for it changes no result."""
+def package_hash(package: Path = PACKAGED.parent) -> str:
+    """Hash of the library's files; this tooling and the copy of the notebooks are left out, for they change no result."""
     digest = hashlib.sha256()
     for path in sorted(package.rglob("*")):
         inside = path.relative_to(package)
-        if path.is_file() and "__pycache__" not in inside.parts and inside.parts[0] != "course":
-            digest.update(str(inside).encode() + b"\0" + path.read_bytes() + b"\0")
+        if path.is_file() and "__pycache__" not in inside.parts and inside.parts[0] not in ("course", PACKAGED.name):
+            digest.update(inside.as_posix().encode() + b"\0" + path.read_bytes() + b"\0")
     return digest.hexdigest()
 
 
@@ -62,5 +63,5 @@ def write_source_hashes(folder: Path, notebooks: Iterable[Path]) -> None:
     folder.mkdir(parents=True, exist_ok=True)
     for stem, text in [("mwlib", package_hash()), *((path.stem, source_hash(path)) for path in notebooks)]:
         target = folder / f"{stem}.sha256"
-        if not target.is_file() or target.read_text() != text:
+        if not target.is_file() or target.read_text(encoding="utf-8") != text:
             write_atomic(target, text)

@@ -13,11 +13,11 @@ from typing import Any
 
 import jinja2
 
-from mwlib.checkpoint import write_atomic
 from mwlib.course.manifest import MANIFEST, Exhibit, read_manifest
 from mwlib.course.worker import PAGE
+from mwlib.experiments.store import RESULT
+from mwlib.files import write_atomic
 from mwlib.plots import significant
-from mwlib.runs import RESULT
 
 FIRST = ("data", "preset", "seed", "seeds")
 LONGEST_TABLE = 60  # rows shown; the CSV has them all
@@ -67,7 +67,7 @@ def write_index(build: Path, notebooks: Sequence[Path], manifest: Path = MANIFES
     rows = [row for row in read_manifest(manifest) if row.notebook in stems]
     listed = {(row.notebook, row.stem) for row in rows}
     template = jinja2.Template(
-        resources.files(__package__).joinpath("index.html.jinja").read_text(encoding="utf-8"),
+        resources.files("mwlib.course").joinpath("index.html.jinja").read_text(encoding="utf-8"),
         autoescape=True, trim_blocks=True, lstrip_blocks=True, undefined=jinja2.StrictUndefined,
     )  # fmt: skip
     page = template.render(

@@ -6,6 +6,7 @@ without outputs, and because a reader, a screen reader and papermill each need s
 
 from __future__ import annotations
 
+import ast
 import re
 import statistics
 from collections.abc import Callable, Iterator
@@ -17,15 +18,20 @@ from nbformat import NotebookNode
 from mwlib.course.execute import PICTURES, WIDGET, is_table
 from mwlib.course.files import source_hash
 from mwlib.course.parameters import ParameterError, read_parameters, tags
+from mwlib.course.stems import page_calls, parsed, saved_stems
 
 Rule = Callable[[NotebookNode], Iterator[str]]
 COMMON = {"preset": "str", "data": "str", "out": "str"}
-LONGEST_CELL, MEDIAN_CELL, MOST_CELLS, LARGEST_FILE = 25, 8, 40, 1_000_000
+LONGEST_CELL, MEDIAN_CELL, MOST_CELLS, LARGEST_FILE = 25, 5, 60, 1_000_000
 FORBIDDEN = {
     r"^\s*[%!]": "a magic or shell command",
     r"\btqdm\b": "tqdm; a bar cannot be compared and floods logs",
     r"\bclear_output\b": "clear_output, which nbval does not know",
     r"\bimport \*": "a star import",
+    r"\bplots\.(show|save|save_table)\b|^from mwlib\.plots\S* import .*\b(show|save|save_table)\b": (
+        "a picture or table of its own; page.show and page.table show and save"
+    ),
+    r"\b(runs|store)\.finish\(|\bwrite_result\(": "a result of its own; page.finish writes it",
     r"""["'](/|~/|[A-Za-z]:\\)\w""": "an absolute path",
 }
 MACHINE_PATH = r"(?<![\w.:/])/(home|root|tmp|Users|mnt|opt|work|var|usr)/\w+"
@@ -37,6 +43,9 @@ def check(path: Path) -> list[str]:
     """Everything that is wrong with a notebook file, one line each; empty if nothing is."""
     notebook = nbformat.read(path, as_version=4)
     problems = [f"{rule.__name__}: {text}" for rule in RULES for text in rule(notebook)]
+    name = next((made.args[0] for cell in code_cells(notebook) if (made := page_made(cell)) and made.args), None)
+    if name is not None and ast.unparse(name) != repr(path.stem):
+        problems.append(f"name: the page is called {ast.unparse(name)}; expected {path.stem!r}, the file's name")
     if path.stat().st_size > LARGEST_FILE:
         problems.append(f"size: {path.stat().st_size} bytes; expected at most {LARGEST_FILE}")
     return problems
@@ -91,10 +100,46 @@ def parameters(notebook: NotebookNode) -> Iterator[str]:
         yield "the cell after the parameters cell does not build a Config"
 
 
+def page(notebook: NotebookNode) -> Iterator[str]:
+    """The Config's cell makes the page out of all parameters; the page alone writes files, each stem once."""
+    cells = code_cells(notebook)
+    place = next((i + 1 for i, cell in enumerate(cells[:-1]) if "parameters" in tags(cell)), 0)
+    made = page_made(cells[place])
+    if made is None or len(made.args) != 3:
+        yield "the cell after the parameters cell has no 'page = Page(name, out, cfg, ...)'"
+        return
+    typed = [node.target for node in parsed({"cells": [cells[place - 1]]}).body if isinstance(node, ast.AnnAssign)]
+    offered = {target.id for target in typed if isinstance(target, ast.Name)}
+    given = {keyword.arg for keyword in made.keywords if ast.unparse(keyword.value) == keyword.arg}
+    if given != offered - {"out"}:
+        yield f"the page is given {sorted(map(str, given))}; expected name=name for each parameter: {sorted(offered - {'out'})}"
+    for number, cell in enumerate(cells, 1):
+        used = sum(isinstance(node, ast.Name) and node.id == "out" for node in ast.walk(parsed({"cells": [cell]})))
+        if used > (number - 1 in (place - 1, place)):
+            yield f"cell {number} uses 'out'; leave files to page.show, page.table and page.finish"
+    try:
+        stems = saved_stems(notebook)
+    except ValueError as error:
+        yield str(error)
+    else:
+        yield from (f"the stem {stem!r} is saved twice" for stem in sorted({s for s in stems if stems.count(s) > 1}))
+
+
+def page_made(cell: NotebookNode) -> ast.Call | None:
+    """The call in ``page = Page(...)``, if a cell has it."""
+    for node in parsed({"cells": [cell]}).body:
+        if isinstance(node, ast.Assign) and isinstance(node.value, ast.Call) and ast.unparse(node.targets[0]) == "page":
+            return node.value if ast.unparse(node.value.func) == "Page" else None
+    return None
+
+
 def result(notebook: NotebookNode) -> Iterator[str]:
-    """The last code cell writes the result: nothing else proves that a run got to its end."""
-    if "runs.finish(" not in code_cells(notebook)[-1].source:
-        yield "the last code cell does not call runs.finish(out, metrics, parameters)"
+    """The last statement writes the result: nothing else proves that a run got to its end."""
+    tree = parsed(notebook)
+    calls = page_calls(tree, "finish")
+    last = tree.body[-1] if tree.body else None
+    if not (len(calls) == 1 and isinstance(last, ast.Expr) and last.value is calls[0]):
+        yield f"{len(calls)} calls of page.finish; expected one, the last statement of the last code cell"
 
 
 def forbidden(notebook: NotebookNode) -> Iterator[str]:
@@ -197,5 +242,5 @@ def exercises(notebook: NotebookNode) -> Iterator[str]:
 
 
 RULES: tuple[Rule, ...] = (
-    heading, first_cell, parameters, result, forbidden, length, executed, outputs, compared, symbols, described, exercises,
+    heading, first_cell, parameters, page, result, forbidden, length, executed, outputs, compared, symbols, described, exercises,
 )  # fmt: skip

@@ -14,13 +14,15 @@ from typing import Any
 import nbformat
 import papermill
 from nbconvert import HTMLExporter
+from papermill.exceptions import PapermillExecutionError
 
-from mwlib import runs
-from mwlib.config import Config
 from mwlib.course.execute import QUIET
-from mwlib.course.files import EXPERIMENT, ROOT
+from mwlib.course.files import EXPERIMENT
 from mwlib.course.parameters import ParameterError, read_parameters, resolve
-from mwlib.grids import Grid, changes, seeded
+from mwlib.experiments import store
+from mwlib.experiments.grids import Grid, changes, row_config
+from mwlib.experiments.systems import system
+from mwlib.material import home
 
 EXECUTED = "notebook.ipynb"
 PAGE = "notebook.html"
@@ -49,20 +51,20 @@ def run_notebook(notebook: Path, out: Path | None, given: Mapping[str, Any]) -> 
     values = resolve(read_parameters(nbformat.read(notebook, as_version=4)), given)
     if "out" not in values:
         raise ParameterError(f"{notebook}: the parameters cell has no 'out'; expected 'out: str = \"\"  # where results go'")
-    digest = runs.parameters_hash(values)
-    folder = (out or ROOT / "build" / "runs" / f"{notebook.stem}-{digest}").resolve()
+    digest = store.parameters_hash(values)
+    folder = (out or home() / "build" / "runs" / f"{notebook.stem}-{digest}").resolve()
     folder.mkdir(parents=True, exist_ok=True)
-    for name in (runs.RESULT, EXECUTED, PAGE):
+    for name in (store.RESULT, EXECUTED, PAGE):
         (folder / name).unlink(missing_ok=True)
     try:
         papermill.execute_notebook(
             str(notebook), folder / EXECUTED, {**values, "out": str(folder)},
             kernel_name="python3", language="python", progress_bar=False, start_timeout=120, extra_arguments=QUIET,
         )  # fmt: skip
-        if runs.read_result(folder, digest) is None:
-            raise NotDone(f"{runs.RESULT} is missing, half-written or of other parameters than {values}")
+        if store.read_result(folder, digest) is None:
+            raise NotDone(f"{store.RESULT} is missing, half-written or of other parameters than {values}")
     except Exception as error:
-        (folder / runs.RESULT).unlink(missing_ok=True)
+        (folder / store.RESULT).unlink(missing_ok=True)
         raise NotDone(f"{notebook.stem}: {_reason(error)}\n(see {folder / EXECUTED})") from error
     finally:
         if (folder / EXECUTED).is_file():
@@ -70,14 +72,15 @@ def run_notebook(notebook: Path, out: Path | None, given: Mapping[str, Any]) -> 
     return folder
 
 
-def run_experiment(grid: Grid, row: int, seed: int, preset: str, data: str, out: Path) -> Path:
+def run_experiment(grid: Grid, row: int, seed: int, preset: str, given: Mapping[str, Any], out: Path) -> Path:
     """Run one row of a grid at one seed, as a run of the notebook `experiment.ipynb`.
 
     Args:
         grid: the grid.
         row: number of the row, from 0.
         seed: of the sampling, and of the training where the grid's rows train.
-        preset, data: what the row changes; empty data: the preset's own.
+        preset: what the row changes.
+        given: settings that somebody changed in the preset on purpose.
         out: folder, as for `run_notebook`.
 
     Returns:
@@ -85,16 +88,17 @@ def run_experiment(grid: Grid, row: int, seed: int, preset: str, data: str, out:
 
     Raises:
         LookupError: there is no such row.
+        ValueError: rows of the grid differ in a given setting.
         NotDone: as for `run_notebook`.
     """
     if not 0 <= row < len(grid.rows):
         raise LookupError(f"row is {row}; {grid.id} has 0 to {len(grid.rows) - 1}")
-    base = Config.preset(preset, **({"data": data} if data else {}))
-    wanted = changes(grid, grid.rows[row], base)
-    changed = seeded(grid, base.override(**wanted), seed)
-    names = [*wanted, "sampling_seed", "seed"]
-    words = [f"{name}={json.dumps(changed.get(name))}" for name in names]
-    return run_notebook(EXPERIMENT, out, {"preset": preset, "data": data, "changes": words})
+    base = system(grid.system).Config.preset(preset, **given)
+    changed = row_config(grid, grid.rows[row], base, seed, given)
+    names = {**given, **changes(grid, grid.rows[row], base, given), "sampling_seed": seed, "seed": seed}
+    words = [f"{name}={json.dumps(changed.get(name))}" for name in names if name != "data"]
+    data = changed.get("data") if "data" in names else ""
+    return run_notebook(EXPERIMENT, out, {"system": grid.system, "preset": preset, "data": data, "changes": words})
 
 
 def write_page(notebook: Path, page: Path) -> None:
@@ -105,6 +109,6 @@ def write_page(notebook: Path, page: Path) -> None:
 
 def _reason(error: Exception) -> str:
     """An error in few words: the cell's own traceback stands in the executed notebook."""
-    if hasattr(error, "ename"):
+    if isinstance(error, PapermillExecutionError):
         return f"cell {error.exec_count} raised {error.ename}: {error.evalue}"
     return str(error) or type(error).__name__

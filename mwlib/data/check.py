@@ -9,14 +9,15 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial import KDTree
 
-from ..motion import AXES, Motion, bone_lengths
-from . import known
-from .errors import MotionFormatError
-from .files import bare_suffix
-from .hints import clips_row
-from .load import find_source, motion_files, read_motion_file
-from .synthetic import synthetic_motions
-from .windows import windows
+from mwlib.body.kinematics import AXES, bone_lengths
+from mwlib.body.motion import Motion
+from mwlib.data import known
+from mwlib.data.errors import MotionFormatError
+from mwlib.data.hints import clips_row
+from mwlib.data.load import find_source, motion_files, read_motion_file
+from mwlib.data.reading import bare_suffix
+from mwlib.data.synthetic.script import synthetic_motions
+from mwlib.data.windowing import windows
 
 PROTOCOLS = {"HUMANEVA15": (60.0, 15, 60, 15)}  # hertz, history, future, stride
 STANDARD = (50.0, 25, 100, 25)
@@ -156,7 +157,7 @@ def _known_neighbours(motions: list[Motion]) -> list[str]:
     """How many test windows share their last observed pose with others, against what two published codes agree on."""
     _, history, future, stride = STANDARD
     test = [m for m in motions if m.subject in known.H36M_TEST_SUBJECTS]
-    last = windows(test, history, future, stride).past[:, -1].numpy()
+    last = windows(test, history, future, stride).x_history[:, -1].numpy()
     others = KDTree(last).query_ball_point(last, known.H36M_THRESHOLD, return_length=True) - 1
     counts = (int(np.sum(others == 0)), int(np.sum(others <= 9)))
     published = (known.H36M_ALONE, known.H36M_FEW)

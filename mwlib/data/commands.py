@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import argparse
 
-from .check import check_data
-from .h36m import write_h36m
-from .synthetic import synthetic_motions
+from mwlib.data.check import check_data
+from mwlib.data.formats.h36m import write_h36m
+from mwlib.data.synthetic.script import synthetic_motions
 
 
 def add_parser(subparsers: argparse._SubParsersAction) -> None:

@@ -7,11 +7,12 @@ import re
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
+from typing import TypedDict, Unpack
 
-from ..motion import Motion
-from ..skeleton import Skeleton
-from .errors import MotionFormatError
-from .files import PACKED, bare_name, number, read_text
+from mwlib.body.motion import Motion
+from mwlib.body.skeleton import Skeleton
+from mwlib.data.errors import MotionFormatError
+from mwlib.data.reading import PACKED, bare_name, number, read_text
 
 LEVELS_UP = 4  # folders above a file in which its clips.csv or skeleton.json may lie
 SLOWEST, FASTEST = 0.1, 10_000.0  # frames per second
@@ -50,7 +51,15 @@ class Hints:
         return replace(motion, subject=subject, action=self.action or motion.action or said.get("action", ""), name=stem)
 
 
-def hints(file: Path, **given: object) -> Hints:
+class Given(TypedDict, total=False):
+    """The fields of `Hints` that hold for all files of a source: what the caller says."""
+
+    unit: float | None
+    fallback_fps: float | None
+    fallback_skeleton: Skeleton | None
+
+
+def hints(file: Path, **given: Unpack[Given]) -> Hints:
     """Hints for a file: what the caller gave, and its row in the nearest clips.csv that lists it.
 
     clips.csv has a column `file` (relative to its own folder or to one above) and any of fps, subject, action (or content).

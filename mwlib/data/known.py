@@ -2,6 +2,15 @@
 
 from __future__ import annotations
 
+# Sources by the names of the presets that use them: what load_motions reads, at which rate.
+NAMED_SOURCES = {
+    "tiny": ("synthetic", 25.0),
+    "laptop": ("synthetic", 50.0),
+    "cmu": ("cmu/asfamc", 50.0),
+    "h36m": ("data_3d_h36m.npz", 50.0),
+    "humaneva": ("data_3d_humaneva15.npz", 60.0),
+}
+
 # Windows per take at H, F, stride = 25, 100, 25: plain, "1", "2", ...; "-" where there is no such take. HumanMAC's protocol.
 _H36M_TAKES = {
     "S9": "Directions 103/90 Discussion -/230/208 Eating 103/102 Greeting 53/104 Phoning 128/148 Posing 74/74 Purchases 57/45 "
@@ -29,3 +38,15 @@ def _takes(rows: str) -> dict[str, int]:
 
 
 H36M_WINDOWS = {f"{subject} {take}": count for subject, rows in _H36M_TAKES.items() for take, count in _takes(rows).items()}
+
+
+ACKNOWLEDGEMENTS = {
+    "cmu": "The data used in this project was obtained from mocap.cs.cmu.edu. The database was created with funding from "
+    "NSF EIA-0196217."
+}
+
+
+def acknowledgement(data: str) -> dict[str, str]:
+    """What the owners of a data source want said beside any result on it: one entry, or none."""
+    found = [text for name, text in ACKNOWLEDGEMENTS.items() if data.startswith(name)]
+    return {"acknowledgement": found[0]} if found else {}

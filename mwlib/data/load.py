@@ -7,22 +7,23 @@ import sys
 from collections.abc import Callable
 from io import BytesIO
 from pathlib import Path
+from typing import Unpack
 
 from tqdm import tqdm
 
-from ..config import PRESETS, Config, data_folder
-from ..motion import Motion
-from ..skeleton import SKELETONS, Skeleton
-from .amc import read_amc
-from .arrays import read_npy, read_positions
-from .bvh import read_bvh
-from .cmu_benchmark import COLUMNS, read_benchmark
-from .errors import MotionFormatError
-from .files import ARRAY_LIMIT, archive_names, array_header, bare_suffix, read_archive, read_array, read_bytes
-from .h36m import read_positions_3d
-from .hints import Hints, hints
-from .synthetic import synthetic_motions
-from .units import metres_per_unit
+from mwlib.body.motion import Motion
+from mwlib.body.skeleton import SKELETONS, Skeleton
+from mwlib.data.errors import MotionFormatError
+from mwlib.data.formats.amc import read_amc
+from mwlib.data.formats.arrays import read_npy, read_positions
+from mwlib.data.formats.bvh import read_bvh
+from mwlib.data.formats.cmu_benchmark import COLUMNS, read_benchmark
+from mwlib.data.formats.h36m import read_positions_3d
+from mwlib.data.hints import Given, Hints, hints
+from mwlib.data.known import NAMED_SOURCES
+from mwlib.data.reading import ARRAY_LIMIT, archive_names, array_header, bare_suffix, read_archive, read_array, read_bytes
+from mwlib.data.synthetic.script import synthetic_motions
+from mwlib.data.units import metres_per_unit
 
 MANY_FILES = 20  # from here on a progress bar is worth its line
 
@@ -50,19 +51,24 @@ def load_motions(
         MotionFormatError: a file cannot be read, or the folder holds no motion.
         ValueError: an argument makes no sense, or no way to `skeleton` is known.
     """
-    if isinstance(source, str) and source in PRESETS:
-        data = Config.preset(source).data
-        source, fps = data.data, fps or data.fps
+    if isinstance(source, str) and source in NAMED_SOURCES:
+        source, own_fps = NAMED_SOURCES[source]
+        fps = fps or own_fps
     if isinstance(skeleton, str):
         if skeleton not in SKELETONS:
             raise ValueError(f"skeleton is {skeleton!r}; expected one of {', '.join(sorted(SKELETONS))}")
         skeleton = SKELETONS[skeleton]
     if fps is not None and not 0 < fps < float("inf"):
         raise ValueError(f"fps is {fps}; expected a positive number")
-    given = {"unit": None if unit is None else metres_per_unit(unit), "fallback_fps": fps, "fallback_skeleton": skeleton}
+    given: Given = {"unit": None if unit is None else metres_per_unit(unit), "fallback_fps": fps, "fallback_skeleton": skeleton}
     motions = synthetic_motions() if source == "synthetic" else _read(find_source(source), given)
     motions = motions if skeleton is None else [m.retarget(skeleton) for m in motions]
     return motions if fps is None else [m.resample(fps) for m in motions]
+
+
+def data_folder() -> Path:
+    """Where relative data sources are looked up: MWLIB_DATA, or the working folder."""
+    return Path(os.environ.get("MWLIB_DATA", "."))
 
 
 def find_source(source: str | Path) -> Path:
@@ -78,7 +84,7 @@ def find_source(source: str | Path) -> Path:
             return place
     where = " nor ".join(map(str, dict.fromkeys(places)))
     hint = "" if "MWLIB_DATA" in os.environ or path.is_absolute() else "; MWLIB_DATA, the folder of your data, is not set"
-    raise FileNotFoundError(f"no motions at {where}{hint}; expected a path, 'synthetic' or one of {', '.join(PRESETS)}")
+    raise FileNotFoundError(f"no motions at {where}{hint}; expected a path, 'synthetic' or one of {', '.join(NAMED_SOURCES)}")
 
 
 def motion_files(path: Path) -> list[Path]:
@@ -97,14 +103,14 @@ def motion_files(path: Path) -> list[Path]:
     return found
 
 
-def _read(path: Path, given: dict[str, object]) -> list[Motion]:
+def _read(path: Path, given: Given) -> list[Motion]:
     files = motion_files(path)
     quiet = len(files) <= MANY_FILES or not sys.stderr.isatty()
     files = tqdm(files, "reading motions", unit="file", disable=quiet)
     return [motion for file in files for motion in read_motion_file(file, **given)]
 
 
-def read_motion_file(file: Path, **given: object) -> list[Motion]:
+def read_motion_file(file: Path, **given: Unpack[Given]) -> list[Motion]:
     """The motions of one file, at their own rate, on their own skeleton.
 
     Args:

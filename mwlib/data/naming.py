@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import hashlib
+from dataclasses import replace
 
-from ..skeleton import Skeleton
+from mwlib.body.skeleton import Skeleton
 
 
 def own_skeleton(joints: tuple[str, ...], parents: tuple[int, ...]) -> Skeleton:
@@ -29,3 +30,16 @@ def _counterparts(name: str) -> list[str]:
         names += [b + name[1:]] if name.startswith(a) else []
         names += [name[:-1] + b] if name.endswith((f"_{a}", f".{a}")) else []
     return names
+
+
+def rig_skeleton(joints: tuple[str, ...], parents: tuple[int, ...]) -> Skeleton:
+    """`own_skeleton` with End Sites among the joints, each called "<its joint>/End"; they pair up as their joints do."""
+    own = own_skeleton(joints, parents)
+    ends: dict[int, list[int]] = {}
+    for joint, parent in enumerate(parents):
+        if joints[joint].endswith("/End"):
+            ends.setdefault(parent, []).append(joint)
+    pairs = {left: right for left, right in zip(own.left, own.right, strict=True) if not joints[left].endswith("/End")}
+    for left, right in list(pairs.items()):
+        pairs |= dict(zip(ends.get(left, []), ends.get(right, []), strict=False))
+    return replace(own, left=tuple(pairs), right=tuple(pairs.values()))

@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float
 
-from ..motion import bone_lengths
-from ..skeleton import Skeleton
-from .errors import MotionFormatError
+from mwlib.body.kinematics import bone_lengths
+from mwlib.body.skeleton import Skeleton
+from mwlib.data.errors import MotionFormatError
 
 UNITS = {"m": 1.0, "cmu": 0.0254 / 0.45, "inch": 0.0254, "cm": 0.01, "mm": 0.001}  # metres
 LONGEST_UNIT = 1000.0

@@ -1,21 +1,21 @@
 """Every picture. Functions return (fig, ax) and show nothing; `show` puts a figure into a notebook, `save` into files."""
 
-from .attention import attention_heads, attention_over_steps, attention_part, attention_vectors, row_support
-from .bases import basis_card, dots
-from .coefficients import energy_bars, matrix, projection_change, subbands
-from .control import controlled_poses
-from .curves import curves, histograms, sampling_paths
-from .diagrams import overview, tabg_diagram
-from .diffusion import band_snr, ddim_path, loss_curves, noising, schedules
-from .evaluation import bars_per_action, trajectories
-from .guidance import claimed_and_measured, noised_rows, pose_grid
-from .look import CYCLE, STYLE, style, use_style
-from .metric_picture import metric_picture
-from .phase import error_by_size, phase_circles, predicted_curves, windows_and_sinusoids
-from .save import save, save_table, show
-from .signals import filters, padding_modes, scaling_and_wavelet, signal_and_coefficients
-from .skeletons import animate, end_poses, film, overlay_futures, storyboard
-from .tables import Table, results_table, significant
+from mwlib.plots.attention import attention_heads, attention_over_steps, attention_part, attention_vectors, row_support
+from mwlib.plots.bases import basis_card, dots
+from mwlib.plots.coefficients import energy_bars, matrix, projection_change, subbands
+from mwlib.plots.control import controlled_poses
+from mwlib.plots.curves import curves, histograms, sampling_paths
+from mwlib.plots.diagrams import overview, tabg_diagram
+from mwlib.plots.diffusion import band_snr, ddim_path, loss_curves, noising, schedules
+from mwlib.plots.evaluation import bars_per_action, trajectories
+from mwlib.plots.guidance import claimed_and_measured, noised_rows, pose_grid
+from mwlib.plots.look import CYCLE, STYLE, style, use_style
+from mwlib.plots.metric_picture import metric_picture
+from mwlib.plots.phase import error_by_size, phase_circles, predicted_curves, windows_and_sinusoids
+from mwlib.plots.save import save, save_table, show
+from mwlib.plots.signals import filters, padding_modes, scaling_and_wavelet, signal_and_coefficients
+from mwlib.plots.skeletons import animate, end_poses, film, overlay_futures, storyboard
+from mwlib.plots.tables import Table, results_table, significant
 
 __all__ = [
     "CYCLE",

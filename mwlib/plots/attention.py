@@ -1,4 +1,4 @@
-"""What the network looks at: which frames a latent row holds, attention vectors, and both over steps and heads."""
+"""What the network looks at: which frames a row of coefficients holds, attention vectors, and both over steps and heads."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
-from .look import CYCLE, FAINT, INK, OBSERVED, array, canvas, colourbar, style
+from mwlib.plots.look import CYCLE, FAINT, INK, OBSERVED, array, canvas, colourbar, style
 
 Array = np.ndarray | torch.Tensor
 
 
 @style()
 def row_support(analysis: Float[Array, "rows T"], *, history: int, split: int) -> tuple[Figure, np.ndarray]:
-    """Which frames each latent row sees, approximation and detail side by side; the observed frames are shaded.
+    """Which frames each row of coefficients sees, approximation and detail side by side; the observed frames are shaded.
 
     Args:
         analysis: the transform's matrix along time, approximation rows above detail rows.
@@ -37,7 +37,7 @@ def row_support(analysis: Float[Array, "rows T"], *, history: int, split: int) -
             colour = CYCLE[0] if observed else CYCLE[1] if future else INK
             ax.plot([seen[0] - 0.5, seen[-1] + 0.5], [row, row], color=colour, linewidth=2.2, solid_capstyle="butt")
         ax.set(title=name, xlabel="frame", xlim=(-0.5, analysis.shape[1] - 0.5))
-    axes[0, 0].set_ylabel("latent row")
+    axes[0, 0].set_ylabel("row of coefficients")
     axes[0, 0].invert_yaxis()
     names = ("observed frames only", "future frames only", "both")
     handles = [axes[0, 0].plot([], [], color=colour, linewidth=3)[0] for colour in (CYCLE[0], CYCLE[1], INK)]
@@ -47,13 +47,13 @@ def row_support(analysis: Float[Array, "rows T"], *, history: int, split: int) -
 
 @style()
 def attention_vectors(
-    attention: Float[Array, "K K"], *, past: int, mask: Bool[Array, " K"] | None = None, row: int | None = None
+    attention: Float[Array, "rows rows"], *, history_rows: int, mask: Bool[Array, " rows"] | None = None, row: int | None = None
 ) -> tuple[Figure, np.ndarray]:
     """Attention vectors of all rows with their mean, and that of one row (the paper's Fig. 12a and b).
 
     Args:
         attention: rows ask, columns are looked at; each row sums to 1.
-        past: rows before this one see observed frames only; they are shaded.
+        history_rows: rows before this one see observed frames only; they are shaded.
         mask: rows that TABG noises, marked below the curves of the first panel.
         row: which row the second panel shows; None = the middle one.
     """
@@ -62,7 +62,7 @@ def attention_vectors(
     fig, axes = canvas(2, 1, height=4.6, sharex=True)
     upper, lower = axes[:, 0]
     for ax in (upper, lower):
-        ax.axvspan(-0.5, past - 0.5, color=OBSERVED, alpha=0.25, linewidth=0)
+        ax.axvspan(-0.5, history_rows - 0.5, color=OBSERVED, alpha=0.25, linewidth=0)
         ax.axhline(1 / len(attention), color=INK, linewidth=0.9, linestyle="--")
         ax.set(ylabel="attention weight", xlim=(-0.5, len(attention) - 0.5))
     upper.plot(attention.T, color=CYCLE[0], linewidth=0.7, alpha=0.25)
@@ -76,7 +76,9 @@ def attention_vectors(
     lower.axvline(row, color=CYCLE[0], linewidth=0.9, linestyle=":")
     lower.set_ylim(bottom=0)
     upper.set_title("(a) every row")
-    lower.set(title=f"(b) row {row}, the middle one" if row == len(attention) // 2 else f"(b) row {row}", xlabel="latent row")
+    lower.set(
+        title=f"(b) row {row}, the middle one" if row == len(attention) // 2 else f"(b) row {row}", xlabel="row of coefficients"
+    )
     lower.xaxis.set_major_locator(MaxNLocator(integer=True))
     fig.legend(handles=[*mean, *[line for line in upper.lines if line not in mean and not line.get_label().startswith("_")]],
                loc="outside upper left", ncols=3)  # fmt: skip
@@ -85,7 +87,7 @@ def attention_vectors(
 
 @style()
 def attention_over_steps(
-    a: Float[Array, "steps K"], masks: Bool[Array, "steps K"], ts: Sequence[int], *, past: int
+    a: Float[Array, "steps rows"], masks: Bool[Array, "steps rows"], ts: Sequence[int], *, history_rows: int
 ) -> tuple[Figure, np.ndarray]:
     """Accumulated attention A_t and the mask M_t while the sampler runs; noise at the top.
 
@@ -93,15 +95,15 @@ def attention_over_steps(
         a: A_t of each step, mean 1.
         masks: rows that TABG noises.
         ts: diffusion index of each step.
-        past: rows before this one see observed frames only: left of the line.
+        history_rows: rows before this one see observed frames only: left of the line.
     """
     fig, axes = canvas(1, 2, height=2.9, sharey=True)
     pictures = ((array(a), "viridis", "$A_t$"), (array(masks).astype(float), "Greys", "mask $M_t$ (dark = noised)"))
     for ax, (values, cmap, title) in zip(axes[0], pictures, strict=True):
         top = float(np.quantile(values, 0.99)) if cmap == "viridis" else 1.4
         image = ax.imshow(values, cmap=cmap, vmin=0, vmax=top, aspect="auto")
-        ax.axvline(past - 0.5, color="white" if cmap == "viridis" else CYCLE[1], linewidth=1.6, linestyle="--")
-        ax.set(title=title, xlabel="latent row")
+        ax.axvline(history_rows - 0.5, color="white" if cmap == "viridis" else CYCLE[1], linewidth=1.6, linestyle="--")
+        ax.set(title=title, xlabel="row of coefficients")
         if cmap == "viridis":
             colourbar(image, ax, "", cut=True)
     axes[0, 0].set(ylabel="diffusion index t", yticks=range(len(ts)), yticklabels=[str(t) for t in ts])
@@ -109,12 +111,12 @@ def attention_over_steps(
 
 
 @style()
-def attention_heads(attention: Float[Array, "2 heads K K"], *, past: int) -> tuple[Figure, np.ndarray]:
+def attention_heads(attention: Float[Array, "2 heads rows rows"], *, history_rows: int) -> tuple[Figure, np.ndarray]:
     """The maps of every head of the middle two blocks, on one colour scale.
 
     Args:
         attention: rows ask, columns are looked at.
-        past: rows before this one see observed frames only: above and left of the lines.
+        history_rows: rows before this one see observed frames only: above and left of the lines.
     """
     attention = array(attention)
     blocks, heads = attention.shape[:2]
@@ -125,7 +127,7 @@ def attention_heads(attention: Float[Array, "2 heads K K"], *, past: int) -> tup
             ax = axes[block, head]
             image = ax.imshow(attention[block, head], cmap="viridis", vmin=0, vmax=top)
             for line in (ax.axvline, ax.axhline):
-                line(past - 0.5, color=FAINT, linewidth=0.9, linestyle="--")
+                line(history_rows - 0.5, color=FAINT, linewidth=0.9, linestyle="--")
             ax.set_title(f"block {'AB'[block]}, head {head}")
     axes[-1, 0].set(xlabel="row looked at", ylabel="row that asks")
     colourbar(image, list(axes.ravel()), "", cut=True)
@@ -133,12 +135,12 @@ def attention_heads(attention: Float[Array, "2 heads K K"], *, past: int) -> tup
 
 
 @style()
-def attention_part(attention: Float[Array, "K K"], *, past: int, title: str = "") -> tuple[Figure, Axes]:
+def attention_part(attention: Float[Array, "rows rows"], *, history_rows: int, title: str = "") -> tuple[Figure, Axes]:
     """One map with the attention its rows receive on top of it.
 
     Args:
         attention: rows ask, columns are looked at.
-        past: rows before this one see observed frames only.
+        history_rows: rows before this one see observed frames only.
     """
     attention = array(attention)
     fig, axes = canvas(2, 1, height=4.4, width=4.4, sharex=True, gridspec_kw={"height_ratios": (1, 3)})
@@ -148,6 +150,6 @@ def attention_part(attention: Float[Array, "K K"], *, past: int, title: str = ""
     upper.set(ylabel="received", title=title, ylim=(0, None))
     lower.imshow(attention, cmap="viridis", vmin=0, vmax=float(np.quantile(attention, 0.99)), aspect="auto")
     for line in (lower.axvline, lower.axhline, upper.axvline):
-        line(past - 0.5, color=OBSERVED, linewidth=1.2, linestyle="--")
+        line(history_rows - 0.5, color=OBSERVED, linewidth=1.2, linestyle="--")
     lower.set(xlabel="row looked at", ylabel="row that asks")
     return fig, lower

@@ -12,10 +12,10 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
-from ..transforms import WaveletTransform
-from .coefficients import DIVERGING
-from .look import CYCLE, DASHES, FAINT, OBSERVED, array, canvas, limit, style
-from .tables import significant
+from mwlib.plots.coefficients import DIVERGING
+from mwlib.plots.look import CYCLE, DASHES, FAINT, OBSERVED, array, canvas, limit, style
+from mwlib.plots.tables import significant
+from mwlib.transforms import WaveletTransform
 
 Array = np.ndarray | torch.Tensor
 MARKERS = ("D", "o", "s", "^", "v", "P")
@@ -67,7 +67,8 @@ def basis_card(wavelet: str, x: Float[Array, "T C"], *, mode: str = "zero") -> t
         ValueError: unknown wavelet or mode.
     """
     motion = torch.as_tensor(array(x), dtype=torch.float64)
-    transform = WaveletTransform(*motion.shape, wavelet, mode)
+    frames, channels = motion.shape
+    transform = WaveletTransform(frames, channels, wavelet, mode)
     bank, bands = pywt.Wavelet(wavelet), transform.split(transform(motion))
     fig, axes = canvas(4, 2, height=7.9)
     _functions(axes[0], bank)

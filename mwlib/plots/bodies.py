@@ -13,8 +13,8 @@ from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
-from ..skeleton import Skeleton
-from .look import FAINT, LEFT, OBSERVED, RIGHT, TRUTH, WIDTH, array
+from mwlib.body.skeleton import Skeleton
+from mwlib.plots.look import FAINT, LEFT, OBSERVED, RIGHT, TRUTH, WIDTH, array
 
 Array = np.ndarray | torch.Tensor
 AnyMotion = Float[Array, "..."]  # (..., C) about the root or (..., J+1, 3), metres
@@ -69,7 +69,7 @@ def draw_bodies(
     for side, colour in zip(("middle", "left", "right"), COLOURS[kind], strict=True):
         bones = [bone for bone in skeleton.bones if _side(bone[1], skeleton) == side]
         lines = LineCollection(
-            points[:, bones].reshape(-1, 2, 2),
+            list(points[:, bones].reshape(-1, 2, 2)),
             colors=colour,
             alpha=alpha,
             linewidths=width,

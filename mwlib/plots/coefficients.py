@@ -10,8 +10,8 @@ from jaxtyping import Float
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from .look import BAND_NAMES, CYCLE, INK, array, bar_look, canvas, colourbar, limit, style
-from .tables import significant
+from mwlib.plots.look import BAND_NAMES, CYCLE, INK, array, bar_look, canvas, colourbar, limit, style
+from mwlib.plots.tables import significant
 
 Array = np.ndarray | torch.Tensor
 DIVERGING = "RdBu_r"  # blue and red differ for every common kind of colour vision; white is zero
@@ -50,7 +50,7 @@ def matrix(
 
 @style()
 def subbands(
-    bands: Mapping[str, Float[Array, "K D"]], *, common: bool = False, share: float = 1.0, unit: str = "m"
+    bands: Mapping[str, Float[Array, "rows columns"]], *, common: bool = False, share: float = 1.0, unit: str = "m"
 ) -> tuple[Figure, np.ndarray]:
     """The four sub-bands of one motion: time runs to the right, channels downwards.
 
@@ -90,7 +90,8 @@ def energy_bars(energies: Mapping[str, float] | Mapping[str, Mapping[str, float]
         energies: band -> energy, or name (of a wavelet, an action ...) -> band -> energy; shares are taken within each name.
     """
     nested = isinstance(next(iter(energies.values())), Mapping)
-    series = dict(energies) if nested else {"": dict(energies)}
+    alone = {band: energy for band, energy in energies.items() if not isinstance(energy, Mapping)}
+    series = {name: row for name, row in energies.items() if isinstance(row, Mapping)} if nested else {"": alone}
     bands = list(next(iter(series.values())))
     fig, axes = canvas(height=0.7 + 0.24 * len(bands) * (len(series) + 0.7))
     ax, thick = axes[0, 0], 0.84 / len(series)
@@ -112,7 +113,7 @@ def energy_bars(energies: Mapping[str, float] | Mapping[str, Mapping[str, float]
 def projection_change(
     analysis: Float[Array, "rows T"], synthesis: Float[Array, "T rows"], *, title: str = ""
 ) -> tuple[Figure, np.ndarray]:
-    """Which coefficients change when a latent goes to the motion and back: P = analysis · synthesis, against the identity.
+    """Which coefficients change when they go to the motion and back: P = analysis · synthesis, against the identity.
 
     Args:
         analysis: (2K, T), approximation rows over detail rows (`WaveletTransform.analysis_time`).

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 
 import numpy as np
 from jaxtyping import Bool, Float
 from matplotlib.figure import Figure
 
-from ..skeleton import Skeleton
-from .bodies import THREE_QUARTER, Array, draw_bodies, facing, poses, project
-from .look import CYCLE, canvas, style
+from mwlib.body.skeleton import Skeleton
+from mwlib.plots.bodies import THREE_QUARTER, Array, draw_bodies, facing, poses, project
+from mwlib.plots.look import CYCLE, canvas, style
 
 MARK = CYCLE[3]
 COLUMNS = 3
@@ -23,7 +23,7 @@ def controlled_poses(
     *,
     truth: Float[Array, " C"],
     last: Float[Array, " C"] | None = None,
-) -> tuple[Figure, Sequence]:
+) -> tuple[Figure, np.ndarray]:
     """One panel per case: sampled poses laid over each other, the truth in black, prescribed joints as filled circles.
 
     Args:

@@ -11,7 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
-from .look import CYCLE, DASHES, FAINT, INK, OBSERVED, array, canvas, style
+from mwlib.plots.look import CYCLE, DASHES, FAINT, INK, OBSERVED, array, canvas, style
 
 Array = np.ndarray | torch.Tensor
 Density = tuple[Float[Array, " M"], Float[Array, " M"]]  # values, and the density at them
@@ -84,13 +84,13 @@ def sampling_paths(
         density: (values, density) of the true distribution, drawn beside the end points.
         shown: how many paths are drawn; the histogram counts all.
     """
-    paths, ts = array(paths), np.asarray(ts)
+    paths, times = array(paths), np.asarray(ts)
     low, high = _range([paths[0], paths[-1]], density)
     fig, axes = canvas(1, 2, height=3.2, sharey=True, gridspec_kw={"width_ratios": (4, 1)})
     left, right = axes[0]
     for i, path in enumerate(paths.T[:shown]):
-        left.plot(ts, path, color=CYCLE[i % 2], alpha=0.25, linewidth=1.0)
-    left.set(xlim=(ts[0], ts[-1]), ylim=(low, high), xlabel="diffusion index t, falling", ylabel=ylabel)
+        left.plot(times, path, color=CYCLE[i % 2], alpha=0.25, linewidth=1.0)
+    left.set(xlim=(times[0], times[-1]), ylim=(low, high), xlabel="diffusion index t, falling", ylabel=ylabel)
     left.xaxis.set_major_locator(MaxNLocator(integer=True))
     left.axhline(0, color=OBSERVED, linewidth=0.8, zorder=1)
     edges = np.linspace(low, high, 81)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 import torch
 from jaxtyping import Bool, Float
@@ -9,10 +11,10 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import FancyBboxPatch
 
-from ..skeleton import Skeleton
-from .bodies import THREE_QUARTER, draw_bodies, facing, poses, project
-from .coefficients import DIVERGING
-from .look import CYCLE, FAINT, INK, OBSERVED, WIDTH, array, canvas, limit, style
+from mwlib.body.skeleton import Skeleton
+from mwlib.plots.bodies import THREE_QUARTER, draw_bodies, facing, poses, project
+from mwlib.plots.coefficients import DIVERGING
+from mwlib.plots.look import CYCLE, FAINT, INK, OBSERVED, WIDTH, array, canvas, limit, style
 
 Array = np.ndarray | torch.Tensor
 SPACING = 0.8  # metres between bodies
@@ -64,7 +66,7 @@ def _image(ax: Axes, place: Place, title: str, values: Array, cmap: str = DIVERG
     _inset(ax, place, title).imshow(values, cmap=cmap, vmin=low, vmax=most, aspect="auto")
 
 
-def _bodies(ax: Axes, place: Place, title: str, rows: list[tuple[Array, str]], skeleton: Skeleton) -> None:
+def _bodies(ax: Axes, place: Place, title: str, rows: Sequence[tuple[Array, str]], skeleton: Skeleton) -> None:
     """Several poses side by side in an inset; each item is (poses (n, C), kind)."""
     inset = _inset(ax, place, title)
     inset.spines[:].set_visible(False)
@@ -81,8 +83,8 @@ def _bodies(ax: Axes, place: Place, title: str, rows: list[tuple[Array, str]], s
 @style()
 def overview(
     x: Float[Array, "T C"],
-    y: Float[Array, "K columns"],
-    y_t: Float[Array, "K columns"],
+    y: Float[Array, "rows columns"],
+    y_t: Float[Array, "rows columns"],
     futures: Float[Array, "S F C"],
     skeleton: Skeleton,
     *,
@@ -97,8 +99,15 @@ def overview(
         futures: sampled futures of its history, metres.
         history: observed frames H.
     """
-    x, futures = array(x), array(futures)
     fig, ax = _board(5.3)
+    _overview_training(ax, array(x), y, y_t, skeleton, history)
+    ax.plot([0.08, WIDTH - 0.08], [3.05, 3.05], color=OBSERVED, linewidth=0.8)
+    _overview_prediction(ax, array(x), y, array(futures), skeleton, history)
+    return fig, ax
+
+
+def _overview_training(ax: Axes, x: Array, y: Array, y_t: Array, skeleton: Skeleton, history: int) -> None:
+    """The upper half."""
     ax.text(0.08, 5.1, "Training", fontsize=10.5, fontweight="bold", va="center")
     middle = len(x) // 2
     moments = [(x[[0, history - 1]], "observed"), (x[[middle, -1]], "truth")]
@@ -109,18 +118,20 @@ def overview(
     _arrow(ax, (2.65, 3.95), (2.95, 3.95))
     _arrow(ax, (3.9, 3.95), (4.4, 3.95), "noise")
     _image(ax, (4.4, 3.4, 0.95, 1.1), "$\\mathbf{y}^{(t)}$", y_t)
-    _box(ax, (5.6, 3.62, 0.75, 0.66), "denoiser\n$\\epsilon_\\theta$", CYCLE[0])
+    _box(ax, (5.6, 3.62, 0.75, 0.66), "network\n$\\epsilon_\\theta$", CYCLE[0])
     _arrow(ax, (5.36, 3.95), (5.6, 3.95))
     ax.text(5.97, 3.56, "learns\nthe noise", ha="center", va="top", fontsize=9)
 
-    ax.plot([0.08, WIDTH - 0.08], [3.05, 3.05], color=OBSERVED, linewidth=0.8)
+
+def _overview_prediction(ax: Axes, x: Array, y: Array, futures: Array, skeleton: Skeleton, history: int) -> None:
+    """The lower half."""
     ax.text(0.08, 2.85, "Prediction", fontsize=10.5, fontweight="bold", va="center")
     last = x[[0, history // 2, history - 1]]
     _bodies(ax, (0.05, 1.35, 1.3, 1.1), "history, padded", [(last, "observed")], skeleton)
     _box(ax, (1.5, 1.65, 0.55, 0.5), "DWT")
     _arrow(ax, (1.35, 1.9), (1.5, 1.9))
     _arrow(ax, (2.05, 1.9), (2.45, 1.9))
-    _box(ax, (2.45, 1.5, 0.95, 0.8), "denoiser\n$\\epsilon_\\theta$\n+ CFG, TABG", CYCLE[0])
+    _box(ax, (2.45, 1.5, 0.95, 0.8), "network\n$\\epsilon_\\theta$\n+ CFG, TABG", CYCLE[0])
     _box(ax, (2.45, 0.45, 0.95, 0.55), "DDIM step,\nWMSG", CYCLE[0])
     _arrow(ax, (3.15, 1.5), (3.15, 1.0))
     _arrow(ax, (2.7, 1.0), (2.7, 1.5))
@@ -133,27 +144,26 @@ def overview(
     ends = [(futures[: min(4, len(futures)), -1], "predicted")]
     _bodies(ax, (4.55, 0.2, 1.8, 1.15), "many futures (last frames)", ends, skeleton)
     _arrow(ax, (4.35, 0.72), (4.6, 0.72))
-    return fig, ax
 
 
 @style()
 def tabg_diagram(
-    y_t: Float[Array, "K columns"],
-    attention: Float[Array, "K K"],
-    a_t: Float[Array, " K"],
-    mask: Bool[Array, " K"],
-    y_hat: Float[Array, "K columns"],
+    y_t: Float[Array, "rows columns"],
+    attention: Float[Array, "rows rows"],
+    a_t: Float[Array, " rows"],
+    mask: Bool[Array, " rows"],
+    y_hat: Float[Array, "rows columns"],
     *,
     threshold: float = 1.0,
 ) -> tuple[Figure, Axes]:
     """Attention guidance (TABG, the paper's Fig. 2), with one real step in the insets.
 
     Args:
-        y_t: the noisy latent.
+        y_t: noisy coefficients.
         attention: mean of the middle two blocks and heads; rows ask, columns are looked at.
         a_t: its column sums, mean 1.
         mask: rows that are noised once more.
-        y_hat: the latent with those rows noised.
+        y_hat: the same with those rows noised.
         threshold: phi.
     """
     a_t, mask = array(a_t), array(mask)

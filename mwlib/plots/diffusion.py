@@ -12,15 +12,15 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullFormatter
 from torch import Tensor
 
-from ..diffusion import noised
-from ..sampling import Step
-from ..skeleton import Skeleton
-from ..transforms.linear import LinearTransform
-from .bodies import THREE_QUARTER, AnyMotion, Array, draw_bodies, facing, poses, project
-from .coefficients import DIVERGING
-from .look import BAND_NAMES, CYCLE, DASHES, INK, OBSERVED, TRUTH, array, canvas, style
-from .skeletons import storyboard
-from .tables import significant
+from mwlib.body.skeleton import Skeleton
+from mwlib.diffusion.process import noised
+from mwlib.diffusion.samplers import Step
+from mwlib.plots.bodies import THREE_QUARTER, AnyMotion, Array, draw_bodies, facing, poses, project
+from mwlib.plots.coefficients import DIVERGING
+from mwlib.plots.look import BAND_NAMES, CYCLE, DASHES, INK, OBSERVED, TRUTH, array, canvas, style
+from mwlib.plots.skeletons import storyboard
+from mwlib.plots.tables import significant
+from mwlib.transforms.linear import LinearTransform
 
 
 @style()
@@ -79,7 +79,7 @@ def noising(
     channel: int = 0,
     frame: int = -1,
 ) -> tuple[Figure, np.ndarray]:
-    """One motion under growing noise: the latent y_t, one coordinate of the motion it stands for, and one pose.
+    """One motion under growing noise: the coefficients y_t, one coordinate of the motion it stands for, and one pose.
 
     Args:
         tf: wavelet transform with the four sub-bands of level 1.
@@ -91,9 +91,9 @@ def noising(
     """
     clean = tf(x)
     eps = torch.randn(clean.shape, generator=generator, dtype=clean.dtype)
-    latents = [noised(clean, eps, alpha_bar[t]) for t in ts]
+    noisy = [noised(clean, eps, alpha_bar[t]) for t in ts]
     fig, axes = canvas(3, len(ts), height=5.2, gridspec_kw={"height_ratios": (1.2, 0.8, 1.3)}, sharey="row")
-    for column, t, y in zip(axes.T, ts, latents, strict=True):
+    for column, t, y in zip(axes.T, ts, noisy, strict=True):
         column[0].imshow(array(y).T, cmap=DIVERGING, vmin=-2, vmax=2, aspect="auto")
         column[0].set(title=f"t = {t}", xlabel="row k")
         motion = tf.inverse(y)
@@ -122,8 +122,8 @@ def ddim_path(
     """How a sample comes to be: the clean estimate at a few denoising steps, one row each, the last one at the bottom.
 
     Args:
-        steps: what `sampling.ddim` yields for a single latent (K, 4D).
-        inverse: latent -> motion (T, C), e.g. the transform's inverse.
+        steps: what `sampling.ddim` yields for a single motion's coefficients (rows, columns).
+        inverse: coefficients -> motion (T, C), e.g. the transform's inverse.
         truth: drawn in the first row.
         count: how many of the steps to show, evenly spread, first and last included.
         fps, history, frames: as in `storyboard`.
@@ -182,7 +182,7 @@ def _pose(ax: Axes, noisy: Tensor, clean: Tensor, skeleton: Skeleton) -> None:
 
 
 def _name_bands(axes: np.ndarray, tf: LinearTransform, y: Tensor) -> None:
-    """Mark the sub-bands in pictures of latents, and name them in the first."""
+    """Mark the sub-bands in pictures of coefficients, and name them in the first."""
     edges = np.cumsum([0, *(band.shape[-1] for band in tf.split(y).values())]) - 0.5
     axes[0].set(yticks=(edges[:-1] + edges[1:]) / 2, yticklabels=list(BAND_NAMES))
     for ax in axes:

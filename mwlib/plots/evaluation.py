@@ -10,7 +10,7 @@ from jaxtyping import Float
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from .look import CYCLE, DASHES, OBSERVED, TRUTH, array, bar_look, canvas, style
+from mwlib.plots.look import CYCLE, DASHES, OBSERVED, TRUTH, array, bar_look, canvas, style
 
 Array = np.ndarray | torch.Tensor
 
@@ -50,7 +50,8 @@ def trajectories(
     ax.set(xlabel=f"time (s){shades}", ylabel=ylabel, xlim=(time[0], time[-1]))
     legend = fig.legend(loc="outside upper left", ncols=4 if len(futures) < 3 else 3)
     for handle in legend.legend_handles:
-        handle.set_alpha(1)
+        if handle is not None:
+            handle.set_alpha(1)
     return fig, ax
 
 

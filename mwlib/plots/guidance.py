@@ -10,10 +10,10 @@ import torch
 from jaxtyping import Bool, Float
 from matplotlib.figure import Figure
 
-from ..skeleton import Skeleton
-from .bodies import THREE_QUARTER, AnyMotion, Board, facing, poses, project
-from .coefficients import DIVERGING
-from .look import CYCLE, FAINT, INK, OBSERVED, array, canvas, colourbar, style
+from mwlib.body.skeleton import Skeleton
+from mwlib.plots.bodies import THREE_QUARTER, AnyMotion, Board, facing, poses, project
+from mwlib.plots.coefficients import DIVERGING
+from mwlib.plots.look import CYCLE, FAINT, INK, OBSERVED, array, canvas, colourbar, style
 
 Array = np.ndarray | torch.Tensor
 HEADS = {"apd": "APD (m)", "ade": "ADE (m)", "fde": "FDE (m)", "mmade": "MMADE (m)", "mmfde": "MMFDE (m)"}
@@ -21,28 +21,32 @@ HEADS = {"apd": "APD (m)", "ade": "ADE (m)", "fde": "FDE (m)", "mmade": "MMADE (
 
 @style()
 def noised_rows(
-    latents: Mapping[str, Float[Array, "K D"]], mask: Bool[Array, " K"], *, past: int | None = None, columns: int = 60
+    versions: Mapping[str, Float[Array, "rows columns"]],
+    mask: Bool[Array, " rows"],
+    *,
+    history_rows: int | None = None,
+    columns: int = 60,
 ) -> tuple[Figure, np.ndarray]:
-    """A noisy latent and versions of it in which some rows were noised once more; marks at the left show the mask.
+    """Noisy coefficients, and versions of them with some rows noised once more; marks at the left show the mask.
 
     Args:
-        latents: name -> coefficients; one colour scale for all, that of the first.
+        versions: name -> coefficients; one colour scale for all, that of the first.
         mask: rows that were noised once more.
-        past: rows before this one see observed frames only: above the dashed line.
+        history_rows: rows before this one see observed frames only: above the dashed line.
         columns: how many of the columns to show, from the first.
     """
-    mask, first = array(mask), array(next(iter(latents.values())))
+    mask, first = array(mask), array(next(iter(versions.values())))
     edge = float(np.quantile(np.abs(first), 0.99))
-    fig, axes = canvas(1, len(latents), height=3.4, sharey=True)
-    for ax, (name, values) in zip(axes[0], latents.items(), strict=True):
+    fig, axes = canvas(1, len(versions), height=3.4, sharey=True)
+    for ax, (name, values) in zip(axes[0], versions.items(), strict=True):
         image = ax.imshow(array(values)[:, :columns], cmap=DIVERGING, vmin=-edge, vmax=edge, aspect="auto")
         rows = np.flatnonzero(mask)
         ax.plot(np.full(len(rows), -1.8), rows, "s", color=CYCLE[3], markersize=3.5, clip_on=False)
-        if past is not None:
-            ax.axhline(past - 0.5, color=INK, linewidth=1.2, linestyle="--")
+        if history_rows is not None:
+            ax.axhline(history_rows - 0.5, color=INK, linewidth=1.2, linestyle="--")
         ax.set(title=name, xlabel="column", xlim=(-3.2, min(columns, first.shape[1]) - 0.5))
         ax.spines[:].set_visible(False)
-    axes[0, 0].set_ylabel("latent row")
+    axes[0, 0].set_ylabel("row of coefficients")
     colourbar(image, list(axes[0]), "coefficient", cut=True)
     return fig, axes[0]
 

@@ -6,13 +6,13 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from typing import TypeVar
 
-import matplotlib as mpl
-import matplotlib.style
+import matplotlib.style as mpl_style
 import numpy as np
 import torch
 from cycler import cycler
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.layout_engine import ConstrainedLayoutEngine
 
 # Own choice: the hues of petroff10, with the lightness of each spread evenly from 23 to 61 (CIE L*), so that the six survive
 # greyscale printing and the common colour-vision deficiencies, and all keep 3:1 contrast with white.
@@ -73,19 +73,18 @@ STYLE = {
 @contextmanager
 def style() -> Iterator[None]:
     """Draw with mwlib's look alone inside a `with` block, or as a decorator; the reader's settings come back afterwards."""
-    with mpl.style.context(["default", STYLE]):
+    with mpl_style.context(["default", STYLE]):
         yield
 
 
 def use_style() -> None:
     """Give mwlib's look to everything drawn from here on, the reader's own plots included."""
-    mpl.style.use(["default", STYLE])
+    mpl_style.use(["default", STYLE])
 
 
 def canvas(rows: int = 1, columns: int = 1, *, height: float, width: float = WIDTH, **subplots) -> tuple[Figure, np.ndarray]:
     """A figure with (rows, columns) axes, unknown to pyplot: nothing is shown twice and nothing has to be closed."""
-    figure = Figure(figsize=(width, height), layout="constrained")
-    figure.get_layout_engine().set(w_pad=0.07, h_pad=0.07)
+    figure = Figure(figsize=(width, height), layout=ConstrainedLayoutEngine(w_pad=0.07, h_pad=0.07))
     return figure, figure.subplots(rows, columns, squeeze=False, **subplots)
 
 

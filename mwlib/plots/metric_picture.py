@@ -11,9 +11,9 @@ from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 
-from .. import metrics
-from .look import CYCLE, OBSERVED, PREDICTED, TRUTH, array, canvas, style
-from .tables import significant
+from mwlib.metrics import prediction as metrics
+from mwlib.plots.look import CYCLE, OBSERVED, PREDICTED, TRUTH, array, canvas, style
+from mwlib.plots.tables import significant
 
 Array = np.ndarray | torch.Tensor
 LINK = CYCLE[1]

@@ -9,7 +9,7 @@ import torch
 from jaxtyping import Float
 from matplotlib.figure import Figure
 
-from .look import CYCLE, DASHES, FAINT, INK, OBSERVED, TRUTH, array, canvas, limit, style
+from mwlib.plots.look import CYCLE, DASHES, FAINT, INK, OBSERVED, TRUTH, array, canvas, limit, style
 
 Array = np.ndarray | torch.Tensor
 MARKERS = "o^sDvP"

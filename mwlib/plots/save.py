@@ -6,7 +6,6 @@ import base64
 import csv
 import io
 import json
-import os
 from collections.abc import Mapping, Sequence
 from itertools import zip_longest
 from pathlib import Path
@@ -17,7 +16,8 @@ import numpy as np
 from matplotlib.figure import Figure
 from PIL import Image
 
-from .look import array, style
+from mwlib.files import write_together
+from mwlib.plots.look import array, style
 
 # Without dates and version strings the same picture gives the same bytes.
 METADATA = {"png": {"Software": None}, "pdf": {"CreationDate": None, "Creator": None, "Producer": None}}
@@ -36,11 +36,11 @@ def save(
 ) -> list[Path]:
     """Write `stem`.png, .pdf, .csv (what is plotted), .txt (alternative text) and .json (provenance).
 
-    Each file appears whole or not at all; the .json comes last. The same input gives the same bytes.
+    The files appear together or not at all; the .json comes last. The same input gives the same bytes.
 
     Args:
         data: columns by name, or rows as mappings. A column with more axes becomes one per trailing entry (`name_0`,
-            `name_1_2`); shorter columns end in empty cells.
+            `name_1_2`); shorter columns end in empty cells. In a row, a pair (value, spread) takes two columns.
         alt: one or two sentences that say what the picture shows to someone who cannot see it.
         provenance: which data, preset, seed and version made it; JSON values.
 
@@ -53,10 +53,10 @@ def save(
     """
     contents = {
         "txt": (_described(alt) + "\n").encode(),
-        "csv": _table(data).encode(),
+        "csv": as_csv(data).encode(),
         "png": _render(fig, "png", SAVE_DPI),
         "pdf": _render(fig, "pdf", SAVE_DPI),
-        "json": _origin("figure", stem, provenance),
+        "json": origin("figure", stem, provenance).encode(),
     }
     return _write_all(folder, stem, contents)
 
@@ -67,7 +67,7 @@ def save_table(
     """Write a table as `stem`.csv and its provenance as `stem`.json, in the manner of `save`.
 
     Args:
-        rows: column -> value; a missing one leaves an empty cell. A pair (value, spread) takes two columns.
+        rows: column -> value, as in `save`; a missing one leaves an empty cell.
         provenance: as in `save`.
 
     Returns:
@@ -77,9 +77,8 @@ def save_table(
         ValueError: there are no rows, or the stem is not a plain file name.
         TypeError: the provenance holds something that JSON cannot.
     """
-    return _write_all(
-        folder, stem, {"csv": _table([_unpaired(row) for row in rows]).encode(), "json": _origin("table", stem, provenance)}
-    )
+    contents = {"csv": as_csv(rows).encode(), "json": origin("table", stem, provenance).encode()}
+    return _write_all(folder, stem, contents)
 
 
 @style()
@@ -97,6 +96,45 @@ def show(fig: Figure, alt: str) -> None:
     png = base64.b64encode(_with_palette(_render(fig, "png", mpl.rcParams["figure.dpi"]))).decode()
     display({"image/png": png, "text/plain": alt}, metadata={"image/png": {"alt": alt}}, raw=True)
     plt.close(fig)  # a figure made by pyplot would otherwise appear a second time
+
+
+def as_csv(data: Mapping[str, np.ndarray] | Sequence[Mapping[str, object]]) -> str:
+    """Columns or rows, as `save` and `save_table` take them, as the text of a CSV file.
+
+    Raises:
+        ValueError: the data are empty.
+
+    >>> print(as_csv({"t": [0, 1], "x": np.array([[0.5, 0.25], [1, 2]])}), end="")
+    t,x_0,x_1
+    0,0.5,0.25
+    1,1,2
+    """
+    if not data:
+        raise ValueError("data are empty; expected what the picture or table shows, as columns or rows")
+    if isinstance(data, Mapping):
+        columns = {name: column for key, values in data.items() for name, column in _columns(key, array(values))}
+        header, rows = list(columns), zip_longest(*columns.values(), fillvalue="")
+    else:
+        unpaired = [_unpaired(row) for row in data]
+        header = list(dict.fromkeys(key for row in unpaired for key in row))
+        rows = ([row.get(key, "") for key in header] for row in unpaired)
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(header)
+    writer.writerows([_cell(value) for value in row] for row in rows)
+    return text.getvalue()
+
+
+def origin(kind: str, stem: str, provenance: Mapping[str, object]) -> str:
+    """The text of a provenance file: under `kind`, "figure" or "table", the stem; then the provenance.
+
+    Raises:
+        ValueError: the stem is not a plain file name.
+        TypeError: the provenance holds something that JSON cannot.
+    """
+    if not stem or Path(stem).name != stem:
+        raise ValueError(f"stem is {stem!r}; expected a plain file name without a folder")
+    return json.dumps({kind: stem, **provenance}, indent=2, sort_keys=True, allow_nan=False) + "\n"
 
 
 def _described(alt: str) -> str:
@@ -118,39 +156,11 @@ def _with_palette(png: bytes) -> bytes:
     return buffer.getvalue()
 
 
-def _origin(kind: str, stem: str, provenance: Mapping[str, object]) -> bytes:
-    return (json.dumps({kind: stem, **provenance}, indent=2, sort_keys=True, allow_nan=False) + "\n").encode()
-
-
 def _write_all(folder: str | Path, stem: str, contents: Mapping[str, bytes]) -> list[Path]:
-    """Files of one stem, in order; the last one tells that the others are there."""
-    if not stem or Path(stem).name != stem:
-        raise ValueError(f"stem is {stem!r}; expected a plain file name without a folder")
-    Path(folder).mkdir(parents=True, exist_ok=True)
-    return [_write(Path(folder) / f"{stem}.{ending}", content) for ending, content in contents.items()]
-
-
-def _write(path: Path, content: bytes) -> Path:
-    partial = path.with_name(f".{path.name}.partial")
-    partial.write_bytes(content)
-    os.replace(partial, path)
-    return path
-
-
-def _table(data: Mapping[str, np.ndarray] | Sequence[Mapping[str, object]]) -> str:
-    if not data:
-        raise ValueError("data are empty; expected what the picture shows, as columns or rows")
-    if isinstance(data, Mapping):
-        columns = {name: column for key, values in data.items() for name, column in _columns(key, array(values))}
-        header, rows = list(columns), zip_longest(*columns.values(), fillvalue="")
-    else:
-        header = list(dict.fromkeys(key for row in data for key in row))
-        rows = ([row.get(key, "") for key in header] for row in data)
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(header)
-    writer.writerows([_cell(value) for value in row] for row in rows)
-    return text.getvalue()
+    """Files of one stem, together; the last one tells that the others are there."""
+    files = {Path(folder) / f"{stem}.{ending}": content for ending, content in contents.items()}
+    write_together(files)
+    return list(files)
 
 
 def _unpaired(row: Mapping[str, object]) -> dict[str, object]:

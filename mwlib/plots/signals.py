@@ -12,7 +12,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
-from .look import CYCLE, FAINT, INK, OBSERVED, array, canvas, style
+from mwlib.plots.look import CYCLE, FAINT, INK, OBSERVED, array, canvas, style
 
 Array = np.ndarray | torch.Tensor
 

@@ -14,9 +14,9 @@ from matplotlib.animation import FuncAnimation
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from ..skeleton import Skeleton
-from .bodies import THREE_QUARTER, AnyMotion, Array, Board, facing, poses, project
-from .look import named, style
+from mwlib.body.skeleton import Skeleton
+from mwlib.plots.bodies import THREE_QUARTER, AnyMotion, Array, Board, facing, poses, project
+from mwlib.plots.look import named, style
 
 if TYPE_CHECKING:
     from IPython.display import HTML
@@ -172,7 +172,10 @@ def film(animation: FuncAnimation) -> HTML:
 
     with style(), mpl.rc_context({"savefig.dpi": FILM_DPI}):
         html = animation.to_jshtml(default_mode="once")
-    name = re.search("_anim_img([0-9a-f]{32})", html)[1]  # a random identity per call
+    found = re.search("_anim_img([0-9a-f]{32})", html)  # a random identity per call
+    if found is None:
+        raise RuntimeError("matplotlib's film holds no identity _anim_img...; expected one to make the text repeatable")
+    name = found[1]
     return HTML(html.replace(name, hashlib.sha256(html.replace(name, "").encode()).hexdigest()[:32]))
 
 

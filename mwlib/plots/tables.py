@@ -91,7 +91,8 @@ def significant(value: float, digits: int = 3) -> str:
 
 def _number(value: object) -> float | None:
     value = value[0] if isinstance(value, tuple) and value else value
-    value = value.item() if hasattr(value, "item") else value
+    item = getattr(value, "item", None)  # of tensors and arrays of one number
+    value = item() if callable(item) else value
     return float(value) if isinstance(value, Real) and not isinstance(value, bool) else None
 
 
@@ -101,13 +102,17 @@ def _text(value: object) -> str:
     number = _number(value)
     if number is None or isinstance(value, int):
         return str(value)
-    spread = f" ± {significant(_number(value[1]), 2)}" if isinstance(value, tuple) else ""
-    return significant(number) + spread
+    if not isinstance(value, tuple):
+        return significant(number)
+    spread = _number(value[1])
+    return f"{significant(number)} ± {'–' if spread is None else significant(spread, 2)}"
 
 
 def _best(cells: list[list[object]], column: int, which: str) -> list[tuple[int, int]]:
     if which not in ("lower", "higher"):
         raise ValueError(f"better is {which!r}; expected 'lower' or 'higher'")
     found = {row: number for row, line in enumerate(cells) if (number := _number(line[column])) is not None and number == number}
-    edge = (min if which == "lower" else max)(found.values(), default=None)
+    if not found:
+        return []
+    edge = (min if which == "lower" else max)(found.values())
     return [(row, column) for row, number in found.items() if significant(number) == significant(edge)]

@@ -1,11 +1,11 @@
 """Frequency views of a motion, one interface: ``tf(x)``, ``tf.inverse(y)``, ``tf.project(y)``, ``tf.shape``."""
 
-from .dct import DCTTransform
-from .dwt import WaveletTransform
-from .linear import LinearTransform, Transform
-from .padding import pad_history
-from .phase import PhaseTransform, periodic_parameters
-from .scaled import ScaledTransform, fit_scale
+from mwlib.transforms.dct import DCTTransform
+from mwlib.transforms.dwt import WaveletTransform
+from mwlib.transforms.linear import LinearTransform, Transform
+from mwlib.transforms.padding import pad_history
+from mwlib.transforms.phase import PhaseTransform, periodic_parameters
+from mwlib.transforms.scaled import ScaledTransform, fit_scale
 
 __all__ = [
     "DCTTransform", "LinearTransform", "PhaseTransform", "ScaledTransform", "Transform", "WaveletTransform", "fit_scale",

@@ -7,7 +7,7 @@ from jaxtyping import Float
 from scipy.fft import dct
 from torch import Tensor
 
-from .linear import Constant, LinearTransform
+from mwlib.transforms.linear import Constant, LinearTransform
 
 
 class DCTTransform(LinearTransform):
@@ -21,6 +21,12 @@ class DCTTransform(LinearTransform):
 
     Raises:
         ValueError: rows is not between 1 and frames.
+
+    >>> tf = DCTTransform(frames=40, channels=48, rows=8)
+    >>> still = torch.ones(40, 48)
+    >>> y = tf(still)
+    >>> y.shape, torch.allclose(tf.inverse(y), still, atol=1e-5)
+    (torch.Size([8, 48]), True)
     """
 
     def __init__(self, frames: int, channels: int, rows: int | None = None) -> None:
@@ -28,26 +34,26 @@ class DCTTransform(LinearTransform):
         if not 1 <= rows <= frames:
             raise ValueError(f"rows is {rows}; expected 1 to {frames} (frames)")
         self.frames, self.channels, self.shape = frames, channels, (rows, channels)
-        self.analysis_time = dct(np.eye(frames), norm="ortho", axis=0)[:rows]
+        self.analysis_time = np.asarray(dct(np.eye(frames), norm="ortho", axis=0))[:rows]
         self.synthesis_time = self.analysis_time.T
         self._forward, self._backward = Constant(self.analysis_time), Constant(self.synthesis_time)
 
-    def __call__(self, x: Float[Tensor, "... T C"]) -> Float[Tensor, "... L C"]:
+    def __call__(self, x: Float[Tensor, "... T C"]) -> Float[Tensor, "... rows columns"]:
         """First L DCT-II coefficients over time."""
         return self._forward.like(x) @ x
 
-    def inverse(self, y: Float[Tensor, "... L C"]) -> Float[Tensor, "... T C"]:
+    def inverse(self, y: Float[Tensor, "... rows columns"]) -> Float[Tensor, "... T C"]:
         """The smooth motion with these coefficients; all higher ones zero."""
         return self._backward.like(y) @ y
 
-    def project(self, y: Float[Tensor, "... L C"]) -> Float[Tensor, "... L C"]:
-        """The identity: the rows are orthonormal, so every latent is a motion's."""
+    def project(self, y: Float[Tensor, "... rows columns"]) -> Float[Tensor, "... rows columns"]:
+        """The identity: the rows are orthonormal, so all coefficients are a motion's."""
         return y
 
-    def split(self, y: Float[Tensor, "... L C"]) -> dict[str, Tensor]:
+    def split(self, y: Float[Tensor, "... rows columns"]) -> dict[str, Tensor]:
         """One band."""
         return {"dct": y}
 
-    def join(self, bands: dict[str, Tensor]) -> Float[Tensor, "... L C"]:
+    def join(self, bands: dict[str, Tensor]) -> Float[Tensor, "... rows columns"]:
         """Inverse of `split`."""
         return bands["dct"]

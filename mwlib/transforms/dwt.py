@@ -10,7 +10,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from .linear import Constant, LinearTransform
+from mwlib.transforms.linear import Constant, LinearTransform
 
 
 def _level_matrices(length: int, wavelet: pywt.Wavelet, mode: str) -> tuple[np.ndarray, np.ndarray]:
@@ -93,6 +93,14 @@ class WaveletTransform(LinearTransform):
         ``inverse(tf(x)) == x`` for every wavelet with perfect reconstruction, i.e. all but dmey (a truncated
         filter, error about 1e-3). ``project`` is idempotent of rank T*C, orthogonal only for orthogonal
         wavelets with zero extension.
+
+    >>> tf = WaveletTransform(frames=40, channels=48, wavelet="bior2.8")
+    >>> x = torch.randn(5, 40, 48)
+    >>> y = tf(x)
+    >>> y.shape, list(tf.split(y))
+    (torch.Size([5, 28, 128]), ['aa', 'da', 'ad', 'dd'])
+    >>> torch.allclose(tf.inverse(y), x, atol=1e-5)
+    True
     """
 
     def __init__(self, frames: int, channels: int, wavelet: str = "bior2.8", mode: str = "zero", level: int = 1) -> None:
@@ -105,25 +113,25 @@ class WaveletTransform(LinearTransform):
         self._synthesis = Constant(s), Constant(r.T)
         self._projection = Constant(a @ s), Constant((b @ r).T)
 
-    def __call__(self, x: Float[Tensor, "... T C"]) -> Float[Tensor, "... K columns"]:
+    def __call__(self, x: Float[Tensor, "... T C"]) -> Float[Tensor, "... rows columns"]:
         """y = DWT(x)."""
         self._check(x, (self.frames, self.channels))
         left, right = (m.like(x) for m in self._analysis)
         return self._side_by_side((left @ x) @ right)
 
-    def inverse(self, y: Float[Tensor, "... K columns"]) -> Float[Tensor, "... T C"]:
+    def inverse(self, y: Float[Tensor, "... rows columns"]) -> Float[Tensor, "... T C"]:
         """x = iDWT(y), cropped to T x C."""
         self._check(y, self.shape)
         left, right = (m.like(y) for m in self._synthesis)
         return left @ (self._blocks(y) @ right)
 
-    def project(self, y: Float[Tensor, "... K columns"]) -> Float[Tensor, "... K columns"]:
+    def project(self, y: Float[Tensor, "... rows columns"]) -> Float[Tensor, "... rows columns"]:
         """DWT(iDWT(y)), Eq. 8: onto the range of the DWT."""
         self._check(y, self.shape)
         left, right = (m.like(y) for m in self._projection)
         return self._side_by_side((left @ self._blocks(y)) @ right)
 
-    def split(self, y: Float[Tensor, "... K columns"]) -> dict[str, Tensor]:
+    def split(self, y: Float[Tensor, "... rows columns"]) -> dict[str, Tensor]:
         """Sub-bands by name, time letter first: aa, da, ad, dd; with the level after each letter if level > 1."""
         if self.level == 1:
             return dict(zip(("aa", "da", "ad", "dd"), y.split(self.columns[0], dim=-1), strict=True))
@@ -133,7 +141,7 @@ class WaveletTransform(LinearTransform):
                 bands[row + column] = band
         return bands
 
-    def join(self, bands: dict[str, Tensor]) -> Float[Tensor, "... K columns"]:
+    def join(self, bands: dict[str, Tensor]) -> Float[Tensor, "... rows columns"]:
         """Inverse of `split`."""
         if self.level == 1:
             return torch.cat([bands[name] for name in ("aa", "da", "ad", "dd")], dim=-1)

@@ -21,7 +21,7 @@ class Constant:
         """The array in x's precision, where x is."""
         key = (x.dtype, x.device)
         if key not in self._cast:
-            self._cast[key] = torch.as_tensor(self.array).to(x.device, x.dtype)
+            self._cast[key] = torch.as_tensor(self.array).to(x.dtype).to(x.device)  # not every device has float64
         return self._cast[key]
 
 
@@ -31,23 +31,23 @@ class Transform(ABC):
     shape: tuple[int, int]
 
     @abstractmethod
-    def __call__(self, x: Float[Tensor, "... T C"]) -> Float[Tensor, "... K columns"]:
+    def __call__(self, x: Float[Tensor, "... T C"]) -> Float[Tensor, "... rows columns"]:
         """Analysis: motion (metres) to coefficients (metres)."""
 
     @abstractmethod
-    def inverse(self, y: Float[Tensor, "... K columns"]) -> Float[Tensor, "... T C"]:
+    def inverse(self, y: Float[Tensor, "... rows columns"]) -> Float[Tensor, "... T C"]:
         """Synthesis: coefficients to motion."""
 
     @abstractmethod
-    def project(self, y: Float[Tensor, "... K columns"]) -> Float[Tensor, "... K columns"]:
+    def project(self, y: Float[Tensor, "... rows columns"]) -> Float[Tensor, "... rows columns"]:
         """Analysis of the synthesis; of a linear map: the nearest thing to y, along a fixed direction, that some motion has."""
 
     @abstractmethod
-    def split(self, y: Float[Tensor, "... K columns"]) -> dict[str, Tensor]:
+    def split(self, y: Float[Tensor, "... rows columns"]) -> dict[str, Tensor]:
         """Named views of the sub-bands of y."""
 
     @abstractmethod
-    def join(self, bands: dict[str, Tensor]) -> Float[Tensor, "... K columns"]:
+    def join(self, bands: dict[str, Tensor]) -> Float[Tensor, "... rows columns"]:
         """Put sub-bands together again: ``join(split(y)) == y``."""
 
     def tensors(self) -> dict[str, Tensor]:

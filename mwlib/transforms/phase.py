@@ -10,7 +10,7 @@ from jaxtyping import Float
 from torch import Tensor, nn
 from torch.nn import functional as nnf
 
-from .linear import Transform
+from mwlib.transforms.linear import Transform
 
 # Added to powers (of latents of about unit size): a window that stands still has amplitude and frequency 0, and gradients.
 _POWER = 1e-6
@@ -59,6 +59,10 @@ class PeriodicAutoencoder(nn.Module):
         window: N, frames, odd.
         fps: frames per second.
     """
+
+    mean: Tensor
+    deviation: Tensor
+    gain: Tensor
 
     def __init__(self, channels: int, phases: int, window: int, fps: float) -> None:
         super().__init__()

@@ -1,0 +1,1 @@
+"""Bodies: skeletons, motions, rotations and kinematics."""

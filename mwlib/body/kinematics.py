@@ -1,0 +1,109 @@
+"""Kinematics of a tree of joints: bone lengths, forward kinematics, turning about the up-axis."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+
+import numpy as np
+import torch
+from jaxtyping import Float, Int
+from torch import Tensor
+
+from mwlib.body.rotation import multiply_parts, rotate_parts
+from mwlib.body.skeleton import Skeleton
+
+AXES = {"y": 1, "z": 2}
+
+
+def bone_lengths(positions: Float[np.ndarray, "... joints 3"], skeleton: Skeleton) -> Float[np.ndarray, "... bones"]:
+    """Length of every bone, metres, in the order of `skeleton.bones`."""
+    parent, child = np.transpose(skeleton.bones)
+    return np.linalg.norm(positions[..., child, :] - positions[..., parent, :], axis=-1)
+
+
+def forward_kinematics(
+    rotations: Float[np.ndarray, "... joints 3 3"],
+    offsets: Float[np.ndarray, "... joints 3"],
+    root: Float[np.ndarray, "... 3"],
+    skeleton: Skeleton,
+) -> Float[np.ndarray, "... joints 3"]:
+    """Positions from local rotations: R_j = R_parent r_j, p_j = p_parent + R_parent o_j.
+
+    Args:
+        rotations: local rotation matrix of each joint relative to its parent (column vectors).
+        offsets: from parent to joint in the parent's frame; the root's own offset is not used.
+        root: root position. Lengths come out in the unit of `offsets` and `root`.
+    """
+    turned, places = [rotations[..., 0, :, :]], [np.asarray(root)]
+    offsets = np.broadcast_to(offsets, (*rotations.shape[:-3], len(skeleton), 3))
+    for joint in range(1, len(skeleton)):
+        above = turned[skeleton.parents[joint]]
+        turned.append(above @ rotations[..., joint, :, :])
+        places.append(places[skeleton.parents[joint]] + (above @ offsets[..., joint, :, None])[..., 0])
+    return np.stack(places, axis=-2)
+
+
+def fk(
+    rotations: Float[Tensor, "*lead joints 4"],
+    offsets: Float[Tensor, "*offsets joints 3"],
+    root: Float[Tensor, "*lead 3"],
+    skeleton: Skeleton,
+) -> tuple[Float[Tensor, "*lead joints 3"], Float[Tensor, "*lead joints 4"]]:
+    """Forward kinematics of unit quaternions in torch: positions, and turns against the world. Gradients pass.
+
+    All joints of one depth of the tree, in all frames, are one operation.
+
+    Args:
+        rotations: of each joint against its parent, (w, x, y, z).
+        offsets: from parent to joint in the parent's frame; the root's own is not used. Leading axes none, or those of
+            `rotations`.
+        root: root position. Lengths come out in the unit of `offsets` and `root`.
+
+    Two bones, the first joint a quarter turn about z:
+
+    >>> arm = Skeleton("arm", ("shoulder", "elbow", "wrist"), (-1, 0, 1))
+    >>> turns = torch.tensor([[0.5**0.5, 0.0, 0.0, 0.5**0.5], [1.0, 0.0, 0.0, 0.0], [1.0, 0.0, 0.0, 0.0]])
+    >>> offsets = torch.tensor([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [1.0, 0.0, 0.0]])
+    >>> fk(turns, offsets, torch.zeros(3), arm)[0].round(decimals=4)
+    tensor([[0., 0., 0.],
+            [0., 1., 0.],
+            [0., 2., 0.]])
+    """
+    levels, order = _levels(skeleton.parents, rotations.device)
+    local, offsets = rotations.movedim(-1, 0), offsets.movedim(-1, 0)
+    places, turns = [root.movedim(-1, 0)[..., None]], [local[..., :1]]
+    for joints, parents in levels:
+        above = turns[-1].index_select(-1, parents)
+        steps = rotate_parts(above, offsets.index_select(-1, joints))
+        places.append(places[-1].index_select(-1, parents) + steps)
+        turns.append(multiply_parts(above, local.index_select(-1, joints)))
+    positions, world = (torch.cat(parts, dim=-1).index_select(-1, order).movedim(0, -1) for parts in (places, turns))
+    return positions, world
+
+
+@lru_cache(maxsize=256)
+def _levels(parents: tuple[int, ...], device: torch.device) -> tuple[list[tuple[Tensor, Tensor]], Int[Tensor, " joints"]]:
+    """For each depth below the root its joints and their parents' places one depth above; and where each joint comes to lie."""
+    depth = [0]
+    for parent in parents[1:]:
+        depth.append(depth[parent] + 1)
+    rows = [[joint for joint, d in enumerate(depth) if d == level] for level in range(max(depth) + 1)]
+    pairs = [(row, [above.index(parents[joint]) for joint in row]) for above, row in zip(rows, rows[1:], strict=False)]
+    order = np.argsort([joint for row in rows for joint in row])
+    levels = [(torch.tensor(row, device=device), torch.tensor(above, device=device)) for row, above in pairs]
+    return levels, torch.from_numpy(order).to(device)
+
+
+def turn_heading(x: Float[Tensor, "*lead F C"], angle: Float[Tensor, "*lead"], up: str = "z") -> Float[Tensor, "*lead F C"]:
+    """Turn flattened joints about the up-axis, the first horizontal axis towards the second; radians, one per sequence."""
+    cos, sin = (f(angle).to(x)[..., None, None] for f in (torch.cos, torch.sin))
+    a, b, _ = horizontal(up)
+    turned = x.clone()
+    turned[..., a::3] = cos * x[..., a::3] - sin * x[..., b::3]
+    turned[..., b::3] = sin * x[..., a::3] + cos * x[..., b::3]
+    return turned
+
+
+def horizontal(up: str) -> tuple[int, int, int]:
+    """Indices of the two horizontal axes and of the vertical one."""
+    return 0, 3 - AXES[up], AXES[up]

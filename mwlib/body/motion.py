@@ -1,0 +1,160 @@
+"""Motion: joint positions in metres over time, with the rotations behind them where known, and what one does with them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from jaxtyping import Float
+
+from mwlib.body.kinematics import AXES, horizontal
+from mwlib.body.rig import Rig
+from mwlib.body.skeleton import H36M17, TO_H36M17, Skeleton
+
+RIG_SLACK = 1e-3, 1e-6  # metres, and share of the largest coordinate, between a position and its rig: more is another pose
+
+
+@dataclass(frozen=True)
+class Motion:
+    """One clip of joint positions.
+
+    Args:
+        positions: (T, J+1, 3) metres, world coordinates, joint 0 is the root.
+        fps: frames per second.
+        skeleton: names and parents of the J+1 joints.
+        subject, action, name: who, what, which clip.
+        up: the axis that points away from the floor, "y" or "z".
+        rig: rotations, offsets and the root's path, where known: forward kinematics of it gives `positions`. Who replaces
+            `positions` alone has to drop it.
+
+    Raises:
+        ValueError: shape, rate or up-axis make no sense, or the rig puts the first or last frame's joints elsewhere; the
+            message says which and what was expected.
+
+    >>> from mwlib.body.skeleton import H36M17
+    >>> clip = Motion(np.zeros((101, 17, 3), np.float32), fps=50.0, skeleton=H36M17)
+    >>> len(clip), clip.duration, len(clip.resample(20.0)), clip.rig is None
+    (101, 2.0, 41, True)
+    """
+
+    positions: Float[np.ndarray, "T joints 3"]
+    fps: float
+    skeleton: Skeleton
+    subject: str = ""
+    action: str = ""
+    name: str = ""
+    up: str = "z"
+    rig: Rig | None = None
+
+    def __post_init__(self) -> None:
+        expected = (len(self.skeleton), 3)
+        if self.positions.ndim != 3 or self.positions.shape[1:] != expected or len(self.positions) == 0:
+            raise ValueError(
+                f"positions have shape {self.positions.shape}; expected (T, {expected[0]}, 3) with T > 0 for {self.skeleton.name}"
+            )
+        if not (np.isfinite(self.fps) and self.fps > 0):
+            raise ValueError(f"fps is {self.fps}; expected a positive number")
+        if self.up not in AXES:
+            raise ValueError(f"up is {self.up!r}; expected one of {sorted(AXES)}")
+        if self.rig is not None:
+            self._check_rig(self.rig)
+
+    def _check_rig(self, rig: Rig) -> None:
+        if len(rig.root) != len(self) or len(rig.points) != len(self.skeleton):
+            found = f"{len(rig.root)} frames and {len(rig.points)} points"
+            raise ValueError(f"the rig has {found}; expected {len(self)} and {len(self.skeleton)}, as the positions have")
+        ends = [0, len(self) - 1]
+        away = np.linalg.norm(rig.pick(np.array(ends)).positions() - self.positions[ends], axis=-1)
+        if not away.max() <= RIG_SLACK[0] + RIG_SLACK[1] * np.abs(self.positions[ends]).max():  # True for nan
+            frame, joint = np.unravel_index(away.argmax(), away.shape)
+            place = f"{away.max():.3g} m from its position in frame {ends[frame]}"
+            raise ValueError(f"the rig puts {self.skeleton.joints[joint]} {place}; expected the same place, or rig=None")
+
+    def __len__(self) -> int:
+        return len(self.positions)
+
+    @property
+    def duration(self) -> float:
+        """Seconds from the first to the last frame."""
+        return (len(self) - 1) / self.fps
+
+    def resample(self, fps: float) -> Motion:
+        """Resample by time; every new frame lies inside the old duration, and one that falls on an old frame is that frame.
+
+        Between frames positions are interpolated linearly; with a rig, its rotations by slerp and the positions by its
+        kinematics, so that bones keep their lengths. Own choice: 120 to 60 Hz keeps every second frame exactly.
+        """
+        if fps == self.fps:
+            return self
+        frames = int(np.floor(self.duration * fps + 1e-6)) + 1
+        at = np.minimum(np.arange(frames) * (self.fps / fps), len(self) - 1)
+        low = np.minimum(at.astype(int), max(len(self) - 2, 0))
+        high = np.minimum(low + 1, len(self) - 1)
+        share = (at - low).astype(self.positions.dtype)
+        weight = share[:, None, None]
+        positions = self.positions[low] * (1 - weight) + self.positions[high] * weight
+        rig = None if self.rig is None else self.rig.between(low, high, share)
+        if rig is not None:
+            between = (share > 0) & (share < 1)
+            positions[between] = rig.pick(between).positions()
+        return replace(self, positions=positions, fps=fps, rig=rig)
+
+    def root_relative(self) -> Float[np.ndarray, "T C"]:
+        """Joints minus root, root dropped, flattened joint-major with xyz fastest: the model's x, metres."""
+        relative = self.positions[:, 1:] - self.positions[:, :1]
+        return relative.reshape(len(self), -1)
+
+    def with_up(self, up: str) -> Motion:
+        """Turn the axes so that `up` points up; right-handed, so left stays left."""
+        if up == self.up:
+            return self
+        x, y, z = np.moveaxis(self.positions, -1, 0)
+        to_z = (self.up, up) == ("y", "z")
+        turned = (x, -z, y) if to_z else (x, z, -y)
+        quarter = np.array([0.5, 0.5 if to_z else -0.5, 0.0, 0.0]) * np.sqrt(2)
+        return replace(self, positions=np.stack(turned, axis=-1), up=up, rig=self.rig and self.rig.turned(quarter))
+
+    def turn(self, angle: float) -> Motion:
+        """Turn the body about the up-axis through the world's origin, the first horizontal axis towards the second; radians.
+
+        The same turn as `turn_heading` gives to the model's x.
+        """
+        a, b, up = horizontal(self.up)
+        cos, sin = np.cos(angle), np.sin(angle)
+        positions = self.positions.copy()
+        positions[..., a] = cos * self.positions[..., a] - sin * self.positions[..., b]
+        positions[..., b] = sin * self.positions[..., a] + cos * self.positions[..., b]
+        by = np.zeros(4)
+        by[0], by[1 + up] = np.cos(angle / 2), np.sin(angle / 2) * (1 if self.up == "z" else -1)  # x to z is backward about y
+        return replace(self, positions=positions, rig=self.rig and self.rig.turned(by))
+
+    def mirror(self) -> Motion:
+        """The mirror image across the plane x = 0, which is upright; left and right joints are exchanged.
+
+        Raises:
+            ValueError: left and right of the rig are not built alike.
+        """
+        order = self.skeleton.mirror
+        flip = np.array([-1, 1, 1], self.positions.dtype)
+        return replace(self, positions=self.positions[:, order] * flip, rig=self.rig and self.rig.mirrored(order))
+
+    def retarget(self, skeleton: Skeleton) -> Motion:
+        """Copy corresponding joints to another skeleton; proportions stay the performer's, rotations are dropped.
+
+        Own choice: a rotation of one skeleton says nothing about the bones of another, so the result has no rig;
+        `mwlib.body.fit.fit_rig` finds rotations for its positions.
+
+        Raises:
+            ValueError: no correspondence is known; the message lists the known ones.
+        """
+        if skeleton == self.skeleton:
+            return self
+        if skeleton != H36M17 or self.skeleton.name not in TO_H36M17:
+            raise ValueError(f"cannot carry {self.skeleton.name} over to {skeleton.name}; known: {sorted(TO_H36M17)} to H36M17")
+        names = TO_H36M17[self.skeleton.name].split()
+        picked = [self.skeleton.joints.index(name) for name in names]
+        return replace(self, positions=self.positions[:, picked], skeleton=skeleton, rig=None)
+
+    def cut(self, start: int, stop: int) -> Motion:
+        """Frames start to stop (exclusive)."""
+        return replace(self, positions=self.positions[start:stop], rig=self.rig and self.rig.pick(slice(start, stop)))

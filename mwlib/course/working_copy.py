@@ -1,0 +1,66 @@
+"""A working copy of the course: what a reader opens, runs and edits, taken out of the installed package."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import NamedTuple
+
+from mwlib.files import write_atomic
+from mwlib.material import carried, installed
+
+
+class LaidOut(NamedTuple):
+    """What `lay_out` did, as paths relative to the folder."""
+
+    written: list[Path]
+    kept: list[Path]  # were there already
+    changed: list[Path]  # of those kept, the ones that are not as this mwlib has them
+
+
+def lay_out(folder: Path) -> LaidOut:
+    """Copy notebooks, grids, the list of figures, committed results and Snakefile into a folder; overwrite nothing.
+
+    Args:
+        folder: made if missing. What is there already stays as it is, so a second call brings back what was deleted.
+
+    Raises:
+        NotADirectoryError: the path is a file, or goes through one.
+        PermissionError: the folder cannot be written to.
+    """
+    if folder.exists() and not folder.is_dir():
+        raise NotADirectoryError(f"{folder} is a file; expected a folder, or a name that is still free")
+    out = LaidOut([], [], [])
+    source = installed()
+    for file in carried(source):
+        name = file.relative_to(source)
+        target, content = folder / name, file.read_bytes()
+        if not target.exists() and not target.is_symlink():
+            write_atomic(target, content)
+            out.written.append(name)
+            continue
+        out.kept.append(name)
+        if not target.is_file() or target.read_bytes() != content:
+            out.changed.append(name)
+    return out
+
+
+def told(folder: Path, done: LaidOut, version: str) -> str:
+    """What was done, and what a reader can do next, for the terminal."""
+    lines = [f"{folder.resolve()}: {len(done.written)} files written"]
+    if done.kept:
+        lines.append(f"{len(done.kept)} files were there already and are kept as they are")
+    if done.changed:
+        lines.append(f"of these, not as in mwlib {version}: {', '.join(name.as_posix() for name in done.changed)}")
+        lines.append("(to get one as it is there, rename yours and say this again)")
+    return "\n".join([*lines, "", "Next:", *(f"  {command:<58} # {what}" for command, what in _next(folder))])
+
+
+def _next(folder: Path) -> list[tuple[str, str]]:
+    place = f'"{folder}"' if " " in str(folder) else str(folder)
+    return [
+        (f"cd {place}", "the commands below find the course there"),
+        ('pip install "motion-wavelet-notebooks[notebooks]"', "Jupyter, papermill and Snakemake, if they are missing"),
+        ("jupyter lab notebooks/00_start_here.ipynb", "the course, step by step"),
+        ("mwlib run-notebook 03 --set preset=laptop", "one notebook with other parameters"),
+        ("snakemake --cores 2 --config preset=tiny data=synthetic", "every notebook, figure and table"),
+    ]

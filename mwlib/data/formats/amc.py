@@ -1,0 +1,160 @@
+"""AMC: Acclaim motions, as CMU publishes its recordings."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+from jaxtyping import Float
+
+from mwlib.body.kinematics import forward_kinematics
+from mwlib.body.motion import Motion
+from mwlib.body.rotation import euler_matrices
+from mwlib.body.skeleton import CMU, Skeleton
+from mwlib.data.errors import MotionFormatError
+from mwlib.data.formats.asf import CMU_BONES, TURNS, Body, read_asf
+from mwlib.data.formats.asf_rig import Tracks, asf_rig, root_path
+from mwlib.data.hints import Hints
+from mwlib.data.naming import own_skeleton
+from mwlib.data.reading import bare_name, bare_suffix, bounded, read_text
+from mwlib.data.units import infer_unit
+
+CMU_FPS = 120.0  # neither file says
+MOST_POINTS = 20_000_000  # frames times bones
+
+
+def read_amc(file: Path, hints: Hints) -> Motion:
+    """Read one AMC file and the ASF beside it: far ends of the bones in metres, y up, and the rotations behind them.
+
+    The transform of a bone is G = G_parent C Rz Ry Rx C^-1, with C from its `axis`; it ends at its parent's end plus
+    G direction length. One unit is 1/length inches, `length` from the ASF's :units (CMU: 0.45).
+
+    Raises:
+        MotionFormatError: either file is malformed, or they do not fit each other.
+    """
+    asf = find_asf(file)
+    body = read_asf(asf)
+    tracks = _tracks(read_text(file), body, file)
+    names = _parents_first(body)
+    parents = tuple(names.index(body.bones[name].parent) for name in names[1:])
+    skeleton = tree = own_skeleton(tuple(names), (-1, *parents))
+    positions = _positions(tracks, body, tree)
+    if set(names) == set(CMU_BONES) and [body.bones[n].parent for n in CMU_BONES[1:]] == [CMU_BONES[p] for p in CMU.parents[1:]]:
+        skeleton, names = CMU, list(CMU_BONES)
+        positions = positions[:, [tree.joints.index(name) for name in names]]
+    metres = hints.unit or body.metres or infer_unit(positions, skeleton, asf)
+    positions *= metres
+    rig = asf_rig(tracks, body, tree, names, metres)
+    return hints.label(Motion(positions.astype(np.float32), hints.fps or CMU_FPS, skeleton, up="y", rig=rig), file)
+
+
+def find_asf(file: Path) -> Path:
+    """The skeleton of an AMC file, in the same folder: named like its subject (05_12.amc, 05.asf), else the only one.
+
+    Raises:
+        MotionFormatError: there is none, or it is not clear which.
+    """
+    there = sorted(f for f in file.parent.iterdir() if bare_suffix(f) == ".asf")
+    stem = Path(bare_name(file)).stem
+    named = [f for f in there if Path(bare_name(f)).stem in (stem, stem.split("_")[0])]
+    for candidates in (named, there):
+        if len(candidates) == 1:
+            return candidates[0]
+    found = ", ".join(f.name for f in there) or "no .asf file"
+    raise MotionFormatError(file, "skeleton", f"{found} in its folder", f"{stem.split('_')[0]}.asf, or a single .asf file")
+
+
+def _parents_first(body: Body) -> list[str]:
+    """Root and bones, in file order as far as parents allow."""
+    names, waiting = ["root"], list(body.bones)
+    while waiting:
+        ready = [name for name in waiting if body.bones[name].parent in names]
+        names += ready
+        waiting = [name for name in waiting if name not in ready]
+    return names
+
+
+def _tracks(text: str, body: Body, file: Path) -> Tracks:
+    """All channels over time, in radians and file units."""
+    head, lines = _header(text, file)
+    degrees = ":radians" not in head
+    first = _first_frame(lines, body, file)
+    words = " ".join(lines).split()
+    stride = 1 + sum(1 + len(dof) for dof in first.values())
+    frames = len(words) // stride
+    if len(words) % stride or frames * len(body.bones) > MOST_POINTS:
+        found = f"{len(words)} words, not a multiple of the {stride} of frame 1" if len(words) % stride else f"{frames} frames"
+        raise MotionFormatError(file, "frames", found, f"whole frames, at most {MOST_POINTS // len(body.bones)}")
+    numbers = _column(words[::stride], file, "frame numbers")
+    if np.any(np.diff(numbers) != 1):
+        at = int(np.argmax(np.diff(numbers) != 1))
+        raise MotionFormatError(file, f"after frame {numbers[at]:g}", f"frame {numbers[at + 1]:g}", "the next one")
+    tracks: Tracks = {}
+    start = 1
+    for name, dof in first.items():
+        others = set(words[start::stride]) - {name}
+        if others:
+            raise MotionFormatError(file, f"line of {name}", repr(sorted(others)[0][:40]), f"{name}, as in frame 1")
+        columns = {d: _column(words[start + i :: stride], file, f"{name} {d}") for i, d in enumerate(dof, 1)}
+        tracks[name] = {d: np.deg2rad(c) if degrees and d in TURNS else c for d, c in columns.items()}
+        start += 1 + len(dof)
+    return tracks
+
+
+def _header(text: str, file: Path) -> tuple[set[str], list[str]]:
+    """Keywords before the first frame, and the lines from there on."""
+    lines = text.splitlines()
+    keywords = set()
+    for i, line in enumerate(lines):
+        word = line.strip().lower()
+        if word and not word.startswith(("#", ":")):
+            return keywords, lines[i:]
+        keywords.add(word)
+    raise MotionFormatError(file, "end of file", "no frame", "at least one frame")
+
+
+def _first_frame(lines: list[str], body: Body, file: Path) -> dict[str, tuple[str, ...]]:
+    """Bone -> degrees of freedom, in the order of the first frame."""
+    dofs = {"root": body.root_order} | {name: bone.dof for name, bone in body.bones.items() if bone.dof}
+    order: dict[str, tuple[str, ...]] = {}
+    for line in lines[1:]:
+        words = line.split()
+        if len(words) == 1:  # the next frame's number
+            break
+        if not words:
+            continue
+        name = words[0]
+        if name in order or len(words) - 1 != len(dofs.get(name, ())):
+            found = f"{name[:40]} with {len(words) - 1} numbers" + (" again" if name in order else "")
+            expected = f"{len(dofs[name])} numbers, once" if name in dofs else "a bone of the ASF that can move"
+            raise MotionFormatError(file, "frame 1", found, expected)
+        order[name] = dofs[name]
+    missing = sorted(set(dofs) - set(order))
+    if missing:
+        raise MotionFormatError(file, "frame 1", f"no {', '.join(missing)[:200]}", "every bone of the ASF that can move")
+    return order
+
+
+def _column(words: list[str], file: Path, place: str) -> Float[np.ndarray, " T"]:
+    try:
+        column = np.array(words, dtype=np.float64)
+    except ValueError as error:
+        raise MotionFormatError(file, place, str(error)[:80], "numbers") from error
+    return bounded(column, file, place)
+
+
+def _positions(tracks: Tracks, body: Body, skeleton: Skeleton) -> Float[np.ndarray, "T joints 3"]:
+    """Far ends of the bones, file units."""
+    place = root_path(tracks, body)
+    rotations = np.broadcast_to(np.eye(3), (len(place), len(skeleton), 3, 3)).copy()
+    offsets = np.zeros((len(place), len(skeleton), 3))
+    for joint, name in enumerate(skeleton.joints):
+        bone = body.bones.get(name)
+        axis = bone.axis if bone else body.root_axis
+        turns = [dof for dof in reversed(TURNS) if dof in tracks.get(name, {})]  # z, y, x: Rz Ry Rx
+        if turns:
+            angles = np.stack([tracks[name][dof] for dof in turns], axis=-1)
+            rotations[:, joint] = axis @ euler_matrices("".join(dof[1] for dof in turns), angles) @ axis.T
+        if bone:
+            offsets[:, joint] = rotations[:, joint] @ bone.offset  # a bone's own turn moves its far end
+    return forward_kinematics(rotations, offsets, place, skeleton)

@@ -1,0 +1,148 @@
+"""Arrays of one's own: .npy and .npz with joint positions, and the skeleton file beside them."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import BinaryIO
+
+import numpy as np
+from jaxtyping import Shaped
+
+from mwlib.body.kinematics import AXES
+from mwlib.body.motion import Motion
+from mwlib.body.skeleton import HUMANML22, SKELETONS, Skeleton
+from mwlib.data.errors import MotionFormatError
+from mwlib.data.hints import LEVELS_UP, Hints, frame_rate
+from mwlib.data.reading import bounded, read_array, read_text
+from mwlib.data.units import infer_unit, metres_per_unit
+
+SKELETON_FILE = "skeleton.json"
+HUMANML3D_FOLDER = "new_joints"  # HumanML3D's joint positions: 22 joints, 20 Hz, metres, y up
+
+
+@dataclass(frozen=True)
+class Layout:
+    """What an array means: whose joints, how fast, how long a unit is, which axis is up. None: not stated."""
+
+    skeleton: Skeleton | None = None
+    fps: float | None = None
+    unit: float | None = None
+    up: str | None = None
+
+
+def read_npy(stream: BinaryIO, file: Path, hints: Hints) -> Motion:
+    """Read joint positions (T, J, 3) from an .npy file; see `read_positions` for what they mean."""
+    return read_positions({"positions": read_array(stream, file, "array")}, file, hints)
+
+
+def read_positions(arrays: dict[str, Shaped[np.ndarray, "*shape"]], file: Path, hints: Hints) -> Motion:
+    """Make a motion of the entries of an .npz file.
+
+    `positions` (T, J, 3) is needed; `fps`, `unit`, `up`, `subject`, `action` and `skeleton` (the name of a known skeleton)
+    may be there. What is not comes from skeleton.json beside the file or above it, then from the caller; a unit that nobody
+    states is inferred from the body's size, and the axis up is z.
+
+    Raises:
+        MotionFormatError: shapes, values or the skeleton do not fit, or nobody states the skeleton or the frame rate.
+    """
+    beside = _layout_beside(file)
+    said = {name: _single(array, file, name) for name, array in arrays.items() if name != "positions"}
+    inside = _layout(said, file)
+    skeleton = inside.skeleton or beside.skeleton or hints.fallback_skeleton
+    fps = hints.fps or inside.fps or beside.fps or hints.fallback_fps
+    if skeleton is None or fps is None:
+        missing, argument = ("skeleton", "skeleton=") if skeleton is None else ("frame rate", "fps=")
+        raise MotionFormatError(file, missing, "none", f"a {SKELETON_FILE} beside the file, or {argument}")
+    positions = arrays["positions"]
+    if positions.dtype.kind not in "fiu" or positions.shape[1:] != (len(skeleton), 3) or len(positions) == 0:
+        expected = f"numbers of shape (T, {len(skeleton)}, 3) with T > 0 for {skeleton.name}"
+        raise MotionFormatError(file, "positions", f"{positions.dtype} of shape {positions.shape}", expected)
+    positions = bounded(positions, file, "positions").astype(np.float64)
+    positions *= hints.unit or inside.unit or beside.unit or infer_unit(positions, skeleton, file)
+    who, what = (str(said.get(name, "")) for name in ("subject", "action"))
+    motion = Motion(positions.astype(np.float32), fps, skeleton, who, what, up=inside.up or beside.up or "z")
+    return hints.label(motion, file)
+
+
+def _single(array: Shaped[np.ndarray, "*shape"], file: Path, name: str) -> object:
+    if array.size != 1:
+        raise MotionFormatError(file, name, f"shape {array.shape}", "a single value")
+    return array.item()
+
+
+def _layout_beside(file: Path) -> Layout:
+    """The layout of the nearest skeleton.json, in the file's folder or above."""
+    path = file.resolve()
+    for folder in path.parents[:LEVELS_UP]:
+        if (folder / SKELETON_FILE).is_file():
+            return read_skeleton_file(folder / SKELETON_FILE)
+    if path.parent.name == HUMANML3D_FOLDER:
+        return Layout(HUMANML22, 20.0, 1.0, "y")
+    return Layout()
+
+
+def read_skeleton_file(file: Path) -> Layout:
+    """Read a skeleton.json.
+
+    An object with "name", and for a skeleton that mwlib does not know "joints" (names, the root first), "parents" (joint
+    indices, -1 for the root) and optionally "left", "right" (joint indices, paired) and "parts" (name -> joint indices);
+    optionally "fps", "unit" (metres, or a name such as "cm") and "up" ("y" or "z").
+
+    Raises:
+        MotionFormatError: not JSON, a field of the wrong kind, or a skeleton that is no tree.
+    """
+    try:
+        tree = json.loads(read_text(file))
+    except (ValueError, RecursionError) as error:
+        if isinstance(error, MotionFormatError):
+            raise
+        raise MotionFormatError(file, "text", str(error)[:80], "JSON") from error
+    if not isinstance(tree, dict) or not isinstance(tree.get("name"), str):
+        raise MotionFormatError(file, "top", "no name", "an object with a name")
+    if "joints" in tree or tree["name"] not in SKELETONS:
+        tree["skeleton"] = _skeleton(tree, file)
+    else:
+        tree["skeleton"] = tree["name"]
+    return _layout(tree, file)
+
+
+def _skeleton(tree: dict, file: Path) -> Skeleton:
+    names, parents = tree.get("joints"), tree.get("parents")
+    if (
+        not isinstance(names, list) or len(names) < 2 or not all(isinstance(name, str) for name in names)
+        or not isinstance(parents, list) or not all(type(p) is int for p in parents)
+    ):  # fmt: skip
+        found = f"joints {str(names)[:60]}, parents {str(parents)[:60]}"
+        raise MotionFormatError(file, "joints, parents", found, "a list of two or more names, a list of indices")
+    parts = tree.get("parts", {})
+    if not isinstance(parts, dict):
+        raise MotionFormatError(file, "parts", repr(parts)[:60], "an object")
+    for row in (tree.get("left", []), tree.get("right", []), *parts.values()):
+        if not isinstance(row, list) or not all(type(i) is int and 0 <= i < len(names) for i in row):
+            raise MotionFormatError(file, "left, right, parts", repr(row)[:60], f"lists of joint indices, 0 to {len(names) - 1}")
+    left, right = (tuple(tree.get(side, [])) for side in ("left", "right"))
+    parts = {part: tuple(row) for part, row in parts.items()}
+    try:
+        return Skeleton(tree["name"], tuple(names), tuple(parents), left, right, parts)
+    except ValueError as error:
+        raise MotionFormatError(file, "skeleton", str(error), "a tree") from error
+
+
+def _layout(said: dict, file: Path) -> Layout:
+    """Check what a file says about an array; `skeleton` is a Skeleton or the name of a known one."""
+    skeleton, unit, up = said.get("skeleton"), said.get("unit"), said.get("up")
+    if isinstance(skeleton, str):
+        if skeleton not in SKELETONS:
+            raise MotionFormatError(file, "skeleton", repr(skeleton[:40]), f"one of {', '.join(sorted(SKELETONS))}")
+        skeleton = SKELETONS[skeleton]
+    if up is not None and up not in AXES:
+        raise MotionFormatError(file, "up", repr(up)[:40], " or ".join(map(repr, AXES)))
+    if unit is not None:
+        try:
+            unit = metres_per_unit(unit)
+        except (ValueError, TypeError) as error:
+            raise MotionFormatError(file, "unit", repr(unit)[:40], str(error).split("expected ")[-1]) from error
+    fps = None if said.get("fps") is None else frame_rate(str(said["fps"]), file, "fps")
+    return Layout(skeleton, fps, unit, up)

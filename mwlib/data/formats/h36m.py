@@ -1,0 +1,111 @@
+"""Human3.6M and HumanEva-I as VideoPose3D stores them, and writing that layout.
+
+Source: VideoPose3D, `positions_3d`: subject -> action -> (frames, joints, 3), metres, z up; joint reduction and dropped
+sequences as in DLow and HumanMAC.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from pathlib import Path
+from typing import BinaryIO
+
+import numpy as np
+from jaxtyping import Float
+
+from mwlib.body.motion import Motion
+from mwlib.body.skeleton import H36M17, HUMANEVA15
+from mwlib.data.errors import MotionFormatError
+from mwlib.data.formats.pickles import unpickle
+from mwlib.data.hints import Hints
+from mwlib.data.reading import ARRAY_LIMIT, array_header, bounded
+
+FPS = {17: 50.0, 15: 60.0}
+PARENTS_32 = [int(p) for p in "-1 0 1 2 3 4 0 6 7 8 9 0 11 12 13 14 12 16 17 18 19 20 19 22 12 24 25 26 27 28 27 30".split()]
+KEPT = (0, 1, 2, 3, 6, 7, 8, 12, 13, 14, 15, 17, 18, 19, 25, 26, 27)
+CORRUPT = {
+    ("S11", "Directions"),
+    ("Train/S3", "Walking 1 chunk0"),
+    ("Train/S3", "Walking 1 chunk2"),
+    ("Validate/S3", "Walking 1 chunk4"),
+}
+
+
+def read_positions_3d(stream: BinaryIO, file: Path, hints: Hints) -> list[Motion]:
+    """Motions out of the `positions_3d` entry of an npz file, in the file's order.
+
+    32 joints are reduced to Human3.6M's 17, 17 are taken as they are, 15 are HumanEva-I's. Sequences known to be corrupt
+    are dropped: S11 Directions, and three HumanEva chunks with a wrong head. `action` is the name without its take
+    ("Walking 1" -> "Walking"), `name` is "S9 Walking 1".
+
+    Raises:
+        MotionFormatError: the entry holds anything but dictionaries of finite arrays of these joints; code in it never runs.
+    """
+    place = "positions_3d"
+    shape, _, dtype = array_header(stream, file, place)
+    if shape != () or dtype.kind != "O":
+        raise MotionFormatError(file, place, f"{dtype} of shape {shape}", "one pickled dictionary (dtype object, shape ())")
+    data = stream.read(ARRAY_LIMIT + 1)
+    if len(data) > ARRAY_LIMIT:
+        raise MotionFormatError(file, place, f"more than {ARRAY_LIMIT} bytes", "at most that")
+    subjects = unpickle(data, file, place)
+    if not isinstance(subjects, dict) or not all(isinstance(actions, dict) for actions in subjects.values()):
+        raise MotionFormatError(file, place, "no two levels of dictionaries", "subject -> action -> array")
+    motions = [
+        _motion(array, subject, action, file, hints)
+        for subject, actions in subjects.items()
+        for action, array in actions.items()
+        if (subject, action) not in CORRUPT
+    ]
+    if len({m.skeleton.name for m in motions}) != 1:
+        raise MotionFormatError(file, place, f"{len(motions)} sequences", "at least one, all with the same joints")
+    return motions
+
+
+def _motion(array: object, subject: str, action: str, file: Path, hints: Hints) -> Motion:
+    place = f"positions_3d, {subject[:40]} {action[:60]}"
+    expected = "floats (frames, 32 or 17 or 15, 3)"
+    if not isinstance(array, np.ndarray):
+        raise MotionFormatError(file, place, "a dictionary", expected)
+    fits = array.ndim == 3 and array.shape[1] in (15, 17, 32) and array.shape[2] == 3 and len(array) > 0
+    if not fits or array.dtype.kind != "f":
+        raise MotionFormatError(file, place, f"shape {array.shape}, {array.dtype}", expected)
+    positions = bounded(array, file, place).astype(np.float32)
+    if positions.shape[1] == 32:
+        positions = positions[:, KEPT]
+    if hints.unit is not None:
+        positions *= np.float32(hints.unit)
+    joints = positions.shape[1]
+    skeleton = {17: H36M17, 15: HUMANEVA15}[joints]
+    kind = re.sub(r"( \d+)?( chunk\d+)?$", "", action)
+    return Motion(positions, hints.fps or FPS[joints], skeleton, subject, kind, f"{subject} {action}")
+
+
+def write_h36m(path: str | Path, motions: Sequence[Motion]) -> None:
+    """Write motions as VideoPose3D's data_3d_h36m.npz is laid out: 32 joints, metres, z up, 50 fps, float32.
+
+    The 15 joints that readers leave out get their parent's position. Takes of one action by one subject are numbered
+    "Walking", "Walking 1", "Walking 2", ... in the order given.
+
+    Raises:
+        ValueError: a motion cannot be carried over to H36M17, or would be named like a sequence that readers drop.
+    """
+    tree: dict[str, dict[str, np.ndarray]] = {}
+    for motion in motions:
+        motion = motion.retarget(H36M17).with_up("z").resample(FPS[17])
+        actions = tree.setdefault(motion.subject, {})
+        takes = (motion.action if take == 0 else f"{motion.action} {take}" for take in range(len(actions) + 1))
+        name = next(take for take in takes if take not in actions)
+        if (motion.subject, name) in CORRUPT:
+            raise ValueError(f"{motion.subject} {name} is a sequence that readers drop; expected another name")
+        actions[name] = _32_joints(motion.positions)
+    with Path(path).open("wb") as stream:
+        np.savez_compressed(stream, positions_3d=np.array(tree, dtype=object))
+
+
+def _32_joints(positions: Float[np.ndarray, "T 17 3"]) -> Float[np.ndarray, "T 32 3"]:
+    full = np.empty((len(positions), 32, 3), np.float32)
+    for joint, parent in enumerate(PARENTS_32):
+        full[:, joint] = positions[:, KEPT.index(joint)] if joint in KEPT else full[:, parent]
+    return full

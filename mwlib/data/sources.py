@@ -1,0 +1,89 @@
+"""Which motions a configuration names, who is held out, and how data are recognised again."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from mwlib.body.motion import Motion
+from mwlib.data.bodies import Bodies, prepare
+from mwlib.data.load import load_motions
+from mwlib.settings import Positive
+
+
+@dataclass(frozen=True)
+class SourceConfig:
+    """Which motions, at which rate, and who is held out."""
+
+    data: str = "synthetic"  # "synthetic", or a path that load_motions reads
+    fps: Positive = 50.0  # frames per second after resampling
+    train_subjects: tuple[str, ...] = ()  # empty: everyone who is in neither other list
+    validation_subjects: tuple[str, ...] = ()  # for the loss on people not trained on, and for choosing settings
+    test_subjects: tuple[str, ...] = ()  # empty: the last quarter of the subjects; of the clips if there is one subject
+
+
+class Split(NamedTuple):
+    """Clips by what they may be used for; no clip is in two parts."""
+
+    train: list[Motion]
+    validation: list[Motion]
+    test: list[Motion]
+
+    def fingerprints(self) -> tuple[str, str]:
+        """Of the clips that a model is trained on, and of those that it is tested on."""
+        return fingerprint(self.train), fingerprint(self.test)
+
+
+def split_motions(source: SourceConfig) -> Split:
+    """Load the configured data and part it by subject, so that nobody in the test set was ever trained on.
+
+    Test data: `test_subjects`; else the last quarter of the subjects that no list names; with one subject in the data, the last
+    quarter of the clips. Windows of one clip never end up in two parts.
+
+    Raises:
+        ValueError: a named subject does not occur or stands in two lists, the clips differ in skeleton, or nothing is left to
+            train or to test on.
+    """
+    motions = prepare(load_motions(source.data), source.fps)
+    Bodies.of(motions)
+    present = sorted({m.subject for m in motions})
+    lists = {name: getattr(source, name) for name in ("train_subjects", "validation_subjects", "test_subjects")}
+    _check_lists(lists, present, source.data)
+    unnamed = [subject for subject in present if not any(subject in people for people in lists.values())]
+    if len(present) == 1 and not any(lists.values()):
+        cut = len(motions) - max(1, len(motions) // 4)
+        parts = Split(motions[:cut], [], motions[cut:])
+    else:
+        test = source.test_subjects or tuple(unnamed[-max(1, len(present) // 4) :])
+        train = source.train_subjects or tuple(subject for subject in unnamed if subject not in test)
+        chosen = (train, source.validation_subjects, test)
+        parts = Split(*([m for m in motions if m.subject in people] for people in chosen))
+    for name, part in (("training", parts.train), ("test", parts.test)):
+        if not part:
+            found = f"{source.data} has {len(motions)} clips of the subjects {', '.join(map(repr, present))}"
+            raise ValueError(f"no {name} clips: {found}; expected at least two clips, and people left over for training and test")
+    return parts
+
+
+def _check_lists(lists: dict[str, tuple[str, ...]], present: Sequence[str], data: str) -> None:
+    """Refuse people who are not there, and people in two lists."""
+    for name, people in lists.items():
+        if missing := sorted({*people} - {*present}):
+            raise ValueError(f"{name} has {missing}; expected some of {present}, the subjects of {data}")
+        for other, others in lists.items():
+            if other != name and (both := sorted({*people} & {*others})):
+                raise ValueError(f"{both} stand in {name} and in {other}; expected every subject in one list at most")
+
+
+def fingerprint(motions: Sequence[Motion]) -> str:
+    """Eight hex digits over subjects, skeleton and positions of the clips."""
+    digest = hashlib.sha256()
+    for m in motions:
+        s = m.skeleton
+        digest.update(f"{m.subject}/{m.action}/{m.fps}/{m.up}/{s.joints}/{s.parents}/{s.left}/{s.right}".encode())
+        digest.update(np.ascontiguousarray(m.positions, dtype=np.float32).tobytes())
+    return digest.hexdigest()[:8]

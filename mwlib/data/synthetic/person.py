@@ -1,0 +1,154 @@
+"""A synthetic person: bones, manner, and how a vector of joint angles becomes joint positions.
+
+A pose is a row of `POSE`: joint angles in radians and one length. Zero is standing straight with hanging arms. Signs are the
+clinic's, the same on both sides: flexion swings a limb forward and bends knees backward and elbows forward, abduction moves it
+away from the midline, turn rotates it outward. The trunk pitches forward, rolls to the left, yaws to the left.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+from scipy.ndimage import gaussian_filter1d
+from scipy.spatial.transform import Rotation
+
+from mwlib.body.kinematics import forward_kinematics
+from mwlib.body.skeleton import H36M17
+
+FPS = 50.0
+
+_TRUNK = ("pelvis_pitch", "pelvis_roll", "pelvis_yaw", "spine_pitch", "spine_roll", "spine_yaw", "neck_pitch", "neck_roll")
+_LIMBS = ("hip_flex", "hip_abd", "hip_turn", "knee", "arm_flex", "arm_abd", "arm_turn", "elbow")
+SIDES = {"left": 1.0, "right": -1.0}  # sign of the side's y axis: x forward, y left, z up
+# `lift` is the height of the lower foot above the floor, metres.
+POSE = (*_TRUNK, *(f"{side}_{limb}" for side in SIDES for limb in _LIMBS), "lift")
+AT = {name: i for i, name in enumerate(POSE)}
+
+FEET = [H36M17.joints.index(f"{side}_foot") for side in SIDES]
+
+_CONTACT = 0.008  # metres: a foot this much higher than the other bears a third of its share of the ground contact
+_FLIGHT = 0.03  # metres: with the lower foot this high nothing holds the body
+
+
+@dataclass(frozen=True)
+class Body:
+    """Bones and manner of one synthetic person.
+
+    Args:
+        offsets: (17, 3) metres, joint from parent in the rest pose: x forward, y left, z up.
+        thigh, shin: metres.
+        posture: (len(POSE),) radians added to every pose.
+        pace, stride, swing, sway, tempo, liveliness: factors around 1 on step rate, step length, arm swing, trunk movement in
+            gait, speed of gestures, and involuntary movement.
+    """
+
+    offsets: Float[np.ndarray, "joints 3"]
+    thigh: float
+    shin: float
+    posture: Float[np.ndarray, " pose"]
+    pace: float
+    stride: float
+    swing: float
+    sway: float
+    tempo: float
+    liveliness: float
+
+    @property
+    def leg(self) -> float:
+        """Metres from hip to foot with the knee straight."""
+        return self.thigh + self.shin
+
+
+def draw_body(rng: np.random.Generator) -> Body:
+    """A random adult.
+
+    Own choice: mean segment lengths are rounded textbook shares of body height; height spans 1.55 to 1.92 m, and every
+    segment varies by a few per cent of its own, so that people differ in proportion and not only in size.
+    """
+    height = rng.uniform(1.55, 1.92)
+    share = {"hip": 0.074, "thigh": 0.252, "shin": 0.248, "waist": 0.136, "chest": 0.146, "neck": 0.067, "head": 0.065}
+    share |= {"shoulder": 0.088, "upper_arm": 0.163, "forearm": 0.147}
+    bone = {name: height * mean * rng.uniform(0.94, 1.06) for name, mean in share.items()}
+    offsets = np.zeros((len(H36M17), 3))
+    at = H36M17.joints.index
+    for side, sign in SIDES.items():
+        offsets[at(f"{side}_hip"), 1] = sign * bone["hip"]
+        offsets[at(f"{side}_knee"), 2] = -bone["thigh"]
+        offsets[at(f"{side}_foot"), 2] = -bone["shin"]
+        offsets[at(f"{side}_shoulder")] = 0.0, sign * bone["shoulder"], -0.1 * bone["shoulder"]
+        offsets[at(f"{side}_elbow"), 2] = -bone["upper_arm"]
+        offsets[at(f"{side}_wrist"), 2] = -bone["forearm"]
+    offsets[at("spine"), 2] = bone["waist"]
+    offsets[at("thorax"), 2] = bone["chest"]
+    offsets[at("neck")] = 0.3 * bone["neck"], 0.0, 0.95 * bone["neck"]
+    offsets[at("head")] = -0.2 * bone["head"], 0.0, 0.98 * bone["head"]
+    posture = np.deg2rad(rng.normal(0.0, 2.0, len(POSE)))
+    legs = [AT[f"{side}_{limb}"] for side in SIDES for limb in ("hip_flex", "knee", "hip_turn", "hip_abd")]
+    posture[[*legs, AT["lift"]]] = 0.0  # or no foot would stand where the gait puts it
+    posture[[AT["pelvis_roll"], AT["pelvis_yaw"], AT["spine_roll"], AT["spine_yaw"]]] *= 0.4
+    pace, stride, swing, sway, tempo, liveliness = rng.uniform([0.92, 0.9, 0.7, 0.7, 0.85, 0.7], [1.1, 1.1, 1.4, 1.5, 1.2, 1.4])
+    return Body(offsets, bone["thigh"], bone["shin"], posture, pace, stride, swing, sway, tempo, liveliness)
+
+
+def positions_of(
+    pose: Float[np.ndarray, "T pose"], heading: Float[np.ndarray, " T"], body: Body
+) -> Float[np.ndarray, "T joints 3"]:
+    """World positions (metres, z up, floor at z = 0) of a person who assumes these poses facing `heading` (radians).
+
+    The root is not given but follows: its height puts the lower foot at `lift`, and it moves so that the foot on the floor stays
+    where it is; in flight it keeps the speed it had around. Own choice: any sequence of poses then stands, walks or jumps without
+    sliding, at no cost in the root-relative channels that models see.
+    """
+    pitch, roll, yaw = np.moveaxis(_joint_angles(pose), -1, 0)
+    local = _about("y", pitch) @ _about("x", roll) @ _about("z", yaw)
+    pelvis = local[:, 0].copy()
+    for side in SIDES:  # leg angles are measured against the upright, not against a pelvis that tilts and sways
+        hip = H36M17.joints.index(f"{side}_hip")
+        local[:, hip] = np.swapaxes(pelvis, -1, -2) @ local[:, hip]
+    local[:, 0] = _about("z", heading) @ pelvis
+    standing = forward_kinematics(local, body.offsets, np.zeros((len(pose), 3)), H36M17)
+    return standing + _root(standing[:, FEET], pose[:, AT["lift"]])[:, None]
+
+
+def _about(axis: str, angle: Float[np.ndarray, "*axes"]) -> Float[np.ndarray, "*axes 3 3"]:
+    """Rotation matrices about one axis. By rotation vectors: SciPy's Euler angles take twenty times as long."""
+    vectors = angle[..., None] * np.eye(3)["xyz".index(axis)]
+    return Rotation.from_rotvec(vectors.reshape(-1, 3)).as_matrix().reshape(*vectors.shape, 3)
+
+
+def _joint_angles(pose: Float[np.ndarray, "T pose"]) -> Float[np.ndarray, "T joints 3"]:
+    """Angles about y, x, z (in this order, moving axes) of every joint's local rotation."""
+    angle = {name: pose[:, i] for name, i in AT.items()}
+    euler = np.zeros((len(pose), len(H36M17), 3))
+
+    def put(joint: str, pitch: np.ndarray | float, roll: np.ndarray | float = 0.0, yaw: np.ndarray | float = 0.0) -> None:
+        euler[:, H36M17.joints.index(joint)] = np.stack(np.broadcast_arrays(pitch, roll, yaw, angle["lift"])[:3], axis=-1)
+
+    put("hip", angle["pelvis_pitch"], -angle["pelvis_roll"], angle["pelvis_yaw"])
+    for joint in ("spine", "thorax"):
+        put(joint, angle["spine_pitch"] / 2, -angle["spine_roll"] / 2, angle["spine_yaw"] / 2)
+    put("neck", angle["neck_pitch"], -angle["neck_roll"])
+    for side, sign in SIDES.items():
+        put(f"{side}_hip", -angle[f"{side}_hip_flex"], sign * angle[f"{side}_hip_abd"], sign * angle[f"{side}_hip_turn"])
+        put(f"{side}_knee", angle[f"{side}_knee"])
+        put(f"{side}_shoulder", -angle[f"{side}_arm_flex"], sign * angle[f"{side}_arm_abd"], sign * angle[f"{side}_arm_turn"])
+        put(f"{side}_elbow", -angle[f"{side}_elbow"])
+    return euler
+
+
+def _root(feet: Float[np.ndarray, "T 2 3"], lift: Float[np.ndarray, " T"]) -> Float[np.ndarray, "T 3"]:
+    """Root path for feet given relative to the root."""
+    height = feet[..., 2]
+    share = np.exp(-(height - height.min(axis=1, keepdims=True)) / _CONTACT)
+    share /= share.sum(axis=1, keepdims=True)
+    share = (share[1:] + share[:-1]) / 2
+    held = -np.sum(share[..., None] * np.diff(feet[..., :2], axis=0), axis=1)
+    grip = np.exp(-((np.maximum(lift[1:], lift[:-1]) / _FLIGHT) ** 4))[:, None]
+    around = gaussian_filter1d(held * grip, 4.0, axis=0) / (gaussian_filter1d(grip, 4.0, axis=0) + 1e-6)
+    step = grip * held + (1 - grip) * around
+    root = np.zeros((len(feet), 3))
+    root[1:, :2] = np.cumsum(step, axis=0)
+    root[:, 2] = lift - height.min(axis=1)
+    return gaussian_filter1d(root, 1.5, axis=0, mode="nearest")  # the body's mass rounds the corners where feet change

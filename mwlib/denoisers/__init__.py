@@ -1,5 +1,0 @@
-"""Networks that predict noise from a noised latent."""
-
-from .translinear import TransLinear
-
-__all__ = ["TransLinear"]

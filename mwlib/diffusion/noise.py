@@ -1,0 +1,49 @@
+"""Gaussian noise that does not depend on how windows are grouped."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+
+class WindowNoise:
+    """Gaussian noise with one stream per window, so that chunking windows cannot change any number.
+
+    Own choice: drawn on the CPU whatever the device, so that a seed means the same everywhere.
+
+    Args:
+        seed: of the whole draw.
+        windows: identity of each window in this chunk.
+        shape: of one window: (S, rows, columns).
+        device: where the noise is wanted.
+
+    >>> three, last = WindowNoise(0, [0, 1, 2], (4, 5)), WindowNoise(0, [2], (4, 5))
+    >>> torch.equal(three()[2:], last())
+    True
+    """
+
+    def __init__(self, seed: int, windows: Sequence[int], shape: tuple[int, ...], device: torch.device | str = "cpu") -> None:
+        seeds = (int(np.random.SeedSequence((seed, int(w))).generate_state(1)[0]) for w in windows)
+        self.generators = [torch.Generator().manual_seed(s) for s in seeds]
+        self.shape, self.device = shape, device
+
+    def __call__(self) -> Float[Tensor, "N *item"]:
+        """The next draw."""
+        draws = torch.empty(len(self.generators), *self.shape)
+        threads, mode = min(torch.get_num_threads(), len(draws)), torch.is_inference_mode_enabled()
+
+        def fill(row: Tensor, generator: torch.Generator) -> None:
+            with torch.inference_mode(mode):  # a thread does not inherit it
+                row.normal_(generator=generator)
+
+        if threads < 2:
+            list(map(fill, draws, self.generators))
+        else:  # one stream is drawn by one thread; torch itself never shares a draw out
+            with ThreadPoolExecutor(threads) as pool:
+                list(pool.map(fill, draws, self.generators))
+        return draws.to(self.device)

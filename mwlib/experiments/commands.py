@@ -1,0 +1,111 @@
+"""Commands about runs and grids: train, grid-table, storyboards."""
+
+from __future__ import annotations
+
+from argparse import ArgumentParser, Namespace, _SubParsersAction
+from pathlib import Path
+from typing import Any
+
+from mwlib import plots
+from mwlib.experiments.grids import Grid, grids_file, read_grids
+from mwlib.experiments.report import write_curves, write_storyboards
+from mwlib.experiments.runs import get_run
+from mwlib.experiments.systems import system
+from mwlib.experiments.tables import lines, measure, provenance
+from mwlib.files import write_atomic
+from mwlib.prediction.config import Config
+from mwlib.prediction.system import load_data
+from mwlib.settings import Settings, parse_changes
+
+
+def add_parser(subparsers: _SubParsersAction) -> None:
+    """Register this module's commands."""
+    text = "train a preset, or go on with a run that was stopped; prints the run's folder"
+    parser = subparsers.add_parser("train", help=text, description=f"{text.capitalize()}.", epilog=_names())
+    parser.add_argument("--preset", default="laptop", help=f"one of {', '.join(Config.presets)} (default: laptop)")
+    add_set(parser)
+    parser.set_defaults(run=_train)
+
+    text = "write the table of a grid, computing the rows that are missing"
+    parser = subparsers.add_parser("grid-table", help=text, description=f"{text.capitalize()}.")
+    parser.add_argument("grid", help="its id, e.g. table_4")
+    grid_options(parser)
+    parser.set_defaults(run=_grid_table)
+
+    text = "draw predictions of people never seen, and the loss curves; trains the model if it is missing"
+    parser = subparsers.add_parser("storyboards", help=text, description=f"{text.capitalize()}.")
+    parser.add_argument("--preset", default="laptop", help=f"one of {', '.join(Config.presets)} (default: laptop)")
+    add_set(parser)
+    parser.add_argument("--out", type=Path, default=Path("build/storyboards"), help="default: build/storyboards")
+    parser.set_defaults(run=_storyboards)
+
+
+def add_set(parser: ArgumentParser) -> None:
+    """The option that changes settings."""
+    text = "change one setting, e.g. data=my/folder or lr=1e-3; may be repeated"
+    parser.add_argument("--set", action="append", default=[], metavar="NAME=VALUE", help=text)
+
+
+def grid_options(parser: ArgumentParser) -> None:
+    """The options of every command about one grid."""
+    parser.add_argument("--preset", default="tiny", help="default: tiny")
+    parser.add_argument("--data", default="", help="a source that load_motions reads; default: the preset's own")
+    add_set(parser)
+    parser.add_argument("--grids", type=Path, default=grids_file(), help="default: figures/grids.yaml")
+    parser.add_argument("--out", type=Path, required=True, help="folder for the results")
+
+
+def chosen_grid(args: Namespace) -> Grid:
+    """The grid that a command names.
+
+    Raises:
+        ValueError: there is none of that name; the message lists those there are.
+    """
+    known = read_grids(args.grids)
+    if args.grid not in known:
+        raise ValueError(f"grid is {args.grid!r}; {args.grids} has {', '.join(known)}")
+    return known[args.grid]
+
+
+def given_changes(args: Namespace) -> dict[str, Any]:
+    """What a command's options change in the preset."""
+    return ({"data": args.data} if args.data else {}) | parse_changes(args.set)
+
+
+def configuration(grid: Grid, args: Namespace) -> Settings:
+    """The configuration that the rows of a grid change."""
+    return system(grid.system).Config.preset(args.preset, **given_changes(args))
+
+
+def _names() -> str:
+    return f"Settings: {', '.join(sorted(Config.owners()))}. mwlib/prediction/config.py says what each means."
+
+
+def _train(args: Namespace) -> int:
+    print(get_run(Config.preset(args.preset, **parse_changes(args.set)), progress=True))
+    return 0
+
+
+def _grid_table(args: Namespace) -> int:
+    grid = chosen_grid(args)
+    cfg, given, columns = configuration(grid, args), [*given_changes(args)], system(grid.system).METRICS
+    found = measure(grid, cfg, progress=True, given=given)
+    about = provenance(grid, cfg, found, given) | {"preset": args.preset}
+    plots.save_table(lines(found, columns, errors=True), args.out, grid.id, provenance=about)
+    actions = [{"row": row["name"], "action": action, **means} for row in found for action, means in row["actions"].items()]
+    if actions:
+        plots.save_table(actions, args.out, f"{grid.id}_actions", provenance=about)
+    best = {column.heading: column.better for column in columns.values() if column.better}
+    table = plots.results_table(lines(found, columns), better=best)
+    write_atomic(args.out / f"{grid.id}.md", f"{table}\n")
+    print(table)
+    return 0
+
+
+def _storyboards(args: Namespace) -> int:
+    cfg = Config.preset(args.preset, **parse_changes(args.set))
+    split = load_data(cfg)
+    write_curves(cfg, split, args.out)
+    write_storyboards(cfg, split, args.out)
+    print(args.out)
+    return 0

@@ -1,0 +1,72 @@
+"""Pictures of a predictor on people never seen: storyboards beside the truth, and its loss curves."""
+
+from __future__ import annotations
+
+import json
+import platform
+from pathlib import Path
+from typing import Any
+
+import torch
+from torch import Tensor
+
+from mwlib import __version__, plots
+from mwlib.data.known import acknowledgement
+from mwlib.data.sources import Split
+from mwlib.experiments.runs import get_model, get_run
+from mwlib.prediction.config import Config
+from mwlib.prediction.evaluation import baseline, test_windows
+from mwlib.training import CURVES
+
+
+def provenance(cfg: Config, split: Split) -> dict[str, Any]:
+    """What a reader must know to trust a picture."""
+    return {
+        "data": cfg.data.data, "train_clips": len(split.train), "test_clips": len(split.test),
+        "train_subjects": sorted({m.subject for m in split.train}), "test_subjects": sorted({m.subject for m in split.test}),
+        "settings": cfg.changed_from(Config()), "training_hash": cfg.training_hash(),
+        "seeds": {"training": cfg.training.seed, "sampling": cfg.sampling.sampling_seed},
+        "mwlib": __version__, "torch": torch.__version__.split("+")[0], "machine": platform.machine(),
+    } | acknowledgement(cfg.data.data)  # fmt: skip
+
+
+def _closest(futures: Tensor, truth: Tensor) -> Tensor:
+    """The sample (F, C) of (S, F, C) with the smallest ADE."""
+    return futures[(futures - truth).norm(dim=-1).mean(-1).argmin()]
+
+
+def write_storyboards(cfg: Config, split: Split, out: Path, count: int = 3) -> None:
+    """Truth above predictions for a few test windows, spread evenly over the test set."""
+    cut, about, every = cfg.windows, provenance(cfg, split), test_windows(split, cfg.windows)
+    predictor = get_model(cfg, split)
+    looked_up, still = (baseline(cfg.override(method=name), split) for name in ("nearest_history", "zero_velocity"))
+    for picture, i in enumerate(torch.linspace(0, len(every) - 1, 2 * count + 1).long()[1::2].tolist()):
+        past, truth = every.x_history[i : i + 1], every.x_future[i]
+        futures = predictor.predict(past, window_ids=[i])[0]
+        found = looked_up(past, [i])[0]
+        ahead = {f"closest of {len(futures)}": _closest(futures, truth), "sample 1": futures[0], "sample 2": futures[1]}
+        ahead |= {"looked up": _closest(found, truth), "held still": still(past, [i])[0, 0]}
+        board = {"truth": every.x[i], **ahead}
+        fig, _ = plots.storyboard(board, split.test[0].skeleton, fps=cfg.data.fps, history=cut.history, frames=10)
+        clip = every.motions[int(every.clip[i])]
+        alt = (
+            f"Storyboard of test clip {clip.name} ({clip.action}), subject {clip.subject}: the true motion on top, below it the "
+            f"future closest to it among {len(futures)} sampled by MotionWavelet, two samples taken blindly, the closest of "
+            f"{len(found)} looked up in the training set, and the last pose held still."
+        )
+        where = about | {"clip": clip.name, "start_frame": int(every.start[i]), "window": i}
+        data = {name.replace(" ", "_"): row.numpy() for name, row in board.items()}
+        plots.save(fig, out, f"storyboard_{picture + 1}", data=data, alt=alt, provenance=where)
+
+
+def write_curves(cfg: Config, split: Split, out: Path) -> None:
+    """Training loss, and the loss of the averaged weights on people who are not trained on."""
+    curves = json.loads((get_run(cfg, split) / CURVES).read_text(encoding="utf-8"))
+    named = {"people seen in training": curves["loss"]}
+    if curves["validation"]:
+        named["people never seen"] = curves["validation"]
+    fig, _ = plots.loss_curves(named)
+    alt = "Loss against training step, for the people trained on and, where some were held out for it, for people never seen."
+    data = {"loss": curves["loss"], "validation_step": [p[0] for p in curves["validation"]]}
+    data["validation_loss"] = [p[1] for p in curves["validation"]]
+    plots.save(fig, out, "curves", data={k: v for k, v in data.items() if v}, alt=alt, provenance=provenance(cfg, split))

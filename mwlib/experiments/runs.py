@@ -1,0 +1,106 @@
+"""Training runs: a folder each, found again by the hash of its settings and the fingerprint of its data."""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Iterator
+from contextlib import nullcontext
+from pathlib import Path
+from typing import Any
+
+from tqdm import tqdm
+
+from mwlib import __version__
+from mwlib.experiments.store import locked, read_result, runs_folder, write_result
+from mwlib.experiments.systems import Data, read_config, system_of
+from mwlib.files import sweep, write_atomic
+from mwlib.settings import Settings, digest
+from mwlib.training import TrainingStep, read_model, read_outcome, train
+
+CONFIG = "config.yaml"
+
+
+def run_path(cfg: Settings, data: Data) -> Path:
+    """Folder of the training run with this configuration, these data and this version of mwlib."""
+    return runs_folder() / f"{digest([cfg.training_hash(), __version__])}-{data.fingerprints()[0]}"
+
+
+def get_run(cfg: Settings, data: Data | None = None, progress: bool = False) -> Path:
+    """Folder of the finished training run with this configuration and data, trained once if missing.
+
+    Two processes that ask for the same run train it once: the second waits. A run that was killed goes on from its
+    last checkpoint.
+
+    Args:
+        cfg: configuration of any system; settings that no model depends on do not matter.
+        data: what the system's `load_data` gives, if already loaded.
+        progress: show a bar on stderr.
+    """
+    data = data or system_of(cfg).load_data(cfg)
+    folder = run_path(cfg, data)
+    if read_result(folder, cfg.training_hash()) is None:
+        # of the processes that `accelerate launch` started, the first holds the lock for all
+        with locked(folder / ".lock") if _rank() == 0 else nullcontext():
+            if read_result(folder, cfg.training_hash()) is None:
+                sweep(folder)
+                _train_to_end(cfg, data, folder, progress)
+    return folder
+
+
+def train_run(cfg: Settings, data: Data, folder: Path) -> Iterator[TrainingStep]:
+    """Train into a folder, yielding every step; goes on where an earlier call was stopped.
+
+    Args:
+        cfg: configuration of any system.
+        data: what the system's `load_data` gives.
+        folder: for checkpoint, model, curves and configuration.
+
+    Raises:
+        ValueError: the folder holds a run with other settings.
+    """
+    system, settings = system_of(cfg), cfg.get_group("training")
+    if not (folder / CONFIG).exists():
+        write_atomic(folder / CONFIG, cfg.to_yaml())
+    yield from train(lambda learnt: system.make_objective(cfg, data, learnt), settings, folder, cfg.training_hash())
+
+
+def _train_to_end(cfg: Settings, data: Data, folder: Path, progress: bool) -> None:
+    hidden = not progress or _rank() > 0
+    with tqdm(total=cfg.get("train_steps"), desc="training", disable=hidden, file=sys.stderr) as bar:
+        for last in train_run(cfg, data, folder):
+            bar.update(last.step - bar.n)
+            if last.step % 20 == 0:
+                bar.set_postfix(loss=f"{last.loss:.4f}", lr=f"{last.lr:.2e}")
+    if _rank() == 0:
+        write_result(folder, read_outcome(folder), cfg.training_hash())
+
+
+def get_model(cfg: Settings, data: Data | None = None, progress: bool = False) -> Any:
+    """The trained model of a configuration, trained once if missing; it samples as `cfg` says.
+
+    Configurations that differ in sampling only share a run, and the run's own file knows the one that trained it.
+
+    Args:
+        cfg, data, progress: as in `get_run`.
+    """
+    return system_of(cfg).open_model(cfg, *read_model(get_run(cfg, data, progress)))
+
+
+def load_run(folder: str | Path) -> Any:
+    """The trained model of a run folder, of whichever system, on the CPU (``.to(device)`` moves it).
+
+    Raises:
+        FileNotFoundError: the folder holds no finished model; the message names the missing file.
+        ValueError: the run was made by a version before 0.2, or its configuration is not valid.
+    """
+    folder = Path(folder)
+    if not (folder / CONFIG).exists():
+        raise FileNotFoundError(f"{folder / CONFIG} is missing: no training run in this folder")
+    cfg = read_config(folder / CONFIG)
+    return system_of(cfg).open_model(cfg, *read_model(folder))
+
+
+def _rank() -> int:
+    """This process's number among those of one training."""
+    return int(os.environ.get("RANK", "0"))

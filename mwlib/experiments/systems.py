@@ -1,0 +1,103 @@
+"""The systems that can be trained and compared: one module each, found by the name that its configuration carries."""
+
+from __future__ import annotations
+
+import importlib
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any, Protocol
+
+from torch import Tensor
+
+from mwlib.metrics import Column
+from mwlib.settings import Settings, read_tree
+from mwlib.training import Objective
+
+
+class Data(Protocol):
+    """What a system trains and tests on."""
+
+    def fingerprints(self) -> tuple[str, str]:
+        """Short hashes of the training and of the test part."""
+        ...
+
+
+class System(Protocol):
+    """What the experiments ask of a system; a module with these names will do.
+
+    A system of motions may also have ``preview(cfg, get_model, data)``: arguments of `plots.storyboard` that show a true motion
+    of the test set and what the experiment makes of it.
+    """
+
+    Config: type[Any]  # a subclass of Settings with a group `training: TrainingConfig` and a field `sampling_seed`
+    METRICS: Mapping[str, Column]
+
+    @property
+    def load_data(self) -> Callable[[Any], Data]:
+        """Configuration -> data."""
+        ...
+
+    @property
+    def make_objective(self) -> Callable[[Any, Any, Mapping[str, Tensor]], Objective]:
+        """Configuration, data, what the objective had learnt before -> what is trained."""
+        ...
+
+    @property
+    def open_model(self) -> Callable[[Any, Mapping[str, Tensor], Mapping[str, Tensor], Mapping[str, str]], Any]:
+        """Configuration, weights, what the objective learnt, its texts -> the trained model."""
+        ...
+
+    @property
+    def evaluate(self) -> Callable[[Any, Callable[[], Any], Any, bool], dict[str, Any]]:
+        """Configuration, a function that gives the model, data, whether to show a bar -> "mean", "standard_error", "windows"."""
+        ...
+
+
+_MODULES = {"prediction": "mwlib.prediction.system"}
+_REGISTERED: dict[str, System] = {}
+
+
+def register(system: Any) -> None:
+    """Make a system known under the name that its `Config.system` says; a module registers itself by ``sys.modules[__name__]``.
+
+    Raises:
+        ValueError: the name is taken by another system, or something that `System` asks for is missing.
+    """
+    missing = [
+        name
+        for name in ("Config", "METRICS", "load_data", "make_objective", "open_model", "evaluate")
+        if not hasattr(system, name)
+    ]
+    if missing:
+        raise ValueError(f"{system} has no {', '.join(missing)}; expected all that System asks for")
+    name = system.Config.system
+    if name in _MODULES or _REGISTERED.get(name, system) is not system:
+        raise ValueError(f"system is {name!r}, which is taken; expected another name")
+    _REGISTERED[name] = system
+
+
+def system(name: str) -> System:
+    """A system by name.
+
+    Raises:
+        ValueError: there is none; the message lists those there are.
+    """
+    if name in _MODULES:
+        return importlib.import_module(_MODULES[name])  # pyright: ignore[reportReturnType]  (checked by a test)
+    if name not in _REGISTERED:
+        raise ValueError(f"system is {name!r}; expected one of {', '.join([*_MODULES, *_REGISTERED])}")
+    return _REGISTERED[name]
+
+
+def system_of(cfg: Settings) -> System:
+    """The system that a configuration belongs to."""
+    return system(cfg.system)
+
+
+def read_config(file: Path) -> Settings:
+    """The configuration in a run's config.yaml, of whichever system.
+
+    Raises:
+        ValueError: it is none, was written by a version before 0.2, or holds an unknown setting.
+    """
+    return system(read_tree(file)["system"]).Config.from_yaml(file)

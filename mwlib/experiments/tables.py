@@ -1,0 +1,137 @@
+"""Tables of grids: measured, arranged, with what a reader must know to trust them."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Collection, Mapping, Sequence
+from pathlib import Path
+from statistics import mean, stdev
+from typing import Any
+
+import torch
+
+from mwlib import __version__
+from mwlib.data.known import acknowledgement
+from mwlib.experiments.grids import Grid, changes, row_config
+from mwlib.experiments.results import get_result
+from mwlib.experiments.systems import Data, system
+from mwlib.material import course_folder
+from mwlib.metrics import Column
+from mwlib.settings import Settings
+
+
+def measure(
+    grid: Grid, cfg: Settings, progress: bool = False, data: Data | None = None, given: Collection[str] = ()
+) -> list[dict[str, Any]]:
+    """Results of all rows over their seeds; what is there already is read, what is missing is computed.
+
+    Args:
+        grid: which.
+        cfg: the configuration that the rows change.
+        progress: show bars on stderr.
+        data: what the system's `load_data` gives, if already loaded.
+        given: fields that somebody set on purpose in cfg; the grid leaves them alone.
+
+    Returns:
+        Per row: "name", "paper", "seeds", "windows", "seconds", and by metric "mean" over seeds, "seed_deviation" (None for
+        one seed), "standard_error" over windows (of the first seed); "actions", the first seed's means of each action.
+
+    Raises:
+        ValueError: rows of the grid differ in a given field.
+    """
+    kind = system(grid.system)
+    data = data or kind.load_data(cfg)
+    found = []
+    for row in grid.rows:
+        configs = [row_config(grid, row, cfg, seed, given) for seed in grid.seeds(row, cfg)]
+        results = [get_result(changed, data, progress) for changed in configs]
+        found.append({"name": row.name, "paper": row.paper, **_over_seeds(results, kind.METRICS)})
+    return found
+
+
+def _over_seeds(results: Sequence[dict[str, Any]], metrics: Mapping[str, Column]) -> dict[str, Any]:
+    values = {m: [r["mean"][m] for r in results] for m in metrics}
+    return {
+        "mean": {m: mean(v) for m, v in values.items()},
+        "seed_deviation": {m: stdev(v) if len(v) > 1 else None for m, v in values.items()},
+        "standard_error": {m: results[0]["standard_error"][m] for m in metrics},
+        "windows": results[0]["windows"],
+        "seeds": len(results),
+        "seconds": sum(r["seconds"] for r in results),
+        "actions": results[0].get("actions", {}),
+    }
+
+
+def lines(
+    found: Sequence[dict[str, Any]], metrics: Mapping[str, Column], *, errors: bool = False, first: str = "row"
+) -> list[dict[str, object]]:
+    """Rows for `plots.results_table` and `plots.save_table`: the paper's number (if any row has one) beside the measured.
+
+    A measured value with several seeds is a pair (mean, deviation over seeds), in the unit of its column.
+
+    Args:
+        found: what `measure` returned.
+        metrics: columns, in order.
+        errors: add the standard error over windows of each metric, and the numbers of seeds and windows.
+        first: heading of the rows' names.
+    """
+    out = []
+    for row in found:
+        line: dict[str, object] = {first: row["name"]}
+        for m, column in metrics.items():
+            heading, scale = column.heading, column.scale
+            if any(m in other["paper"] for other in found):
+                line[f"{heading}, paper"] = row["paper"].get(m)
+            spread = row["seed_deviation"][m]
+            value = scale * row["mean"][m]
+            line[heading] = value if spread is None else (value, scale * spread)
+            if errors:
+                line[f"{heading}, standard error"] = scale * row["standard_error"][m]
+        out.append(line | ({"seeds": row["seeds"], "windows": row["windows"]} if errors else {}))
+    return out
+
+
+def committed(name: str, metrics: Mapping[str, Column], folder: Path | None = None) -> list[dict[str, object]]:
+    """A grid as measured on real people, read from the table that `mwlib grid-table` wrote, in the form of `lines`.
+
+    Args:
+        name: the grid's id.
+        metrics: columns, in order.
+        folder: of the tables; None = the course's `figures/cmu`.
+
+    Raises:
+        FileNotFoundError: there is no such table in the folder.
+    """
+    folder = course_folder() / "figures" / "cmu" if folder is None else folder
+    headings = [column.heading for column in metrics.values()]
+    with (folder / f"{name}.csv").open(encoding="utf-8", newline="") as file:
+        rows = list(csv.DictReader(file))
+    out = []
+    for row in rows:
+        number = {heading: float(value) for heading, value in row.items() if heading != "row" and value}
+        line: dict[str, object] = {"row": row["row"]}
+        for heading in headings:
+            if f"{heading}, paper" in row:
+                line[f"{heading}, paper"] = number.get(f"{heading}, paper")
+            spread = number.get(f"{heading}, deviation")
+            line[heading] = number[heading] if spread is None else (number[heading], spread)
+        out.append(line)
+    return out
+
+
+def provenance(grid: Grid, cfg: Settings, found: Sequence[dict[str, Any]], given: Collection[str] = ()) -> dict[str, Any]:
+    """What a reader must know to trust the numbers of a grid."""
+    budget, data = grid.budget(cfg), cfg.get("data")
+    first = row_config(grid, grid.rows[0], cfg, given=given)
+    return {
+        "data": data, "grid": grid.id, "paper": grid.paper or "not in the paper",
+        "seeds": list(range(max(row["seeds"] for row in found))),
+        "seeds_of": "training and sampling" if grid.trains else "sampling",
+        "budget_share": budget.share, "settings_of_the_first_row": first.changed_from(type(first)()),
+        "rows": {row.name: changes(grid, row, cfg, given) for row in grid.rows},
+        "test_windows": found[0]["windows"],
+        "standard_error_over_windows": {row["name"]: row["standard_error"] for row in found},
+        "seconds_of_sampling": {row["name"]: row["seconds"] for row in found},
+        "mwlib": __version__, "torch": torch.__version__.split("+")[0],
+        "device": "cuda" if torch.cuda.is_available() else "cpu",
+    } | acknowledgement(data)  # fmt: skip

@@ -1,0 +1,40 @@
+"""Where the notebooks, the list of figures, the grids and the committed results are, and where results go.
+
+One of three places: a working copy of the course around the working folder (`mwlib course FOLDER` lays one out), the
+checkout that mwlib is imported from, or the copy inside the installed package.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+CHECKOUT = Path(__file__).resolve().parents[1]
+PACKAGED = Path(__file__).resolve().with_name("_material")  # hatch_build.py puts it into the wheel
+MARKS = ("notebooks", "figures/manifest.yaml", "Snakefile")
+CARRIED = ("LICENSE", "Snakefile", "notebooks/*.ipynb", "figures/*.yaml", "figures/*/*")  # what a working copy consists of
+
+
+def is_course(folder: Path) -> bool:
+    """Whether a folder is a working copy of the course: it has the notebooks, the list of figures and the Snakefile."""
+    return all((folder / mark).exists() for mark in MARKS)
+
+
+def installed() -> Path:
+    """The course as it came with this mwlib: the checkout, or the copy inside the package, which is only read."""
+    return CHECKOUT if is_course(CHECKOUT) else PACKAGED
+
+
+def home() -> Path:
+    """Where results go: the working copy of the course around the working folder, else the working folder itself."""
+    here = Path.cwd()
+    return next((folder for folder in (here, *here.parents) if is_course(folder)), here)
+
+
+def course_folder() -> Path:
+    """The folder whose notebooks/ and figures/ are used: `home` if that is a working copy, else what is `installed`."""
+    return home() if is_course(home()) else installed()
+
+
+def carried(folder: Path) -> list[Path]:
+    """The files of a course that a wheel and a working copy have, in order, whatever else lies in the folder."""
+    return [file for pattern in CARRIED for file in sorted(folder.glob(pattern)) if file.is_file()]

@@ -1,0 +1,103 @@
+"""Metrics over a whole test set, streamed."""
+
+from __future__ import annotations
+
+from collections.abc import Hashable, Sequence
+
+import torch
+from jaxtyping import Float, Int
+from torch import Tensor
+
+from mwlib.body.skeleton import Skeleton
+from mwlib.metrics.multimodal import MultimodalFutures
+from mwlib.metrics.prediction import ade, apd, bone_length_jitter, by_action, check_shapes, cmd, fde, mmade, mmfde, step_length
+
+MM_SINGLETONS = ("keep", "skip_all", "skip_mm")
+
+
+class MetricTable:
+    """Metrics of a test set that is too big to hold at once: feed chunks of windows, then ask for the summary.
+
+    Args:
+        gs: multimodal sets of all N windows of the test set, from `multimodal_futures` or a list of tensors.
+        actions: class of each window, for the table per action and for CMD; None: one class.
+        skeleton: if given, `bone_length_jitter` is reported too.
+        mm_singletons: what becomes of windows whose set holds only themselves: "keep" (DLow, HumanMAC, BeLFusion; the
+            default, as MotionWavelet follows HumanMAC), "skip_all": left out of every number (GSPS, STARS),
+            "skip_mm": left out of MMADE and MMFDE only (CoMusion).
+
+    `values` maps each metric to (N,) float64, NaN where a window has not been fed yet. Numbers depend neither on the
+    size nor on the order of the chunks; windows that were never fed do not count, their futures still serve as neighbours.
+
+    Raises:
+        ValueError: an argument does not fit the others, a window is fed twice, or a prediction is not finite.
+
+    >>> g = torch.zeros(3, 2, 3)
+    >>> table = MetricTable([g[i : i + 1] for i in range(3)])
+    >>> table.update(torch.ones(2, 4, 2, 3), g[:2], windows=[0, 1])
+    >>> summary = table.summary()
+    >>> summary["windows"]["ade"], round(summary["mean"]["ade"], 3)
+    (2, 1.732)
+    """
+
+    def __init__(
+        self,
+        gs: Sequence[Float[Tensor, "_M F C"]],
+        actions: Sequence[Hashable] | None = None,
+        skeleton: Skeleton | None = None,
+        mm_singletons: str = "keep",
+    ) -> None:
+        if mm_singletons not in MM_SINGLETONS:
+            raise ValueError(f"mm_singletons is {mm_singletons!r}; expected one of {', '.join(MM_SINGLETONS)}")
+        if actions is not None and len(actions) != len(gs):
+            raise ValueError(f"{len(actions)} actions for {len(gs)} windows; expected one each")
+        self.gs, self.skeleton, self.mm_singletons = MultimodalFutures.of(gs), skeleton, mm_singletons
+        self.actions = ["all"] * len(gs) if actions is None else list(actions)
+        names = ["apd", "ade", "fde", "mmade", "mmfde"] + ["bone_length_jitter"] * (skeleton is not None)
+        self.values = {name: torch.full((len(gs),), torch.nan, dtype=torch.float64) for name in names}
+        self._steps = torch.full((2, len(gs), self.gs.futures.shape[1] - 1), torch.nan, dtype=torch.float64)
+
+    def update(self, p: Float[Tensor, "n S F C"], g: Float[Tensor, "n F C"], windows: Sequence[int] | Int[Tensor, " n"]) -> None:
+        """Add the predictions of some windows, given by their numbers in the test set."""
+        windows = torch.as_tensor(windows)
+        if windows.shape != (len(p),) or len(windows.unique()) < len(p):
+            raise ValueError(f"{len(windows)} window numbers for {len(p)} predictions; expected one each, all different")
+        check_shapes(p, g, windows=windows)
+        fed = windows[self.values["apd"][windows].isfinite()].tolist()
+        if fed:
+            raise ValueError(f"window {fed[0]} was fed before; expected every window once")
+        sets = self.gs.take(windows.tolist())
+        found = {"apd": apd(p), "ade": ade(p, g), "fde": fde(p, g), "mmade": mmade(p, sets), "mmfde": mmfde(p, sets)}
+        if self.skeleton is not None:
+            found["bone_length_jitter"] = bone_length_jitter(p, self.skeleton)
+        for name, value in found.items():
+            self.values[name][windows] = value.double().cpu()
+        for row, motion in zip(self._steps, (p, g[:, None]), strict=True):
+            row[windows] = step_length(motion).double().cpu()
+
+    def summary(self) -> dict:
+        """Plain numbers, ready for JSON.
+
+        Returns:
+            {"mean": {metric: metres}, "standard_error": {metric: metres}, "windows": {metric: count}, "cmd": metres,
+            "actions": {action: the first three for its windows}}. The standard error takes windows as independent; they
+            overlap, so it is a lower bound. NaN where there is nothing to average.
+        """
+        alone = self.gs.sizes == 1
+        counted = self.values["apd"].isfinite() & ~(alone if self.mm_singletons == "skip_all" else torch.zeros_like(alone))
+        rows = counted.nonzero()[:, 0].tolist()
+        actions = [self.actions[i] for i in rows]
+        hidden = alone if self.mm_singletons == "skip_mm" else torch.zeros_like(alone)
+        kept = {k: v.masked_fill(hidden, torch.nan)[rows] if k.startswith("mm") else v[rows] for k, v in self.values.items()}
+        predicted, truth = self._steps[:, rows]
+        per_action = {a: _row({k: v[i] for k, v in kept.items()}) for a, i in by_action(actions).items()}
+        return {**_row(kept), "cmd": float(cmd(predicted, truth, actions)), "actions": per_action}
+
+
+def _row(values: dict[str, Tensor]) -> dict[str, dict]:
+    values = {name: v[v.isfinite()] for name, v in values.items()}
+    return {
+        "mean": {name: float(v.mean()) for name, v in values.items()},
+        "standard_error": {name: float(v.std() / len(v) ** 0.5) if len(v) > 1 else torch.nan for name, v in values.items()},
+        "windows": {name: len(v) for name, v in values.items()},
+    }

@@ -1,0 +1,5 @@
+"""Networks."""
+
+from mwlib.networks.translinear import TransLinear
+
+__all__ = ["TransLinear"]

@@ -1,0 +1,100 @@
+"""How a configuration predicts people whom its model has never seen: futures sampled in chunks, metrics streamed."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from torch import Tensor
+from tqdm import tqdm
+
+from mwlib.data.sources import Split
+from mwlib.data.windowing import Windows, windows
+from mwlib.metrics import Column, MetricTable, multimodal_futures
+from mwlib.prediction import baselines
+from mwlib.prediction.config import Config, SamplingConfig, WindowConfig
+from mwlib.prediction.predictor import Predictor
+
+METRICS = {  # the columns of every table
+    "apd": Column("APD"),
+    "ade": Column("ADE", "lower"),
+    "fde": Column("FDE", "lower"),
+    "mmade": Column("MMADE", "lower"),
+    "mmfde": Column("MMFDE", "lower"),
+    "bone_length_jitter": Column("bone jitter (mm)", scale=1000.0),
+}
+MULTIMODAL_THRESHOLD = 0.5  # metres, between last observed poses (DLow, on Human3.6M)
+
+Predict = Callable[[Tensor, list[int]], Tensor]  # histories (n, H, C), window numbers -> futures (n, S, F, C)
+
+
+def test_windows(split: Split, cut: WindowConfig) -> Windows:
+    """Every test window; `Windows.thin` picks some."""
+    return windows(split.test, cut.history, cut.future, cut.test_stride)
+
+
+test_windows.__test__ = False  # pyright: ignore[reportFunctionMemberAccess]  (no test, whatever pytest thinks)
+
+
+def baseline(cfg: Config, split: Split) -> Predict:
+    """The untrained predictor that `method` names."""
+    cut, method = cfg.windows, cfg.sampling.method
+    if method == "nearest_history":
+        known = windows(split.train, cut.history, cut.future, cut.train_stride)
+        nearest = baselines.NearestHistory(known.x, cut.history, min(cfg.sampling.samples, len(known)))
+        return lambda x_history, ids: nearest.predict(x_history)
+    still = {"zero_velocity": baselines.zero_velocity, "constant_velocity": baselines.constant_velocity}[method]
+    return lambda x_history, ids: still(x_history, cut.future)
+
+
+def trained(predictor: Predictor, sampling: SamplingConfig) -> Predict:
+    """A trained model at the settings of its sampling."""
+    return lambda x_history, ids: predictor.predict(x_history, sampling.samples, sampling.sampling_seed, window_ids=ids)
+
+
+def make_predict(cfg: Config, get_model: Callable[[], Predictor], split: Split) -> Predict:
+    """What `method` names: the trained model, which is asked for only here, or a baseline."""
+    return trained(get_model(), cfg.sampling) if cfg.sampling.method == "diffusion" else baseline(cfg, split)
+
+
+def score(predict: Predict, test: Windows, all_test: Windows, threshold: float, progress: str | None = None) -> dict[str, Any]:
+    """Metrics of one predictor over the test windows, streamed in chunks.
+
+    Args:
+        predict: (histories, window numbers) -> (n, S, F, C).
+        test: the windows that are evaluated.
+        all_test: every test window; multimodal sets are drawn from all of them.
+        threshold: of the multimodal sets, metres.
+        progress: label of a bar; None shows none.
+
+    Returns:
+        `MetricTable.summary`.
+    """
+    number = {(c, s): i for i, (c, s) in enumerate(zip(all_test.clip.tolist(), all_test.start.tolist(), strict=True))}
+    ids = [number[key] for key in zip(test.clip.tolist(), test.start.tolist(), strict=True)]
+    sets = multimodal_futures(all_test.x_history[:, -1], all_test.x_future, threshold)
+    table = MetricTable(sets, all_test.actions, all_test.motions[0].skeleton)
+    for first in tqdm(range(0, len(test), 8), desc=progress, disable=progress is None, leave=False):
+        part = slice(first, first + 8)
+        table.update(predict(test.x_history[part], ids[part]), test.x_future[part], ids[part])
+    return table.summary()
+
+
+def evaluate(cfg: Config, get_model: Callable[[], Predictor], split: Split, progress: bool = False) -> dict[str, Any]:
+    """Metrics of a configuration on the test people of a split.
+
+    Args:
+        cfg: windows, method and settings of the sampling.
+        get_model: the trained predictor, asked for only where the method needs one.
+        split: the data.
+        progress: show a bar on stderr.
+
+    Returns:
+        "mean" and "standard_error" (over windows) by metric, "windows", "cmd", and "actions" with the means of each action.
+    """
+    every = test_windows(split, cfg.windows)
+    test = every.thin(cfg.windows.test_windows)
+    predict = make_predict(cfg, get_model, split)
+    found = score(predict, test, every, MULTIMODAL_THRESHOLD, cfg.sampling.method if progress else None)
+    actions = {action: row["mean"] for action, row in found["actions"].items()}
+    return {**{k: found[k] for k in ("mean", "standard_error", "cmd")}, "windows": len(test), "actions": actions}

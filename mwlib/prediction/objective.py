@@ -1,0 +1,120 @@
+"""What MotionWavelet trains: Eq. 5 and its siblings, on random windows of motion."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import torch
+from jaxtyping import Float
+from torch import Tensor, nn
+
+from mwlib.body.motion import Motion
+from mwlib.data.bodies import Bodies
+from mwlib.data.sources import Split
+from mwlib.data.windowing import TrainingWindows, windows
+from mwlib.diffusion import DiffusionConfig, alpha_bar, network_target, noised
+from mwlib.prediction.config import Config, ObjectiveConfig
+from mwlib.prediction.network import make_network
+from mwlib.prediction.representation import Representation, fit_representation, make_representation, make_transform
+from mwlib.training import Objective, seeded
+from mwlib.transforms import PhaseTransform
+
+
+class DenoisingLoss:
+    """Eq. 5 and its siblings: the loss of one batch of windows.
+
+    Args:
+        representation: windows as coefficients.
+        diffusion: schedule, and what the network predicts.
+        options: how often the condition is dropped, how errors are weighed.
+    """
+
+    def __init__(self, representation: Representation, diffusion: DiffusionConfig, options: ObjectiveConfig) -> None:
+        self.representation, self.prediction, self.options = representation, diffusion.prediction, options
+        self.alpha_bar = alpha_bar(diffusion.schedule, diffusion.steps)
+        weight = torch.as_tensor(representation.motion.deviation) ** 2
+        self.weight = weight / weight.mean() if options.loss_weight == "metric" else None
+
+    def __call__(self, network: nn.Module, x: Float[Tensor, "B T C"], generator: torch.Generator) -> Float[Tensor, ""]:
+        """Mean squared error of the network's output; t uniform in 1..M-1, condition dropped at random."""
+        device, options = x.device, self.options
+        y = self.representation.encode(x)
+        condition = self.representation.encode_history(x[:, : self.representation.history])
+        t = torch.randint(1, len(self.alpha_bar), (len(x),), generator=generator)
+        eps = torch.randn(y.shape, generator=generator).to(device)
+        coins = torch.rand(len(x) if options.drop_per == "sample" else 1, generator=generator)
+        keep = (coins >= options.drop_condition).expand(len(x)).to(device)
+        a = self.alpha_bar[t]  # float64, on the CPU: not every device has that precision
+        output = network(noised(y, eps, a), t.to(device), condition, keep=keep)
+        error = (output - network_target(self.prediction, y, eps, a)) ** 2
+        return error.mean() if self.weight is None else (error * self.weight.to(device)).mean()
+
+
+class PredictionObjective(Objective):
+    """The training of a predictor, as `mwlib.training.train` takes it.
+
+    Args:
+        cfg: configuration.
+        motions: training clips, as `data.sources.prepare` leaves them.
+        validation: clips for the validation loss, never trained on.
+        learnt: what the representation had learnt in an earlier part of the same training; empty: it is fitted now.
+    """
+
+    def __init__(
+        self,
+        cfg: Config,
+        motions: Sequence[Motion],
+        validation: Sequence[Motion] = (),
+        learnt: Mapping[str, Tensor] | None = None,
+    ) -> None:
+        self.bodies = Bodies.of([*motions, *validation])
+        cut, channels = cfg.windows, 3 * (len(self.bodies.skeleton) - 1)
+        base = make_transform(cfg.model, cut.frames, channels, cfg.data.fps, cfg.training.seed)
+        if learnt:
+            if isinstance(base, PhaseTransform):
+                base.restore({k.removeprefix("transform."): v for k, v in learnt.items() if k.startswith("transform.")})
+            representation = make_representation(base, learnt, cut, cfg.model)
+        else:
+            representation = fit_representation(base, motions, cut, cfg.model)
+        with seeded(cfg.training.seed, 0):
+            self.network: nn.Module = make_network(cfg.model, base.shape)
+        self.representation = representation
+        self.windows = TrainingWindows(motions, cut.frames, cut.window_sampling, cut.augment)
+        self.held_out = windows(validation, cut.history, cut.future, cut.test_stride).x if validation else None
+        self.denoising = DenoisingLoss(representation, cfg.diffusion, cfg.objective)
+
+    @classmethod
+    def of_split(cls, cfg: Config, split: Split, learnt: Mapping[str, Tensor] | None = None) -> PredictionObjective:
+        """The objective on the training and validation people of a split."""
+        return cls(cfg, split.train, split.validation, learnt)
+
+    def to(self, device: torch.device) -> None:
+        """Move the windows."""
+        self.windows.to(device)
+        self.held_out = None if self.held_out is None else self.held_out.to(device)
+
+    def draw(self, batch: int, generator: torch.Generator) -> Float[Tensor, "B T C"]:
+        """A batch of augmented windows."""
+        return self.windows.draw(batch, generator)
+
+    def loss(self, network: nn.Module, batch: Float[Tensor, "B T C"], generator: torch.Generator) -> Float[Tensor, ""]:
+        """See `DenoisingLoss`."""
+        return self.denoising(network, batch, generator)
+
+    @torch.inference_mode()
+    def validate(self, network: nn.Module) -> float | None:
+        """Loss on held-out windows with fixed noise, without dropout."""
+        if self.held_out is None:
+            return None
+        network.eval()
+        with seeded(7, 7) as generator:
+            parts = self.held_out.split(256)
+            return sum(float(self.loss(network, part, generator)) * len(part) for part in parts) / len(self.held_out)
+
+    def learnt(self) -> dict[str, Tensor]:
+        """Scales, and what the transform learnt."""
+        return self.representation.learnt()
+
+    def about(self) -> dict[str, str]:
+        """Skeleton, frame rate and up-axis of the clips."""
+        return {"bodies": self.bodies.to_json()}

@@ -1,0 +1,243 @@
+"""A trained model: history in, futures out."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from functools import reduce
+from typing import Any
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+from tqdm import tqdm
+
+from mwlib.data.bodies import Bodies
+from mwlib.diffusion import (
+    AfterStep,
+    DiffusionConfig,
+    OnEstimate,
+    Step,
+    WindowNoise,
+    alpha_bar,
+    ddim,
+    ddim_indices,
+    dpm_solver,
+    history_completion,
+    posterior_mean,
+)  # fmt: skip
+from mwlib.networks import TransLinear
+from mwlib.prediction.config import Config, SamplingConfig
+from mwlib.prediction.guidance import TABG, guided
+from mwlib.prediction.histories import Histories, histories
+from mwlib.prediction.network import NetworkBranches, make_network
+from mwlib.prediction.representation import Representation, make_representation, make_transform
+from mwlib.transforms import PhaseTransform, ScaledTransform, pad_history
+
+
+class Predictor:
+    """A network with the representation and schedule that it was trained for, and settings of the sampling.
+
+    Args:
+        net: trained weights (the moving average).
+        representation: windows as coefficients.
+        diffusion: schedule, and what the network predicts.
+        sampling: sampler, guidance, number of samples; `with_sampling` changes it.
+        bodies: skeleton, frame rate and up-axis of the motions that it was trained on.
+    """
+
+    def __init__(
+        self,
+        net: TransLinear,
+        representation: Representation,
+        diffusion: DiffusionConfig,
+        sampling: SamplingConfig,
+        bodies: Bodies,
+    ) -> None:
+        self.net, self.representation, self.diffusion = net.eval(), representation, diffusion
+        self.sampling, self.bodies = sampling, bodies
+        self.alpha_bar = alpha_bar(diffusion.schedule, diffusion.steps)
+
+    @classmethod
+    def from_tensors(
+        cls, cfg: Config, weights: Mapping[str, Tensor], learnt: Mapping[str, Tensor], about: Mapping[str, str]
+    ) -> Predictor:
+        """The predictor that a finished training left (see `mwlib.training.read_model`)."""
+        bodies = Bodies.from_json(about["bodies"])
+        channels = 3 * (len(bodies.skeleton) - 1)
+        base = make_transform(cfg.model, cfg.windows.frames, channels, cfg.data.fps, cfg.training.seed)
+        if isinstance(base, PhaseTransform):
+            base.restore({k.removeprefix("transform."): v for k, v in learnt.items() if k.startswith("transform.")})
+        with torch.random.fork_rng([]):  # initial weights are drawn and thrown away
+            net = make_network(cfg.model, base.shape)
+        net.load_state_dict(weights)
+        representation = make_representation(base, learnt, cfg.windows, cfg.model)
+        return cls(net, representation, cfg.diffusion, cfg.sampling, bodies)
+
+    @property
+    def device(self) -> torch.device:
+        """Where the network lives."""
+        return self.net.position.device
+
+    @property
+    def transform(self) -> ScaledTransform:
+        """The scaled frequency view of what is modelled."""
+        return self.representation.motion
+
+    def to(self, device: torch.device | str) -> Predictor:
+        """Move the network."""
+        self.net.to(device)
+        return self
+
+    def with_sampling(self, **changes: Any) -> Predictor:
+        """The same model with other settings of the sampling, e.g. ``predictor.with_sampling(guidance_weight=0.5)``.
+
+        Raises:
+            ValueError: unknown settings or bad values.
+        """
+        cfg = Config(diffusion=self.diffusion, sampling=self.sampling).override(**changes)
+        if others := [name for name in changes if Config.owners()[name] != "sampling"]:
+            raise ValueError(f"{', '.join(others)} belongs to the trained model; expected settings of the sampling")
+        return Predictor(self.net, self.representation, self.diffusion, cfg.sampling, self.bodies)
+
+    def branches(self, x_history: Float[Tensor, "N H C"]) -> NetworkBranches:
+        """The network's evaluations for these histories, in its own precision: conditional, unconditional, both.
+
+        Args:
+            x_history: observed frames, metres.
+        """
+        history = x_history.to(self.net.position)
+        added = self.net.embed_condition(self.representation.encode_history(history))[:, None]
+        return NetworkBranches(self.net, added, self.alpha_bar, self.diffusion.prediction)
+
+    def indices(self) -> list[int]:
+        """The diffusion indices that sampling visits, falling."""
+        return ddim_indices(self.diffusion.steps, self.sampling.ddim_steps, self.sampling.spacing)
+
+    def noise(self, seed: int, window_ids: Sequence[int], samples: int) -> WindowNoise:
+        """The noise of these windows, one stream each."""
+        return WindowNoise(seed, window_ids, (samples, *self.transform.shape), self.device)
+
+    def tabg(self) -> TABG:
+        """Attention guidance as the settings say."""
+        s, indices = self.sampling, self.indices()
+        active = frozenset(indices[: round(s.tabg_steps * len(indices))])
+        return TABG(
+            s.tabg_scale, s.tabg_sigma, s.tabg_threshold, s.tabg_window, s.tabg_noise, s.tabg_sigma_place, s.tabg_space, active
+        )
+
+    @torch.inference_mode()
+    def steps(
+        self,
+        x_history: Float[Tensor, "N H C"],
+        samples: int | None = None,
+        seed: int | None = None,
+        *,
+        window_ids: Sequence[int] | None = None,
+        after_step: AfterStep | None = None,
+        on_y0_hat: OnEstimate | None = None,
+    ) -> Iterator[Step]:
+        """Algorithm 1 as a generator over denoising steps; the last item holds the coefficients (N, S, rows, columns).
+
+        Args:
+            x_history: observed frames, metres.
+            samples: S; None = the settings'.
+            seed: of the noise; None = the settings'.
+            window_ids: identity of each window in the whole set (default 0..N-1): the noise depends on seed and
+                identity only.
+            after_step: applied after each step, after manifold shaping (control masks).
+            on_y0_hat: applied to every clean estimate, after the bound or projection that the settings ask for.
+
+        Raises:
+            ValueError: the history's shape does not fit the model.
+        """
+        x_history = histories(x_history, self.bodies, self.representation.history)
+        s, samples = self.sampling, self.sampling.samples if samples is None else samples
+        x_history = x_history.to(self.device, torch.float32)
+        ids = range(len(x_history)) if window_ids is None else window_ids
+        noise = self.noise(s.sampling_seed if seed is None else seed, ids, samples)
+        denoise = guided(
+            self.branches(x_history), self.alpha_bar, weight=s.guidance_weight, form=s.guidance_form, tabg=self.tabg(), draw=noise
+        )
+        after = _chain([*self._after_steps(x_history, noise), *([after_step] if after_step else [])])
+        estimates = [function for function in (self._on_y0_hat(x_history), on_y0_hat) if function]
+        start, indices = noise(), self.indices()
+        shared = {"on_y0_hat": _compose(estimates), "after_step": after}
+        if s.sampler == "ddim":
+            yield from ddim(denoise, start, self.alpha_bar, indices, eta=s.eta, noise=noise, **shared)
+        elif s.sampler == "dpmpp":
+            yield from dpm_solver(denoise, start, self.alpha_bar, indices, **shared)
+        else:
+            yield from posterior_mean(denoise, start, self.alpha_bar, indices, **shared)
+
+    @torch.inference_mode()
+    def predict(
+        self,
+        source: Histories,
+        samples: int | None = None,
+        seed: int | None = None,
+        *,
+        window_ids: Sequence[int] | None = None,
+        chunk: int = 8,
+        progress: bool = False,
+    ) -> Float[Tensor, "N S F C"]:
+        """Sampled futures, metres, root-relative, on the CPU.
+
+        Args:
+            source: motions, of which the last H frames are continued (turned, carried over and resampled as in training);
+                windows; or observed frames (N, H, C) in the form that the model was trained on.
+            samples: S; None = the settings'.
+            seed: of the noise; None = the settings'. The result for a window depends on it and the window's identity, not on
+                `chunk`.
+            window_ids: identity of each window (default 0..N-1).
+            chunk: windows sampled together.
+            progress: show a bar.
+
+        Raises:
+            ValueError: what is given does not fit the model; the message says why, and what to call.
+        """
+        x_history = histories(source, self.bodies, self.representation.history)
+        ids = list(window_ids) if window_ids is not None else list(range(len(x_history)))
+        futures = []
+        for first in tqdm(range(0, len(x_history), chunk), disable=not progress, desc="sampling", unit="chunk"):
+            part = x_history[first : first + chunk]
+            for step in self.steps(part, samples, seed, window_ids=ids[first : first + chunk]):
+                last = step
+            motion = self.representation.decode(last.y, part.to(self.device, torch.float32))
+            futures.append(motion[:, :, self.representation.history :].cpu())
+        return torch.cat(futures)
+
+    def _on_y0_hat(self, x_history: Float[Tensor, "N H C"]) -> OnEstimate | None:
+        """What the settings do to every clean estimate: a bound in motion space, a projection, or nothing."""
+        bound = self.sampling.bound
+        if bound > 0:
+            origin = self.representation.origin(x_history)[:, None]
+            return lambda y: self.transform((self.transform.inverse(y) + origin).clamp(-bound, bound) - origin)
+        return self.transform.project if self.sampling.wmsg == "y0_hat" else None
+
+    def _after_steps(self, x_history: Float[Tensor, "N H C"], noise: WindowNoise) -> list[AfterStep]:
+        """What the settings do after every step: manifold shaping, mask completion."""
+        after: list[AfterStep] = []
+        if self.sampling.wmsg == "every_step":
+            after.append(lambda y, _: self.transform.project(y))
+        if self.sampling.complete_history:
+            known = pad_history(x_history, self.representation.frames) - self.representation.origin(x_history)
+            after.append(history_completion(self.transform, known[:, None], self.representation.history, noise))
+        return after
+
+
+def _compose(functions: list[OnEstimate]) -> OnEstimate | None:
+    """One function of a clean estimate after the other."""
+    return (lambda y: reduce(lambda value, function: function(value), functions, y)) if functions else None
+
+
+def _chain(functions: list[AfterStep]) -> AfterStep | None:
+    """Apply functions one after the other."""
+    if not functions:
+        return None
+
+    def run(y: Tensor, alpha_bar_prev: float) -> Tensor:
+        for function in functions:
+            y = function(y, alpha_bar_prev)
+        return y
+
+    return run

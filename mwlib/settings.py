@@ -1,0 +1,265 @@
+"""Configurations: frozen dataclasses of groups, with overrides by name, checks declared beside each field, YAML and a hash."""
+
+from __future__ import annotations
+
+import difflib
+import hashlib
+import json
+import math
+import types
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, fields, replace
+from pathlib import Path
+from typing import Annotated, Any, ClassVar, Literal, Self, get_args, get_origin, get_type_hints
+
+import yaml
+from annotated_types import Ge, Gt, Interval
+
+Count = Annotated[int, Ge(1)]
+Natural = Annotated[int, Ge(0)]
+Share = Annotated[float, Interval(ge=0, le=1)]
+BelowOne = Annotated[float, Interval(ge=0, lt=1)]
+Positive = Annotated[float, Gt(0)]
+NotNegative = Annotated[float, Ge(0)]
+
+
+@dataclass(frozen=True)
+class OneOf:
+    """Marks a text field whose choices are only known at run time: ``Annotated[str, OneOf(names)]``."""
+
+    choices: tuple[str, ...]
+
+
+class Settings:
+    """Base of a system's configuration: a frozen dataclass whose fields are groups, themselves frozen dataclasses.
+
+    The fields' names are unique over all groups, so that a change needs no group: ``cfg.override(lr=1e-3)``. A field's type says
+    what is accepted: `int`, `float`, `bool`, `str`, tuples of them, `Literal`, or `Annotated` with bounds or `OneOf`.
+
+    Raises:
+        ValueError: a value has the wrong type, is out of range or not among its choices; the message names the field, the value
+            and what is accepted.
+    """
+
+    system: ClassVar[str]  # name of the system that this configures
+    presets: ClassVar[Mapping[str, Mapping[str, Any]]] = {}  # name -> changes to the defaults
+    renamed: ClassVar[Mapping[str, str]] = {}  # names of former versions -> today's
+    after_training: ClassVar[frozenset[str]] = frozenset()  # groups and fields on which no trained model depends
+
+    def __post_init__(self) -> None:
+        for group, kind in self.groups().items():
+            part = getattr(self, group)
+            for name, hint in get_type_hints(kind, include_extras=True).items():
+                object.__setattr__(part, name, checked(name, getattr(part, name), hint))
+        self.check()
+
+    def check(self) -> None:
+        """Refuse values that do not fit each other; a system overrides it."""
+
+    @classmethod
+    def groups(cls) -> dict[str, type]:
+        """Group name -> its dataclass."""
+        hints = get_type_hints(cls)
+        return {item.name: hints[item.name] for item in fields(cls)}  # pyright: ignore[reportArgumentType]  (as in override)
+
+    @classmethod
+    def owners(cls) -> dict[str, str]:
+        """Field name -> the group it belongs to."""
+        return {item.name: group for group, kind in cls.groups().items() for item in fields(kind)}
+
+    @classmethod
+    def preset(cls, name: str, **changes: Any) -> Self:
+        """A named preset with some fields changed, e.g. ``Config.preset("tiny", lr=1e-3)``.
+
+        Raises:
+            ValueError: unknown preset or field; the message lists the valid ones.
+        """
+        if name not in cls.presets:
+            raise ValueError(f"preset is {name!r}; expected one of {', '.join(sorted(cls.presets))}")
+        return cls().override(**cls.presets[name]).override(**changes)
+
+    def override(self, **changes: Any) -> Self:
+        """A copy with some fields changed; group names are not needed.
+
+        Raises:
+            ValueError: a name is not a field (the message has today's name, a near one, or all of them), or a bad value.
+        """
+        owner, parts = self.owners(), {}
+        for name, value in changes.items():
+            if name not in owner:
+                raise ValueError(self._unknown(name))
+            parts.setdefault(owner[name], {})[name] = value
+        groups = {group: replace(getattr(self, group), **part) for group, part in parts.items()}
+        return replace(self, **groups)  # pyright: ignore[reportArgumentType]  (a subclass is a dataclass)
+
+    def _unknown(self, name: str) -> str:
+        if name in self.renamed:
+            return f"{name!r} is not a setting any more; it is now called {self.renamed[name]!r}"
+        near = difflib.get_close_matches(name, self.owners(), n=1)
+        hint = f"did you mean {near[0]!r}? Valid ones" if near else "valid ones"
+        return f"unknown setting {name!r}; {hint}: {', '.join(sorted(self.owners()))}"
+
+    def get(self, name: str) -> Any:
+        """The value of a field, whichever group holds it."""
+        return getattr(getattr(self, self.owners()[name]), name)
+
+    def get_group(self, name: str) -> Any:
+        """A group by name."""
+        return getattr(self, name)
+
+    def changed_from(self, other: Self) -> dict[str, Any]:
+        """Fields that differ from another configuration's, with the values they have here."""
+        return {name: self.get(name) for name in self.owners() if self.get(name) != other.get(name)}
+
+    def hash(self) -> str:
+        """Eight hex digits over every field and the system's name."""
+        return digest({"system": self.system, **self._tree()})
+
+    def training_hash(self) -> str:
+        """Eight hex digits over what a trained model depends on: every field but those of `after_training`."""
+        tree = {group: part for group, part in self._tree().items() if group not in self.after_training}
+        kept = {group: {k: v for k, v in part.items() if k not in self.after_training} for group, part in tree.items()}
+        return digest({"system": self.system, **kept})
+
+    def _tree(self) -> dict[str, dict[str, Any]]:
+        return {group: asdict(getattr(self, group)) for group in self.groups()}
+
+    def to_yaml(self) -> str:
+        """The system's name and all fields as YAML text, grouped."""
+        return yaml.safe_dump({"system": self.system, **json.loads(json.dumps(self._tree()))}, sort_keys=False)
+
+    @classmethod
+    def from_yaml(cls, source: str | Path) -> Self:
+        """Read what `to_yaml` wrote; groups or fields left out keep their defaults.
+
+        Raises:
+            ValueError: the text is not of this system, was written by a former version, or holds an unknown field or a bad value.
+        """
+        tree = read_tree(source)
+        if tree.pop("system") != cls.system:
+            raise ValueError(f"{_place(source)} configures another system; expected system: {cls.system}")
+        unknown = set(tree) - set(cls.groups())
+        if unknown or not all(isinstance(part, dict | None) for part in tree.values()):
+            raise ValueError(
+                f"{_place(source)} has {sorted(tree)}; expected the groups {', '.join(cls.groups())}, each a mapping"
+            )
+        try:
+            return cls().override(**{k: v for group in tree.values() for k, v in (group or {}).items()})
+        except (TypeError, ValueError) as error:
+            raise ValueError(f"{_place(source)}: {error}") from None
+
+
+def read_tree(source: str | Path) -> dict[str, Any]:
+    """A configuration file or text as a mapping that names its system.
+
+    Raises:
+        ValueError: it is not YAML, not a mapping, or names no system, as files of versions before 0.2 do not.
+    """
+    text = source.read_text(encoding="utf-8") if isinstance(source, Path) else source
+    try:
+        tree = yaml.safe_load(text)
+    except yaml.YAMLError as error:
+        raise ValueError(f"{_place(source)} is not YAML: {str(error).splitlines()[0]}") from None
+    if not isinstance(tree, dict):
+        raise ValueError(f"{_place(source)} holds {str(tree)[:40]!r}; expected a mapping with system and groups of settings")
+    if "system" not in tree:
+        raise ValueError(
+            f"{_place(source)} does not say which system it configures, as files of mwlib before 0.2 do not. Several settings "
+            "have new names since; make the run again with this version (`mwlib train --help` lists the names)"
+        )
+    return tree
+
+
+def _place(source: str | Path) -> str:
+    return str(source) if isinstance(source, Path) else "the configuration"
+
+
+def digest(tree: Any) -> str:
+    """Eight hex digits over anything that JSON can write."""
+    return hashlib.sha256(json.dumps(tree, sort_keys=True).encode()).hexdigest()[:8]
+
+
+def parse_changes(words: Sequence[str]) -> dict[str, Any]:
+    """``name=value`` words, values in YAML, as changes to a configuration.
+
+    >>> parse_changes(["wavelet=haar", "lr=1e-3", "test_subjects=[S9, S11]"])
+    {'wavelet': 'haar', 'lr': '1e-3', 'test_subjects': ['S9', 'S11']}
+
+    Numbers that YAML takes for text, like 1e-3, are read as numbers by the field that they are for.
+
+    Raises:
+        ValueError: a word has no equals sign, or its value is not YAML.
+    """
+    changes = {}
+    for word in words:
+        name, equals, value = word.partition("=")
+        if not equals:
+            raise ValueError(f"{word!r} is not a change; expected name=value, e.g. wavelet=haar")
+        try:
+            changes[name.strip()] = yaml.safe_load(value)
+        except yaml.YAMLError:
+            raise ValueError(f"{word!r}: the value is not YAML; quote it if it holds brackets, braces or colons") from None
+    return changes
+
+
+def checked(name: str, value: Any, hint: Any) -> Any:
+    """A value as a field of this type takes it: whole floats, lists and numbers written as text are converted.
+
+    Raises:
+        ValueError: it does not fit; the message says what does.
+    """
+    kind, rules = (get_args(hint)[0], get_args(hint)[1:]) if get_origin(hint) is Annotated else (hint, ())
+    if get_origin(kind) is tuple:
+        if isinstance(value, str) or not isinstance(value, Sequence):
+            raise ValueError(f"{name} is {value!r}; expected a list")
+        inner = get_args(kind)[0]
+        return tuple(str(item) if inner is str else checked(name, item, inner) for item in value)
+    if get_origin(kind) is Literal:
+        _check_choice(name, value, get_args(kind))
+        return value
+    value = _number(value, kind) if kind in (int, float) else value
+    if type(value) is not kind:
+        raise ValueError(f"{name} is {value!r}; expected {_article(kind)}")
+    for rule in rules:
+        _check_rule(name, value, rule)
+    return value
+
+
+def _number(value: Any, kind: type) -> Any:
+    """What people mean by a number: 1e-3 as text, 4e3 for a whole number, 1 for a fraction; anything else as it is."""
+    if isinstance(value, bool) or not isinstance(value, int | float | str):
+        return value
+    try:
+        number = float(value) if isinstance(value, str) else value
+    except ValueError:
+        return value
+    if not math.isfinite(number):
+        return value if isinstance(value, str) else str(value)  # refused as no number
+    if kind is float:
+        return float(number)
+    return int(number) if number == int(number) else number
+
+
+def _article(kind: type | types.GenericAlias) -> str:
+    words: dict[object, str] = {int: "a whole number", float: "a finite number", bool: "true or false", str: "a text"}
+    return words.get(kind, str(kind))
+
+
+def _check_choice(name: str, value: Any, choices: Sequence[Any]) -> None:
+    if value not in choices:
+        near = difflib.get_close_matches(str(value), choices, n=1)
+        hint = f" (did you mean {near[0]!r}?)" if near else ""
+        raise ValueError(f"{name} is {value!r}; expected one of {', '.join(choices)}{hint}")
+
+
+def _check_rule(name: str, value: Any, rule: Any) -> None:
+    if isinstance(rule, OneOf):
+        _check_choice(name, value, rule.choices)
+    elif isinstance(rule, Ge) and not value >= rule.ge:
+        raise ValueError(f"{name} is {value}; expected at least {rule.ge}")
+    elif isinstance(rule, Gt) and not value > rule.gt:
+        raise ValueError(f"{name} is {value}; expected more than {rule.gt}")
+    elif isinstance(rule, Interval):
+        low, high = rule.ge, rule.le if rule.le is not None else rule.lt
+        if not (low <= value and (value <= high if rule.le is not None else value < high)):
+            raise ValueError(f"{name} is {value}; expected {low} to {'' if rule.le is not None else 'below '}{high}")

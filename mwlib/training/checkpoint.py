@@ -1,0 +1,141 @@
+"""What a training keeps on disk: a checkpoint to go on from, and the finished model."""
+
+from __future__ import annotations
+
+import json
+import os
+import time
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import torch
+from torch import Tensor, nn
+
+from mwlib.files import DamagedFileError, load_metadata, load_tensors, save_tensors, write_json
+from mwlib.training.average import MovingAverage
+
+CHECKPOINT, PREVIOUS, MODEL, CURVES = "checkpoint.safetensors", "previous.safetensors", "model.safetensors", "curves.json"
+
+
+class State:
+    """Everything that training changes, and how it is saved.
+
+    Args:
+        network: what is optimised.
+        average: the moving average of its weights.
+        optimiser: AdamW over its parameters.
+        learnt: what the objective learnt before the first step (scales, a fitted transform).
+        key: hash of what the training depends on.
+        about: short texts that the finished model carries.
+    """
+
+    def __init__(
+        self, network: nn.Module, average: MovingAverage, optimiser: torch.optim.Optimizer, learnt: dict[str, Tensor],
+        key: str, about: Mapping[str, str],
+    ) -> None:  # fmt: skip
+        self.network, self.average, self.optimiser, self.learnt = network, average, optimiser, learnt
+        self.key, self.about = key, dict(about)
+        self.step, self.curve, self.validation = 0, [], []
+        self._seconds, self._since = 0.0, time.monotonic()
+
+    @property
+    def seconds(self) -> float:
+        """Time spent in training, over all restarts."""
+        return self._seconds + time.monotonic() - self._since
+
+    def tensors(self) -> dict[str, Tensor]:
+        """Flat names to tensors."""
+        out = {f"net.{k}": v for k, v in self.network.state_dict().items()} | _prefixed("objective.", self.learnt)
+        out |= _prefixed("ema.", self.average.tensors())
+        for name, parameter in self.network.named_parameters():
+            for key, value in self.optimiser.state.get(parameter, {}).items():
+                out[f"adam.{key}.{name}"] = value
+        out["curve"] = torch.tensor(self.curve, dtype=torch.float64)
+        out["validation"] = torch.tensor(self.validation, dtype=torch.float64).reshape(-1, 2)
+        return out
+
+    def restore(self, tensors: Mapping[str, Tensor], metadata: Mapping[str, str]) -> None:
+        """Inverse of `tensors`."""
+        self.step, self._seconds = int(metadata["step"]), float(metadata["seconds"])
+        self.network.load_state_dict(part(tensors, "net."))
+        self.average.restore(part(tensors, "ema."))
+        for name, parameter in self.network.named_parameters():
+            moments = {k: tensors[f"adam.{k}.{name}"] for k in ("step", "exp_avg", "exp_avg_sq")}
+            self.optimiser.state[parameter] = {k: v.to(parameter.device) for k, v in moments.items()}
+        self.curve, self.validation = tensors["curve"].tolist(), tensors["validation"].tolist()
+
+    def save(self, folder: Path, is_last: bool) -> None:
+        """Write the checkpoint; after the last step the model and its curves before it, so that a checkpoint of the last step
+        proves that they are there.
+
+        Raises:
+            ValueError: weights are not finite; nothing is written then.
+        """
+        if broken := [name for name, weights in self.average.tensors().items() if not weights.isfinite().all()]:
+            raise ValueError(f"weights {broken[0]} are not finite after step {self.step}; expected numbers; try a smaller lr")
+        metadata = {"step": str(self.step), "key": self.key, "seconds": f"{self.seconds:.1f}"}
+        if is_last:
+            model = _prefixed("net.", self.average.averaged().state_dict()) | _prefixed("objective.", self.learnt)
+            save_tensors(folder / MODEL, model, {"key": self.key, **self.about})
+            write_json(folder / CURVES, {"loss": self.curve, "validation": self.validation})
+        if (folder / CHECKPOINT).exists():
+            os.replace(folder / CHECKPOINT, folder / PREVIOUS)
+        save_tensors(folder / CHECKPOINT, self.tensors(), metadata)
+
+
+def read_checkpoint(folder: Path | None, key: str) -> tuple[dict[str, Tensor], dict[str, str]]:
+    """Tensors and metadata of the checkpoint in a folder, or of the one before if that is damaged; nothing if there is none.
+
+    Raises:
+        DamagedFileError: there are checkpoints, and all are damaged.
+        ValueError: it belongs to a training with other settings.
+    """
+    if folder is None:
+        return {}, {}
+    damage = None
+    for name in (CHECKPOINT, PREVIOUS):
+        if not (folder / name).exists():
+            continue
+        try:
+            tensors, metadata = load_tensors(folder / name)
+        except DamagedFileError as error:
+            damage = damage or error
+            continue
+        if metadata["key"] != key:
+            raise ValueError(f"{folder / name} was made with configuration {metadata['key']}; expected {key}: use another folder")
+        return tensors, metadata
+    if damage is not None:
+        raise DamagedFileError(f"{damage} No earlier checkpoint is whole; delete {folder} to train again")
+    return {}, {}
+
+
+def read_model(folder: Path) -> tuple[dict[str, Tensor], dict[str, Tensor], dict[str, str]]:
+    """A finished training: averaged weights, what the objective learnt, and the texts that go with them.
+
+    Raises:
+        FileNotFoundError: the folder holds no finished model; the message names the missing file.
+        DamagedFileError: the model is damaged, or was written by a version before 0.2.
+    """
+    file = folder / MODEL
+    if not file.exists():
+        raise FileNotFoundError(f"{file} is missing: no finished training run in this folder")
+    tensors, metadata = load_tensors(file)
+    return part(tensors, "net."), part(tensors, "objective."), metadata
+
+
+def part(tensors: Mapping[str, Tensor], prefix: str) -> dict[str, Tensor]:
+    """The tensors whose names begin so, by the rest of their names."""
+    return {name.removeprefix(prefix): tensor for name, tensor in tensors.items() if name.startswith(prefix)}
+
+
+def _prefixed(prefix: str, tensors: Mapping[str, Any]) -> dict[str, Tensor]:
+    return {f"{prefix}{name}": tensor for name, tensor in tensors.items()}
+
+
+def read_outcome(folder: Path) -> dict[str, Any]:
+    """Of a finished training: last loss, last validation loss (None without one), and seconds over all restarts."""
+    curves = json.loads((folder / CURVES).read_text(encoding="utf-8"))
+    validation = curves["validation"][-1][1] if curves["validation"] else None
+    seconds = float(load_metadata(folder / CHECKPOINT)["seconds"])
+    return {"loss": curves["loss"][-1], "validation": validation, "steps": len(curves["loss"]), "seconds": seconds}

@@ -1,0 +1,138 @@
+"""The training loop: yields every step, averages the weights, resumes to the bit. It knows no system's configuration."""
+
+from __future__ import annotations
+
+import math
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Iterator, Mapping
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import torch
+from accelerate import Accelerator
+from torch import Tensor, nn
+
+from mwlib.training.average import MovingAverage
+from mwlib.training.checkpoint import State, read_checkpoint
+from mwlib.training.checkpoint import part as part_of
+from mwlib.training.config import TrainingConfig, learning_rate
+from mwlib.training.randomness import seeded
+
+
+class Objective(ABC):
+    """What a system trains: a network, batches to draw, and their loss."""
+
+    network: nn.Module
+
+    @abstractmethod
+    def draw(self, batch: int, generator: torch.Generator) -> Any:
+        """A batch of so many items."""
+
+    @abstractmethod
+    def loss(self, network: nn.Module, batch: Any, generator: torch.Generator) -> Tensor:
+        """The number to lower; `network` is the one above, perhaps wrapped for several processes."""
+
+    def to(self, device: torch.device) -> None:  # noqa: B027  (nothing to move is a fair answer)
+        """Move what `draw` and `loss` use; the loop moves the network."""
+
+    def validate(self, network: nn.Module) -> float | None:
+        """Loss of the averaged network on data held out for it; None if there are none."""
+        return None
+
+    def learnt(self) -> dict[str, Tensor]:
+        """What was fitted before the first step and belongs to the model, such as scales."""
+        return {}
+
+    def about(self) -> dict[str, str]:
+        """Short texts that the finished model carries."""
+        return {}
+
+
+class TrainingStep(NamedTuple):
+    """One optimisation step: its number (from 1), loss, learning rate, and the validation loss where one was taken."""
+
+    step: int
+    loss: float
+    lr: float
+    validation: float | None
+
+
+def train(
+    make_objective: Callable[[Mapping[str, Tensor]], Objective],
+    settings: TrainingConfig,
+    folder: Path | None = None,
+    key: str = "",
+) -> Iterator[TrainingStep]:
+    """Train, yielding every step; stops by itself after `train_steps`.
+
+    With a folder, a checkpoint is written every `checkpoint_every` steps and at the end (to a temporary name, then
+    renamed), and an existing one is taken up: on the CPU the result is bit-identical to a run that was never stopped.
+    Several processes started by ``accelerate launch`` share each batch.
+
+    Args:
+        make_objective: builds the objective; it is given what the objective had learnt where the training goes on, else nothing.
+        settings: of the optimisation.
+        folder: where checkpoint and model go; None keeps nothing.
+        key: hash of all that the training depends on.
+
+    Raises:
+        ValueError: the folder's checkpoint has another key, or the loss is no number any more; what was saved before stays.
+    """
+    accelerator = Accelerator(mixed_precision=settings.mixed_precision)
+    objective, state = _start(make_objective, settings, folder, key, accelerator.device)
+    network, optimiser = accelerator.prepare(state.network, state.optimiser)
+    share = max(settings.batch // accelerator.num_processes, 1)
+    while state.step < settings.train_steps:
+        # the learning rate of this step
+        for group in optimiser.param_groups:
+            group["lr"] = learning_rate(settings, state.step)
+        # forward, backward, update; all randomness follows from seed, step and process
+        with seeded(settings.seed, state.step + 1, accelerator.process_index) as generator:
+            network.train()
+            loss = objective.loss(network, objective.draw(share, generator), generator)
+            accelerator.backward(loss)
+            if settings.clip_gradient:
+                accelerator.clip_grad_norm_(network.parameters(), settings.clip_gradient)
+            optimiser.step()
+            optimiser.zero_grad()
+        _check_finite(loss, state)
+        state.step += 1
+        state.average.update(state.step)
+        state.curve.append(float(loss.detach()))
+        # now and then: validation and checkpoint
+        is_last, value = state.step == settings.train_steps, None
+        if is_last or state.step % settings.checkpoint_every == 0:
+            value = objective.validate(state.average.averaged())
+            if value is not None:
+                state.validation.append((state.step, value))
+            if folder is not None and accelerator.is_main_process:
+                state.save(folder, is_last)
+        yield TrainingStep(state.step, state.curve[-1], optimiser.param_groups[0]["lr"], value)
+
+
+def _check_finite(loss: Tensor, state: State) -> None:
+    if not math.isfinite(float(loss.detach())):
+        raise ValueError(
+            f"the loss of step {state.step + 1} is {float(loss.detach())}; expected a number. A smaller lr, clip_gradient=1 or "
+            "mixed_precision=no may help; windows that hold still or jump may be the reason"
+        )
+
+
+def _start(
+    make_objective: Callable[[Mapping[str, Tensor]], Objective],
+    settings: TrainingConfig,
+    folder: Path | None,
+    key: str,
+    device: torch.device,
+) -> tuple[Objective, State]:
+    """The objective and everything that training changes, new or as a checkpoint left them."""
+    saved, metadata = read_checkpoint(folder, key)
+    objective = make_objective(part_of(saved, "objective."))
+    objective.to(device)
+    network = objective.network.to(device)
+    optimiser = torch.optim.AdamW(network.parameters(), lr=settings.lr, weight_decay=settings.weight_decay, fused=True)
+    average = MovingAverage(network, settings.ema, settings.ema_start)
+    state = State(network, average, optimiser, objective.learnt(), key, objective.about())
+    if saved:
+        state.restore(saved, metadata)
+    return objective, state

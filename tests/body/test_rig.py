@@ -1,0 +1,236 @@
+"""Forward kinematics of rotations, and motions that carry them: cut, resampled, turned, mirrored, carried over."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import jaxtyping
+import numpy as np
+import pytest
+import torch
+from scipy.spatial.transform import Rotation, Slerp
+
+from mwlib.body.kinematics import bone_lengths, fk, forward_kinematics, turn_heading
+from mwlib.body.motion import Motion
+from mwlib.body.rig import ANGLES, MOVES, Rig
+from mwlib.body.rotation import continuous, euler_quaternions
+from mwlib.body.skeleton import H36M17, LAFAN1, Skeleton
+
+# A trunk with two arms; the hands are End Sites, and the motion leaves the first joint out.
+TREE = Skeleton(
+    "tree", ("ground", "hip", "left_arm", "left_hand", "right_arm", "right_hand", "head"), (-1, 0, 1, 2, 1, 4, 1), (2, 3), (4, 5)
+)
+BODY = Skeleton("body", ("hip", "left_arm", "left_hand", "right_arm", "right_hand"), (-1, 0, 1, 0, 3), (1, 2), (3, 4))
+OFFSETS = np.array([[0, 9, 0], [0, 0.9, 0.1], [0.2, 0.4, 0], [0.6, 0, 0.1], [-0.25, 0.4, 0], [-0.5, 0, 0], [0, 0.6, 0]])
+
+
+def rig(frames: int = 40, moving: bool = False, seed: int = 0) -> Rig:
+    """Smooth random rotations of TREE."""
+    rng = np.random.default_rng(seed)
+    angles = np.cumsum(rng.normal(0, 0.12, (frames, 7, 3)), axis=0) + rng.uniform(-3, 3, (7, 3))
+    rotations = continuous(torch.from_numpy(euler_quaternions("zyx", angles))).numpy()
+    moves = OFFSETS + np.cumsum(rng.normal(0, 0.01, (frames, 7, 3)), axis=0) if moving else None
+    channels = tuple(None if joint in (3, 5) else MOVES + ANGLES for joint in range(7))
+    return Rig(TREE, OFFSETS, rotations, np.cumsum(rng.normal(0, 0.02, (frames, 3)), axis=0), (1, 2, 3, 4, 5), channels, moves)
+
+
+def motion(frames: int = 40, moving: bool = False, up: str = "y", fps: float = 60.0) -> Motion:
+    made = rig(frames, moving)
+    return Motion(made.positions().astype(np.float32), fps, BODY, name="clip", up=up, rig=made)
+
+
+def agrees(found: Motion, atol: float = 1e-6) -> None:
+    """The rig gives the positions in every frame, and its quaternions are unit and go on in time."""
+    np.testing.assert_allclose(found.rig.positions(), found.positions, atol=atol)
+    q = found.rig.rotations
+    np.testing.assert_allclose(np.linalg.norm(q, axis=-1), 1.0, atol=1e-6)
+    assert np.sum(q[1:] * q[:-1], axis=-1).min() > 0
+
+
+def walk_down(q, offsets, root, parents):
+    """Positions and global turns of one frame, joint by joint."""
+    places, turns = [root], [Rotation.from_quat(np.roll(q[0], -1))]
+    for joint in range(1, len(parents)):
+        places.append(places[parents[joint]] + turns[parents[joint]].apply(offsets[joint]))
+        turns.append(turns[parents[joint]] * Rotation.from_quat(np.roll(q[joint], -1)))
+    return np.array(places), np.array([t.as_quat() for t in turns])[:, [3, 0, 1, 2]]
+
+
+@pytest.mark.parametrize("skeleton", [LAFAN1, H36M17, TREE])
+def test_fk_is_a_walk_down_the_tree_and_the_kinematics_of_matrices(skeleton):
+    rng, joints = np.random.default_rng(1), len(skeleton)
+    q = torch.nn.functional.normalize(torch.from_numpy(rng.normal(size=(2, 3, joints, 4))), dim=-1)
+    root, offsets = torch.from_numpy(rng.normal(size=(2, 3, 3))), torch.from_numpy(rng.normal(size=(2, 3, joints, 3)))
+    places, turns = fk(q, offsets, root, skeleton)
+    for at in np.ndindex(2, 3):
+        expected = walk_down(q[at].numpy(), offsets[at].numpy(), root[at].numpy(), skeleton.parents)
+        np.testing.assert_allclose(places[at].numpy(), expected[0], atol=1e-12)
+        np.testing.assert_allclose(np.abs(np.sum(turns[at].numpy() * expected[1], axis=-1)), 1.0, atol=1e-12)
+    matrices = Rotation.from_quat(q.numpy().reshape(-1, 4)[:, [1, 2, 3, 0]]).as_matrix().reshape(2, 3, joints, 3, 3)
+    np.testing.assert_allclose(places, forward_kinematics(matrices, offsets.numpy(), root.numpy(), skeleton), atol=1e-12)
+    shared = fk(q, offsets[0, 0], root, skeleton)[0]
+    torch.testing.assert_close(shared, fk(q, offsets[0, 0].expand(2, 3, joints, 3), root, skeleton)[0])
+    torch.testing.assert_close(fk(q[1, 2], offsets[1, 2], root[1, 2], skeleton)[0], places[1, 2])
+
+
+def test_fk_of_two_quarter_turns():
+    chain = Skeleton("chain", ("a", "b", "c"), (-1, 0, 1))
+    quarter = [0.5**0.5, 0, 0, 0.5**0.5]
+    turns, offsets = torch.tensor([quarter, quarter, [1.0, 0, 0, 0]]), torch.tensor([[1.0, 2, 3], [1, 0, 0], [1, 0, 0]])
+    places, world = fk(turns, offsets, offsets[0], chain)
+    torch.testing.assert_close(places, torch.tensor([[1.0, 2, 3], [1, 3, 3], [0, 3, 3]]))
+    torch.testing.assert_close(world[2].abs(), torch.tensor([0.0, 0, 0, 1]))
+
+
+def test_fk_has_gradients():
+    rng = np.random.default_rng(2)
+    shapes = {"q": (2, 7, 4), "offsets": (7, 3), "root": (2, 3)}
+    given = [torch.from_numpy(rng.normal(size=shape)).requires_grad_() for shape in shapes.values()]
+    given[0].data = torch.nn.functional.normalize(given[0].data, dim=-1)
+    assert torch.autograd.gradcheck(lambda q, offsets, root: fk(q, offsets, root, TREE), given)
+
+
+@pytest.mark.parametrize("moving", [False, True])
+def test_a_motion_agrees_with_its_rig(moving):
+    agrees(motion(moving=moving))
+
+
+def test_a_rig_that_stands_elsewhere_is_refused():
+    good = motion()
+    moved = good.positions.copy()
+    moved[-1, 2, 0] += 0.01
+    with pytest.raises(ValueError, match="left_hand 0.01 m from its position in frame 39; expected the same place, or rig=None"):
+        replace(good, positions=moved)
+    replace(good, positions=moved, rig=None)
+    with pytest.raises(ValueError, match="the rig has 40 frames and 5 points; expected 39 and 5"):
+        replace(good, positions=good.positions[1:])
+
+
+def test_a_rig_far_away_is_no_other_pose():
+    """Single precision is coarser than a millimetre at ten kilometres."""
+    far = replace(rig(), root=rig().root + 1e4)
+    Motion(far.positions().astype(np.float32), 60.0, BODY, rig=far)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"offsets": OFFSETS[1:]}, r"offsets of the rig have shape \(6, 3\); expected \(7, 3\)"),
+        ({"rotations": np.zeros((40, 7, 4))}, "length 0; expected 1"),
+        ({"rotations": np.full((40, 7, 4), np.nan)}, "length nan; expected 1"),
+        ({"root": np.zeros((40, 2))}, "root of the rig"),
+        ({"moves": np.zeros((4, 7, 3))}, "moves of the rig"),
+        ({"points": (1, 2, 3, 4, 7)}, "joints 0 to 6"),
+        ({"channels": (("wrotation",),) * 7}, "wrotation"),
+        ({"channels": (None,) * 7}, "End Site of the rig has children"),
+    ],
+)
+def test_a_rig_that_makes_no_sense_is_refused(change, message, monkeypatch):
+    monkeypatch.setattr(jaxtyping.config, "jaxtyping_disable", True)  # the check that users have is the one that is tested
+    with pytest.raises(ValueError, match=message):
+        replace(rig(), **change)
+
+
+@pytest.mark.parametrize("moving", [False, True])
+def test_cutting_cuts_both(moving):
+    cut = motion(moving=moving).cut(7, 20)
+    agrees(cut)
+    np.testing.assert_array_equal(cut.rig.rotations, motion(moving=moving).rig.rotations[7:20])
+
+
+@pytest.mark.parametrize("moving", [False, True])
+@pytest.mark.parametrize("fps", [25.0, 50.0, 144.0])
+def test_resampling_slerps_and_keeps_what_it_hits(moving, fps):
+    whole = motion(moving=moving)
+    found = whole.resample(fps)
+    agrees(found)
+    time, old = np.arange(len(found)) / fps, np.arange(len(whole)) / whole.fps
+    for joint in (0, 4):
+        turns = Slerp(old, Rotation.from_quat(whole.rig.rotations[:, joint, [1, 2, 3, 0]]))(np.minimum(time, old[-1])).as_quat()
+        alike = np.abs(np.sum(found.rig.rotations[:, joint][:, [1, 2, 3, 0]] * turns, axis=-1))
+        np.testing.assert_allclose(alike, 1.0, atol=1e-12)
+    for axis in range(3):
+        np.testing.assert_allclose(found.rig.root[:, axis], np.interp(time, old, whole.rig.root[:, axis]), atol=1e-6)
+    hits = [(i, round(t * whole.fps)) for i, t in enumerate(time) if abs(t * whole.fps - round(t * whole.fps)) < 1e-9]
+    assert len(hits) >= 3
+    for i, j in hits:
+        np.testing.assert_array_equal(found.positions[i], whole.positions[j])
+    assert found.positions.dtype == whole.positions.dtype
+
+
+def test_bones_keep_their_lengths_between_frames_only_with_a_rig():
+    fast = motion(fps=10.0)
+    lengths = bone_lengths(fast.positions[0], BODY)
+    np.testing.assert_allclose(bone_lengths(fast.resample(33.0).positions, BODY), np.tile(lengths, (129, 1)), atol=1e-6)
+    chords = bone_lengths(replace(fast, rig=None).resample(33.0).positions, BODY)
+    assert (chords - lengths).min() < -1e-3
+
+
+def test_half_the_rate_keeps_every_second_frame():
+    half = motion().resample(30.0)
+    np.testing.assert_array_equal(half.positions, motion().positions[::2])
+    np.testing.assert_allclose(half.rig.rotations, motion().rig.rotations[::2], atol=1e-12)
+
+
+@pytest.mark.parametrize(("up", "other"), [("y", "z"), ("z", "y")])
+@pytest.mark.parametrize("moving", [False, True])
+def test_another_up_axis_turns_both(up, other, moving):
+    turned = motion(moving=moving, up=up).with_up(other)
+    agrees(turned)
+    back = turned.with_up(up)
+    np.testing.assert_array_equal(back.positions, motion(moving=moving).positions)
+    np.testing.assert_allclose(back.rig.rotations, motion().rig.rotations, atol=1e-12)
+    np.testing.assert_allclose(back.rig.offsets, OFFSETS, atol=1e-12)
+
+
+@pytest.mark.parametrize("up", ["y", "z"])
+def test_turning_is_the_turn_of_the_models_windows(up):
+    whole = motion(up=up)
+    turned = whole.turn(0.7)
+    agrees(turned)
+    x = torch.from_numpy(whole.root_relative())
+    np.testing.assert_allclose(turned.root_relative(), turn_heading(x, torch.tensor(0.7), up).numpy(), atol=1e-6)
+    height = {"y": 1, "z": 2}[up]
+    np.testing.assert_array_equal(turned.positions[..., height], whole.positions[..., height])
+    np.testing.assert_allclose(turned.turn(-0.7).positions, whole.positions, atol=1e-6)
+    np.testing.assert_allclose(turned.turn(-0.7).rig.rotations, whole.rig.rotations, atol=1e-12)
+
+
+@pytest.mark.parametrize("up", ["y", "z"])
+@pytest.mark.parametrize("moving", [False, True])
+def test_the_mirror_image_is_that_of_positions_and_rotations(up, moving):
+    whole = motion(moving=moving, up=up)
+    image = whole.mirror()
+    agrees(image)
+    np.testing.assert_array_equal(image.positions[:, 1], whole.positions[:, 3] * [-1, 1, 1])
+    np.testing.assert_array_equal(image.positions, replace(whole, rig=None).mirror().positions)
+    again = image.mirror()
+    np.testing.assert_array_equal(again.positions, whole.positions)
+    for name in ("rotations", "offsets", "root"):
+        np.testing.assert_array_equal(getattr(again.rig, name), getattr(whole.rig, name))
+    assert again.rig.channels == whole.rig.channels
+    uneven = replace(whole.rig, channels=(MOVES, MOVES, ANGLES[:1], None, ANGLES, None, ()))
+    assert uneven.mirrored(BODY.mirror).channels == (MOVES, MOVES, ANGLES, None, ANGLES[:1], None, ())
+
+
+def test_a_rig_whose_sides_differ_has_no_mirror_image():
+    other = replace(TREE, name="other", parents=(-1, 0, 1, 2, 0, 4, 1))  # the right arm hangs from the ground
+    with pytest.raises(ValueError, match="left and right of other are not built alike"):
+        replace(rig(), skeleton=other).mirrored(BODY.mirror)
+
+
+def test_carrying_over_drops_the_rotations_and_staying_keeps_them():
+    rng = np.random.default_rng(3)
+    q = torch.nn.functional.normalize(torch.from_numpy(rng.normal(size=(1, 22, 4))), dim=-1).numpy()
+    made = Rig(LAFAN1, rng.normal(size=(22, 3)), q, np.zeros((1, 3)), tuple(range(22)), (MOVES + ANGLES,) * 22)
+    whole = Motion(made.positions(), 30.0, LAFAN1, up="y", rig=made)
+    assert whole.retarget(H36M17).rig is None
+    assert whole.retarget(LAFAN1).rig is made
+
+
+def test_rotations_of_the_world_are_those_of_the_chain():
+    made = rig()
+    places, turns = made.world()
+    expected = walk_down(made.rotations[5], OFFSETS, made.root[5], TREE.parents)
+    np.testing.assert_allclose(places[5], expected[0], atol=1e-12)
+    np.testing.assert_allclose(np.abs(np.sum(turns[5] * expected[1], axis=-1)), 1.0, atol=1e-12)

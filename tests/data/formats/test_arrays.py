@@ -1,0 +1,150 @@
+"""Arrays of one's own, with the skeleton beside them, inside them, or from the caller."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+
+from mwlib import MotionFormatError, load_motions
+from mwlib.body.skeleton import H36M17, HUMANML22
+
+OWN = {
+    "name": "cross",
+    "joints": ["middle", "left", "right", "top"],
+    "parents": [-1, 0, 0, 0],
+    "left": [1],
+    "right": [2],
+    "parts": {"arms": [1, 2]},
+    "fps": 25,
+    "unit": "cm",
+    "up": "y",
+}
+POSITIONS = np.array([[[0, 90, 0], [120, 90, 0], [-120, 90, 0], [0, 180, 0]]] * 3, dtype=np.float32)
+
+
+def test_the_skeleton_file_beside_says_everything(tmp_path):
+    (tmp_path / "skeleton.json").write_text(json.dumps(OWN))
+    (tmp_path / "a").mkdir()
+    np.save(tmp_path / "a" / "walk.npy", POSITIONS)
+    np.savez(tmp_path / "a" / "07_03.npz", positions=POSITIONS.astype(np.float64), fps=30, subject="Ann", action="run")
+    run, walk = load_motions(tmp_path)
+    for motion in (run, walk):
+        np.testing.assert_allclose(motion.positions, POSITIONS / 100, rtol=1e-6)
+        assert (motion.skeleton.name, motion.skeleton.joints[1], motion.up) == ("cross", "left", "y")
+        assert motion.skeleton.parts == {"arms": (1, 2)}
+    assert (walk.fps, walk.name, walk.subject) == (25.0, "walk", "")
+    assert (run.fps, run.name, run.subject, run.action) == (30.0, "07_03", "Ann", "run")  # the file itself knows best
+
+
+def test_the_caller_says_what_nobody_else_does(tmp_path):
+    array = np.random.default_rng(0).normal(size=(3, 17, 3))
+    np.save(tmp_path / "a.npy", array)
+    with pytest.raises(MotionFormatError, match="skeleton: found none; expected a skeleton.json beside the file, or skeleton="):
+        load_motions(tmp_path / "a.npy")
+    with pytest.raises(MotionFormatError, match="frame rate: found none.*fps="):
+        load_motions(tmp_path / "a.npy", skeleton="H36M17")
+    (motion,) = load_motions(tmp_path / "a.npy", skeleton="H36M17", fps=50, unit="m")
+    np.testing.assert_allclose(motion.positions, array, rtol=1e-6)
+    assert (motion.fps, motion.up, motion.skeleton) == (50, "z", H36M17)
+
+
+def test_a_known_skeleton_goes_by_its_name(tmp_path):
+    array = np.random.default_rng(0).normal(size=(3, 17, 3))
+    np.savez(tmp_path / "a.npz", positions=array, skeleton="H36M17", fps=50.0, unit="mm", up="z")
+    (motion,) = load_motions(tmp_path / "a.npz")
+    np.testing.assert_allclose(motion.positions, array / 1000, rtol=1e-6)
+    (tmp_path / "skeleton.json").write_text(json.dumps({"name": "H36M17", "fps": 50, "unit": 1.0}))
+    np.save(tmp_path / "b.npy", array)
+    (motion,) = load_motions(tmp_path / "b.npy")
+    assert motion.skeleton == H36M17
+
+
+def test_a_unit_that_nobody_states_is_inferred(tmp_path):
+    (tmp_path / "skeleton.json").write_text(json.dumps(OWN | {"unit": None}))
+    for name, scale in (("cm", 1), ("m", 0.01), ("mm", 10)):
+        np.save(tmp_path / f"{name}.npy", POSITIONS * scale)
+    for motion in load_motions(tmp_path):
+        np.testing.assert_allclose(motion.positions, POSITIONS / 100, rtol=1e-5)
+    np.save(tmp_path / "ant.npy", POSITIONS * 1e-5)
+    with pytest.raises(MotionFormatError, match="ant.npy, body size"):
+        load_motions(tmp_path / "ant.npy")
+
+
+def test_humanml3d_joints_need_no_skeleton_file(tmp_path, data_folder):
+    (motion,) = load_motions(data_folder / "humanml3d")
+    assert (motion.skeleton, motion.fps, motion.up, len(motion)) == (HUMANML22, 20.0, "y", 170)
+
+
+@pytest.mark.parametrize(
+    ("array", "message"),
+    [
+        (POSITIONS[:, :3], r"shape \(3, 3, 3\); expected numbers of shape \(T, 4, 3\)"),
+        (POSITIONS[:0], r"T > 0"),
+        (POSITIONS[0], r"shape \(4, 3\)"),
+        (np.where(POSITIONS == 180, np.inf, POSITIONS), r"positions, entry \(0, 3, 1\): found inf"),
+        (np.full(POSITIONS.shape, -(2**63)), "found -9223372036854775808; expected a finite number"),
+        (POSITIONS.astype(np.longdouble) * 1e308, "finite number"),
+        (POSITIONS.astype(str), "numbers of shape"),
+        (POSITIONS.astype(complex), "dtype complex128"),
+        (np.array({"positions": POSITIONS}, dtype=object), "dtype object"),
+    ],
+)
+def test_an_array_that_does_not_fit_is_refused(tmp_path, array, message):
+    (tmp_path / "skeleton.json").write_text(json.dumps(OWN))
+    np.save(tmp_path / "a.npy", array)
+    with pytest.raises(MotionFormatError, match=message):
+        load_motions(tmp_path / "a.npy")
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"name": None}, "an object with a name"),
+        ({"joints": None}, "joints None"),
+        ({"joints": ["middle"]}, "two or more names"),
+        ({"joints": [1, 2, 3, 4]}, "a list of two or more names"),
+        ({"parents": [-1, 0, 0]}, "4 joint names but 3 parents"),
+        ({"parents": [-1, 2, 0, 0]}, "parent of joint 1 is 2"),
+        ({"parents": [-1, 0, 0, 1.5]}, "a list of indices"),
+        ({"left": [7]}, "joint indices, 0 to 3"),
+        ({"left": [1, 3]}, "2 left joints but 1 right"),
+        ({"parts": [1]}, "parts.*an object"),
+        ({"parts": {"arms": ["left"]}}, "joint indices"),
+        ({"fps": 0}, "fps: found 0 frames"),
+        ({"fps": "fast"}, "fps: found 'fast'"),
+        ({"unit": "ell"}, "unit: found 'ell'; expected metres"),
+        ({"unit": [1]}, r"unit: found \[1\]"),
+        ({"up": "x"}, "up: found 'x'; expected 'y' or 'z'"),
+    ],
+)
+def test_a_skeleton_file_that_makes_no_sense_is_refused(tmp_path, change, message):
+    (tmp_path / "skeleton.json").write_text(json.dumps(OWN | change))
+    np.save(tmp_path / "a.npy", POSITIONS)
+    with pytest.raises(MotionFormatError, match=message) as caught:
+        load_motions(tmp_path / "a.npy")
+    assert "skeleton.json" in str(caught.value)
+
+
+@pytest.mark.parametrize("text", ["", "{", "[" * 100_000, "[]", '"H36M17"'])
+def test_a_skeleton_file_is_a_json_object(tmp_path, text):
+    (tmp_path / "skeleton.json").write_text(text)
+    np.save(tmp_path / "a.npy", POSITIONS)
+    with pytest.raises(MotionFormatError, match="skeleton.json"):
+        load_motions(tmp_path / "a.npy")
+
+
+def test_other_archives_are_refused_by_what_they_hold(tmp_path):
+    np.savez(tmp_path / "a.npz", poses=POSITIONS, trans=POSITIONS)
+    with pytest.raises(MotionFormatError, match="entries poses, trans; expected positions"):
+        load_motions(tmp_path / "a.npz")
+    np.savez(tmp_path / "b.npz", positions=POSITIONS, skeleton="OWL9", fps=50)
+    with pytest.raises(MotionFormatError, match="skeleton: found 'OWL9'; expected one of .*H36M17"):
+        load_motions(tmp_path / "b.npz")
+    np.savez(tmp_path / "b.npz", positions=POSITIONS, fps=[50, 60])
+    with pytest.raises(MotionFormatError, match=r"b.npz, fps: found shape \(2,\); expected a single value"):
+        load_motions(tmp_path / "b.npz")
+    (tmp_path / "c.npz").write_bytes((tmp_path / "a.npz").read_bytes()[:200])
+    with pytest.raises(MotionFormatError, match="archive"):
+        load_motions(tmp_path / "c.npz")

@@ -1,0 +1,65 @@
+"""Splits that keep people apart, clips as models take them, and fingerprints that see every frame."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from mwlib import Motion
+from mwlib.body.skeleton import CMU, H36M17
+from mwlib.data import sources
+from mwlib.data.bodies import prepare
+from mwlib.data.sources import SourceConfig, Split, fingerprint, split_motions
+from mwlib.data.synthetic.script import synthetic_motions
+
+
+def clip(subject: str, frames: int = 60) -> Motion:
+    walk = np.random.default_rng(frames).normal(size=(frames, 17, 3))
+    return Motion(walk, 50.0, H36M17, subject=subject, name=f"{subject}_{frames}")
+
+
+def split_of(monkeypatch, motions, **changes) -> Split:
+    monkeypatch.setattr(sources, "load_motions", lambda source: motions)
+    return split_motions(SourceConfig(data="somewhere", **changes))
+
+
+def test_people_are_kept_apart(monkeypatch):
+    people = [clip(s) for s in "ABCDEFGH" for _ in range(2)]
+    split = split_of(monkeypatch, people)
+    assert {m.subject for m in split.test} == {"G", "H"} and {m.subject for m in split.train} == set("ABCDEF")
+    split = split_of(monkeypatch, people, test_subjects=("B",), validation_subjects=("C",))
+    assert {m.subject for m in split.test} == {"B"} and {m.subject for m in split.validation} == {"C"}
+    assert {m.subject for m in split.train} == set("ADEFGH")
+    split = split_of(monkeypatch, people, train_subjects=("A",), test_subjects=("B",))
+    assert {m.subject for m in split.train} == {"A"} and split.validation == []
+
+
+def test_one_person_is_split_by_clips(monkeypatch):
+    split = split_of(monkeypatch, [clip("A", 60 + i) for i in range(8)])
+    assert [m.name for m in split.test] == ["A_66", "A_67"] and len(split.train) == 6
+    with pytest.raises(ValueError, match="no training clips"):
+        split_of(monkeypatch, [clip("A")])
+    with pytest.raises(ValueError, match=r"test_subjects has \['Z'\]"):
+        split_of(monkeypatch, [clip("A"), clip("B")], test_subjects=("Z",))
+
+
+def test_prepare_turns_resamples_and_retargets():
+    y_up = Motion(np.random.default_rng(0).normal(size=(25, 31, 3)), 120.0, CMU, up="y")
+    (ready,) = prepare([y_up], 60.0)
+    assert (ready.up, ready.fps, ready.skeleton) == ("z", 60.0, H36M17) and len(ready) == 13
+    np.testing.assert_allclose(ready.positions[:, 0, 2], y_up.positions[::2, 0, 1])
+
+
+def test_fingerprint_sees_every_frame():
+    motions = synthetic_motions(subjects=1)
+    changed = motions[3].positions.copy()
+    changed[-1, 5, 2] += 1e-3
+    others = [*motions[:3], replace(motions[3], positions=changed), *motions[4:]]
+    assert fingerprint(motions) == fingerprint(synthetic_motions(subjects=1))
+    assert fingerprint(motions) != fingerprint(others)
+    assert fingerprint(motions) != fingerprint([replace(motions[0], action="else"), *motions[1:]])
+    renamed = replace(H36M17, joints=("pelvis", *H36M17.joints[1:]))
+    assert fingerprint(motions) != fingerprint([replace(motions[0], skeleton=renamed), *motions[1:]])
+    assert Split(motions, others, []).fingerprints() == (fingerprint(motions), fingerprint([]))

@@ -1,0 +1,86 @@
+"""Samplers against diffusers and closed forms."""
+
+from __future__ import annotations
+
+import pytest
+import torch
+
+from mwlib.diffusion import alpha_bar, ddim, ddim_indices, eps_of, posterior_mean
+
+A_BAR = alpha_bar("cosine", 1000)
+
+
+def some_denoiser(y: torch.Tensor, t: int) -> torch.Tensor:
+    return torch.tanh(y) * 0.5 + 0.001 * t / 1000
+
+
+@pytest.mark.parametrize("eta", [0.0, 0.4, 1.0])
+@pytest.mark.parametrize("subset", [10, 100])
+@pytest.mark.filterwarnings("ignore")  # importing diffusers warns of its own dependencies
+def test_ddim_equals_diffusers(eta, subset, generator):
+    from diffusers import DDIMScheduler
+
+    beta = 1 - A_BAR / torch.cat([torch.ones(1, dtype=torch.float64), A_BAR[:-1]])
+    theirs = DDIMScheduler(
+        num_train_timesteps=1000, trained_betas=beta.numpy(), clip_sample=False, set_alpha_to_one=True, steps_offset=1
+    )
+    theirs.alphas_cumprod = A_BAR
+    theirs.set_timesteps(subset)
+    indices = ddim_indices(1000, subset)
+    assert theirs.timesteps.tolist() == indices
+    draws = torch.randn(subset, 3, 5, 4, generator=generator, dtype=torch.float64)
+    y = start = torch.randn(3, 5, 4, generator=generator, dtype=torch.float64)
+    for t, z in zip(indices, draws, strict=True):
+        y = theirs.step(some_denoiser(y, t), t, y, eta=eta, variance_noise=z).prev_sample
+    source = iter(draws)
+    *_, last = ddim(some_denoiser, start, A_BAR, indices, eta=eta, noise=lambda: next(source))
+    # the final variance is zero, so the last draw is never taken by ours
+    torch.testing.assert_close(last.y, y, atol=1e-9, rtol=1e-9)
+
+
+def test_ddim_recovers_a_known_clean_latent(generator):
+    clean = torch.randn(4, 3, generator=generator, dtype=torch.float64)
+    start = torch.randn(4, 3, generator=generator, dtype=torch.float64)
+    steps = list(ddim(lambda y, t: eps_of(y, clean, A_BAR[t]), start, A_BAR, ddim_indices(1000, 20)))
+    assert [s.t for s in steps] == ddim_indices(1000, 20)
+    torch.testing.assert_close(steps[-1].y, clean, atol=1e-9, rtol=0)
+    *_, last = posterior_mean(lambda y, t: eps_of(y, clean, A_BAR[t]), start, A_BAR, ddim_indices(1000, 20))
+    torch.testing.assert_close(last.y, clean, atol=1e-9, rtol=0)
+
+
+def test_ddpm_is_ddim_with_eta_one_over_all_steps(generator):
+    a = alpha_bar("linear", 60)
+    draws = torch.randn(60, 4, generator=generator, dtype=torch.float64)
+    start = torch.randn(4, generator=generator, dtype=torch.float64)
+    ends = []
+    for sampler, options in ((ddim, {"eta": 1.0}), (posterior_mean, {})):
+        source = iter(draws)
+        *_, last = sampler(some_denoiser, start, a, list(range(59, -1, -1)), noise=lambda s=source: next(s), **options)
+        ends.append(last.y)
+    torch.testing.assert_close(*ends, atol=1e-8, rtol=1e-8)
+
+
+def test_sampling_a_gaussian_gives_the_gaussian():
+    mean, deviation = 3.0, 0.5
+
+    def exact(y, t):
+        a = float(A_BAR[t])
+        variance = a * deviation**2 + 1 - a
+        return (1 - a) ** 0.5 * (y - a**0.5 * mean) / variance
+
+    start = torch.randn(20_000, generator=torch.Generator().manual_seed(0), dtype=torch.float64)
+    *_, last = ddim(exact, start, A_BAR, ddim_indices(1000, 250, "trailing"))
+    assert abs(last.y.mean() - mean) < 0.03 and abs(last.y.std() - deviation) < 0.02
+
+
+def test_hooks_see_every_step():
+    seen = []
+    after = lambda y, a: (seen.append(a), y * 0)[1]  # noqa: E731
+    *_, last = ddim(some_denoiser, torch.ones(3), A_BAR, [500, 200, 1], on_y0_hat=lambda y: y.clamp(-1, 1), after_step=after)
+    assert seen == [float(A_BAR[200]), float(A_BAR[1]), 1.0]
+    assert last.y.abs().max() == 0 and last.y0_hat.abs().max() <= 1
+
+
+def test_eta_needs_noise():
+    with pytest.raises(ValueError, match="eta is 0.5"):
+        next(ddim(some_denoiser, torch.ones(3), A_BAR, [500], eta=0.5))

@@ -1,0 +1,48 @@
+"""Schedules against the values of HumanMAC's table and closed forms."""
+
+from __future__ import annotations
+
+import pytest
+import torch
+
+from mwlib.diffusion.schedule import alpha_bar, ddim_indices
+
+KINDS = ["linear", "cosine", "sigmoid", "sqrt"]
+
+
+def test_values_of_the_published_table():
+    cosine = alpha_bar("cosine", 1000)
+    expected = torch.tensor([0.9999587, 0.9999126, 0.99918, 0.49229, 1.554e-4, 2.4e-9], dtype=torch.float64)
+    torch.testing.assert_close(cosine[[0, 1, 11, 500, 991, 999]], expected, rtol=2e-2, atol=1e-6)
+    assert alpha_bar("linear", 1000)[991].item() == pytest.approx(4.7e-5, rel=0.02)
+    assert alpha_bar("sigmoid", 1000)[[991, 500]].tolist() == pytest.approx([9.8e-4, 0.498], rel=0.02)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("steps", [10, 200, 1000])
+def test_falls_from_signal_to_noise(kind, steps):
+    a = alpha_bar(kind, steps)
+    assert a.shape == (steps,) and a.dtype == torch.float64
+    assert (a.diff() < 0).all() and 0 <= a[-1] < 0.02 and a[0] < 1
+    assert a[0] > 0.65
+
+
+def test_indices():
+    assert ddim_indices(1000, 100)[:2] == [991, 981] and ddim_indices(1000, 100)[-2:] == [11, 1]
+    assert ddim_indices(200, 10, "trailing")[0] == 199
+    assert ddim_indices(50, 50) == list(range(49, -1, -1))
+    for spacing in ("leading", "trailing"):
+        for subset in (1, 7, 100, 199):
+            found = ddim_indices(200, subset, spacing)
+            assert len(found) == subset and found == sorted(set(found), reverse=True) and 0 <= found[-1] and found[0] < 200
+
+
+@pytest.mark.parametrize("call", [lambda: alpha_bar("cos", 10), lambda: alpha_bar("cosine", 0), lambda: ddim_indices(10, 11)])
+def test_bad_arguments(call):
+    with pytest.raises(ValueError, match="expected"):
+        call()
+
+
+def test_unknown_spacing():
+    with pytest.raises(ValueError, match="'middle'"):
+        ddim_indices(10, 5, "middle")

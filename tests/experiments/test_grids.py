@@ -1,0 +1,188 @@
+"""Grids of experiments: read, budgeted, measured once, and resumable after a kill."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+import yaml
+
+from mwlib import plots
+from mwlib.__main__ import main
+from mwlib.course.files import course
+from mwlib.experiments import committed, lines, measure, read_grids, results, tables
+from mwlib.experiments.grids import changes, row_config
+from mwlib.prediction.config import Config
+from mwlib.prediction.evaluation import METRICS
+from tests.sample_settings import SMALL
+
+ROOT = Path(__file__).parents[2]
+MICRO = {**SMALL, "train_steps": 3, "test_windows": 3, "samples": 3, "ddim_steps": 4}
+ROWS = [
+    {"name": "haar", "set": {"wavelet": "haar"}, "paper": {"ade": 0.4}},
+    {"name": "db2", "set": {"wavelet": "db2"}},
+    {"name": "db3", "set": {"wavelet": "db3"}},
+]
+
+
+def write(folder: Path, **parts) -> Path:
+    """A small grid file."""
+    body = {"title": "three bases", "trains": True, "base": MICRO, "rows": ROWS, "budgets": [{"until": 1000, "seeds": 2}]}
+    path = folder / "grids.yaml"
+    path.write_text(yaml.safe_dump({"grids": {"bases": body | parts}}))
+    return path
+
+
+def test_the_papers_grids_are_complete():
+    known = read_grids()
+    sizes = {name: sum(bool(row.paper) for row in known[name].rows) for name in known if known[name].paper}
+    assert sizes == {"table_2": 2, "table_3": 10, "table_4": 11, "table_4_raw": 11, "table_5": 2, "table_6": 3}
+    best = known["table_4"].rows[7]
+    assert best.changes == {"tabg_scale": 1.0, "tabg_sigma": 2.5, "wmsg": "every_step"}
+    assert best.paper == {"apd": 6.506, "ade": 0.376, "fde": 0.408, "mmade": 0.466, "mmfde": 0.443}
+    assert {grid.notebook for grid in known.values() if grid.notebook} <= {path.stem for path in course()}
+
+
+@pytest.mark.parametrize(
+    "parts, message",
+    [
+        (
+            {"rows": [{"name": "a", "set": {"wavlet": "haar"}}]},
+            "bases, row 'a': unknown setting 'wavlet'; did you mean 'wavelet'",
+        ),
+        ({"rows": [{"name": "a", "set": {"level": "two"}}]}, "level is 'two'"),
+        ({"rows": [{"name": "a"}, {"name": "a"}]}, "two rows have the same name"),
+        ({"rows": [{"set": {}}]}, "row 1 has"),
+        ({"seeds": 3}, "bases has"),
+        ({"budgets": [{"seeds": 3}]}, "budgets has"),
+    ],
+)
+def test_a_grid_that_does_not_fit_is_refused(tmp_path, parts, message):
+    with pytest.raises(ValueError, match=message):
+        read_grids(write(tmp_path, **parts))
+
+
+def test_budgets_cut_small_configurations_only(tmp_path):
+    budgets = [{"until": 1000, "seeds": 2, "share": 0.5, "set": {"test_windows": 7}}]
+    grid = read_grids(write(tmp_path, base={}, budgets=budgets))["bases"]
+    small, large, row = Config.preset("tiny"), Config.preset("h36m"), grid.rows[1]
+    shorter = {name: round(0.5 * small.get(name)) for name in ("train_steps", "lr_period", "warmup", "ema_start")}
+    milestones = [round(0.5 * m) for m in small.training.lr_milestones]
+    assert row_config(grid, row, small) == small.override(wavelet="db2", test_windows=7, lr_milestones=milestones, **shorter)
+    assert row_config(grid, row, large) == large.override(wavelet="db2")
+    assert (grid.budget(small).seeds, grid.budget(large).seeds) == (2, 3)
+    assert row_config(grid, row, large, 2) == large.override(wavelet="db2", seed=2, sampling_seed=2)
+    sampled = read_grids(write(tmp_path, base={}, trains=False))["bases"]
+    assert row_config(sampled, row, large, 2) == large.override(wavelet="db2", sampling_seed=2)
+
+
+def test_a_row_may_have_fewer_seeds_than_the_budget(tmp_path):
+    grid = read_grids(
+        write(tmp_path, rows=[{"name": "still", "set": {"method": "zero_velocity"}, "seeds": 1}, {"name": "model"}])
+    )
+    assert [len(grid["bases"].seeds(row, Config.preset("tiny"))) for row in grid["bases"].rows] == [1, 2]
+
+
+def test_a_given_setting_wins_over_base_and_budget_and_is_refused_where_rows_differ(tmp_path):
+    budgets = [{"until": 1000, "seeds": 2, "share": 0.5, "set": {"test_windows": 7}}]
+    grid = read_grids(write(tmp_path, base={"guidance_weight": 0.3, "level": 2}, budgets=budgets))["bases"]
+    cfg, row = Config.preset("tiny", test_windows=11, guidance_weight=0.9, train_steps=100), grid.rows[0]
+    plain = row_config(grid, row, cfg)
+    assert (plain.windows.test_windows, plain.sampling.guidance_weight, plain.training.train_steps) == (7, 0.3, 50)
+    given = row_config(grid, row, cfg, given=["test_windows", "guidance_weight", "train_steps"])
+    assert (given.windows.test_windows, given.sampling.guidance_weight, given.training.train_steps) == (11, 0.9, 100)
+    assert given.model.level == 2 and given.model.wavelet == "haar", "what was not given, the grid sets"
+    with pytest.raises(ValueError, match="wavelet is given, but the rows of bases differ in it"):
+        changes(grid, row, cfg, given=["wavelet"])
+    words = ["grid-table", "bases", "--grids", str(tmp_path / "grids.yaml"), "--out", str(tmp_path), "--set", "wavelet=db5"]
+    assert main(words) == 1
+
+
+def test_a_grid_is_measured_once(tmp_path, monkeypatch):
+    monkeypatch.setenv("MWLIB_RUNS", str(tmp_path / "runs"))
+    grid, cfg = read_grids(write(tmp_path))["bases"], Config.preset("tiny")
+    found = measure(grid, cfg)
+    assert [row["name"] for row in found] == ["haar", "db2", "db3"] and all(row["seeds"] == 2 for row in found)
+    assert all(row["seed_deviation"]["ade"] > 0 and row["windows"] == 3 for row in found)
+    monkeypatch.setattr(results, "_measure", lambda *_: pytest.fail("measured again"))
+    assert measure(grid, cfg) == found
+    column = {"ade": METRICS["ade"]}
+    line, second, _ = lines(found, column, errors=True, first="basis")
+    assert line["basis"] == "haar" and line["ADE, paper"] == 0.4
+    assert line["ADE"] == (found[0]["mean"]["ade"], found[0]["seed_deviation"]["ade"])
+    assert second["ADE, paper"] is None and line["ADE, standard error"] == found[0]["standard_error"]["ade"]
+    about = json.loads(json.dumps(tables.provenance(grid, cfg, found)))
+    assert about["seeds_of"] == "training and sampling" and about["rows"]["db2"]["wavelet"] == "db2"
+
+    assert main(["grid-table", "bases", "--grids", str(tmp_path / "grids.yaml"), "--out", str(tmp_path / "out")]) == 0
+    header, first = (tmp_path / "out" / "bases.csv").read_text().splitlines()[:2]
+    assert "ADE, deviation" in header and "ADE, standard error" in header and first.startswith("haar")
+    text = (tmp_path / "out" / "bases.md").read_text()
+    assert text.startswith("| row") and "±" in text and "**" in text
+    actions = (tmp_path / "out" / "bases_actions.csv").read_text().splitlines()
+    assert actions[0].startswith("row,action,") and len(actions) > len(found)
+
+
+def test_one_window_part_is_measured_again_where_it_is_missing(tmp_path, monkeypatch):
+    """Each row and seed is kept apart: what is deleted is computed anew, and nothing else."""
+    monkeypatch.setenv("MWLIB_RUNS", str(tmp_path / "runs"))
+    rows = [{"name": name, "set": {"method": f"{name}_velocity"}, "seeds": 1} for name in ("zero", "constant")]
+    grid, cfg = read_grids(write(tmp_path, rows=rows))["bases"], Config.preset("tiny")
+    found = measure(grid, cfg)
+    parts = sorted((tmp_path / "runs" / "results").glob("*.json"))
+    assert len(parts) == 2
+    parts[0].unlink()
+    kept = parts[1].stat().st_mtime_ns
+    again = measure(grid, cfg)
+    assert [row["mean"] for row in again] == [row["mean"] for row in found]
+    assert parts[0].exists() and parts[1].stat().st_mtime_ns == kept
+
+
+def workflow(folder: Path) -> list[str]:
+    settings = [f"grids={folder / 'grids.yaml'}", f"out={folder / 'out'}", "preset=tiny", "data=synthetic"]
+    command = [sys.executable, "-m", "snakemake", "grids", "--snakefile", str(ROOT / "Snakefile"), "--directory", str(folder)]
+    return [*command, "--cores", "1", "--rerun-incomplete", "--config", *settings]
+
+
+def test_after_a_kill_only_what_is_missing_runs_again(tmp_path):
+    """`kill -9` on the whole workflow in the middle of a grid; the next call does the rest."""
+    write(tmp_path, budgets=[{"until": 1000, "seeds": 1}], rows=ROWS[:2])
+    parts = tmp_path / "out" / "grids" / "bases"
+    environment = {**os.environ, "PYTHONPATH": str(ROOT), "MWLIB_RUNS": str(tmp_path / "runs")}
+    environment |= {"XDG_CACHE_HOME": str(tmp_path / "cache"), "OMP_NUM_THREADS": "1"}
+    quiet = dict(cwd=tmp_path, env=environment, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
+    with subprocess.Popen(workflow(tmp_path), start_new_session=True, **quiet) as process:
+        deadline = time.monotonic() + 200
+        while len(list(parts.glob("*"))) < 2 and time.monotonic() < deadline:  # the second has begun
+            assert process.poll() is None, process.stdout.read()
+            time.sleep(0.1)
+        os.killpg(process.pid, signal.SIGKILL)
+    done = list(parts.glob("*/metrics.json"))
+    assert len(done) == 1 and not (tmp_path / "out" / "grids" / "bases.csv").exists()
+    first = done[0].stat().st_mtime_ns
+    subprocess.run([*workflow(tmp_path), "--unlock"], check=True, **quiet)
+    again = subprocess.run(workflow(tmp_path), **quiet)
+    assert again.returncode == 0, again.stdout
+    assert again.stdout.count("rule experiment:") == 1, again.stdout
+    assert done[0].stat().st_mtime_ns == first
+    assert (tmp_path / "out" / "grids" / "bases.csv").read_text().count("\n") == 3
+
+
+def test_the_committed_tables_come_back_as_lines(tmp_path):
+    found = {"name": "a", "paper": {"ade": 0.4}, "windows": 3, "seeds": 2, "seconds": 1.0}
+    found |= {"mean": dict.fromkeys(METRICS, 0.5), "standard_error": dict.fromkeys(METRICS, 0.1)}
+    rows = [found | {"seed_deviation": dict.fromkeys(METRICS, 0.25)}]
+    rows.append(found | {"name": "b", "paper": {}, "seed_deviation": dict.fromkeys(METRICS)})
+    plots.save_table(lines(rows, METRICS, errors=True), tmp_path, "bases", provenance={"data": "synthetic"})
+    some = {name: METRICS[name] for name in ("ade", "bone_length_jitter")}
+    assert committed("bases", some, tmp_path) == lines(rows, some)
+    with pytest.raises(FileNotFoundError, match="table_9"):
+        committed("table_9", METRICS)
+    for name, grid in read_grids().items():
+        assert len(committed(name, METRICS)) == len(grid.rows)

@@ -1,0 +1,242 @@
+"""Metrics against slow transcriptions of their definitions, closed forms and invariances."""
+
+from __future__ import annotations
+
+import itertools
+import math
+
+import numpy as np
+import pytest
+import torch
+
+from mwlib import metrics
+from mwlib.body.skeleton import H36M17, Skeleton
+
+N, S, F, C = 7, 5, 6, 12
+CHAIN = Skeleton("chain", ("root", "a", "b", "c", "d"), (-1, 0, 1, 2, 3))
+
+
+def _case(seed: int = 0, dtype: torch.dtype = torch.float64):
+    generator = torch.Generator().manual_seed(seed)
+    p = torch.randn(N, S, F, C, generator=generator, dtype=dtype)
+    g = torch.randn(N, F, C, generator=generator, dtype=dtype)
+    last = torch.randn(N, C, generator=generator, dtype=dtype) * torch.tensor([0.1] * 4 + [1.0] * 3)[:, None].to(dtype)
+    return p, g, last, metrics.multimodal_futures(last, g, 1.0)
+
+
+def _norm(v) -> float:
+    return math.sqrt(sum(float(a) ** 2 for a in np.ravel(v)))
+
+
+def _errors(p, g) -> tuple[float, float]:
+    """ADE and FDE of one window, word by word."""
+    means = [sum(_norm(s[t] - g[t]) for t in range(len(g))) / len(g) for s in p]
+    return min(means), min(_norm(s[-1] - g[-1]) for s in p)
+
+
+def _transcription(p, g, last, threshold):
+    p, g, last = (np.asarray(a) for a in (p, g, last))
+    rows = []
+    for i in range(len(p)):
+        pairs = [_norm(a - b) for a, b in itertools.combinations(p[i], 2)]
+        members = [j for j in range(len(p)) if _norm(last[j] - last[i]) < threshold]
+        several = [_errors(p[i], g[j]) for j in members]
+        mm = [sum(e[k] for e in several) / len(several) for k in (0, 1)]
+        rows.append([sum(pairs) / len(pairs), *_errors(p[i], g[i]), *mm])
+    return np.array(rows)
+
+
+def _all(p, g, gs):
+    values = (metrics.apd(p), metrics.ade(p, g), metrics.fde(p, g), metrics.mmade(p, gs), metrics.mmfde(p, gs))
+    return torch.stack(values, dim=1)
+
+
+def test_definitions():
+    p, g, last, gs = _case()
+    assert 1 < max(gs.sizes) and 1 in gs.sizes
+    np.testing.assert_allclose(_all(p, g, gs), _transcription(p, g, last, 1.0), rtol=1e-12)
+
+
+def test_float32_agrees_with_float64():
+    p, g, last, gs = _case()
+    p32, g32 = p.float(), g.float()
+    sets = metrics.multimodal_futures(last, g32, 1.0)
+    torch.testing.assert_close(_all(p32, g32, sets).double(), _all(p32.double(), g32.double(), gs), rtol=1e-6, atol=1e-7)
+
+
+def test_order_of_samples_does_not_matter():
+    p, g, _, gs = _case()
+    torch.testing.assert_close(_all(p[:, [3, 1, 4, 0, 2]], g, gs), _all(p, g, gs))
+
+
+def test_identical_samples():
+    _, g, _, gs = _case(dtype=torch.float32)
+    p = g[:, None].repeat(1, S, 1, 1) * 1e3  # big numbers: a Gram matrix would leave rounding errors here
+    assert metrics.apd(p).tolist() == [0.0] * N
+    assert metrics.apd(p[:, :1]).tolist() == [0.0] * N
+    assert metrics.ade(g[:, None], g).tolist() == metrics.fde(g[:, None], g).tolist() == [0.0] * N
+    assert metrics.mmade(g[:, None], [f[None] for f in g]).tolist() == [0.0] * N
+
+
+def test_translation():
+    _, g, _, _ = _case()
+    p = torch.stack([g, g + 0.5], dim=1)
+    torch.testing.assert_close(metrics.apd(p), torch.full((N,), 0.5 * math.sqrt(F * C), dtype=g.dtype))
+    torch.testing.assert_close(metrics.ade(p[:, 1:], g), torch.full((N,), 0.5 * math.sqrt(C), dtype=g.dtype))
+
+
+def test_ade_and_fde_pick_their_own_sample():
+    g = torch.zeros(1, 4, 3)
+    early = torch.tensor([3.0, 3.0, 3.0, 0.0])  # only the last frame is right
+    late = torch.tensor([0.0, 0.0, 0.0, 2.0])
+    p = torch.stack([early, late])[None, :, :, None] * torch.tensor([1.0, 0.0, 0.0])
+    assert (metrics.ade(p, g).item(), metrics.fde(p, g).item()) == (0.5, 0.0)
+
+
+def test_multimodal_membership_is_strict_and_holds_the_window_itself():
+    last = torch.zeros(4, 3)
+    last[:, 0] = torch.tensor([0.0, 0.5, 0.75, 9.0])
+    futures = torch.arange(4.0)[:, None, None].expand(4, 2, 3)
+    gs = metrics.multimodal_futures(last, futures, 0.5)
+    assert [m.tolist() for m in gs.members] == [[0], [1, 2], [1, 2], [3]]
+    assert gs.sizes.tolist() == [1, 2, 2, 1]
+    torch.testing.assert_close(gs[1], futures[1:3])
+    assert [len(g) for g in gs] == [1, 2, 2, 1]
+
+
+@pytest.mark.parametrize("chunk", [1, 3, 100])
+def test_chunk_of_the_search_does_not_matter(chunk):
+    _, g, last, gs = _case()
+    again = metrics.multimodal_futures(last, g, 1.0, chunk=chunk)
+    assert [m.tolist() for m in again.members] == [m.tolist() for m in gs.members]
+
+
+def test_sets_given_as_tensors():
+    p, _, _, gs = _case()
+    torch.testing.assert_close(metrics.mmade(p, list(gs)), metrics.mmade(p, gs))
+    torch.testing.assert_close(metrics.mmfde(p[2:5], gs[2:5]), metrics.mmfde(p, gs)[2:5])
+
+
+def test_sets_larger_than_a_tile(monkeypatch):
+    p, g, last, gs = _case()
+    expected = _transcription(p, g, last, 100.0)[:, 3:]
+    monkeypatch.setattr(metrics.prediction, "_TILE", 3)
+    monkeypatch.setattr(metrics.prediction, "_BUDGET", 1)
+    everyone = metrics.multimodal_futures(last, g, 100.0)
+    assert everyone.sizes.tolist() == [N] * N
+    found = torch.stack([metrics.mmade(p, everyone), metrics.mmfde(p, everyone)], dim=1)
+    np.testing.assert_allclose(found, expected, rtol=1e-12)
+
+
+def test_apd_of_the_sets():
+    _, g, last, gs = _case()
+    multimodal = metrics.multimodal_apd(gs, chunk=2)
+    expected = [metrics.apd(members[None]).item() for members in gs]
+    np.testing.assert_allclose(multimodal, expected, rtol=1e-7, atol=1e-12)
+    assert (multimodal == 0).tolist() == (gs.sizes == 1).tolist()
+    assert metrics.apde(multimodal + 0.25, multimodal).item() == pytest.approx(0.25)
+
+
+def test_cmd():
+    p, g, _, _ = _case()
+    actions = ["walk", "sit", "walk", "walk", "sit", "walk", "walk"]
+    joints, truth = np.asarray(p).reshape(N, S, F, -1, 3), np.asarray(g).reshape(N, F, -1, 3)
+    expected = 0.0
+    for action in ("walk", "sit"):
+        rows = [i for i in range(N) if actions[i] == action]
+        mean = np.mean([_norm(truth[i, t + 1, j] - truth[i, t, j]) for i in rows for t in range(F - 1) for j in range(C // 3)])
+        for t in range(F - 1):
+            steps = [_norm(joints[i, s, t + 1, j] - joints[i, s, t, j]) for i in rows for s in range(S) for j in range(C // 3)]
+            expected += len(rows) / N * (F - 1 - t) * abs(np.mean(steps) - mean)
+    found = metrics.cmd(metrics.step_length(p), metrics.step_length(g[:, None]), actions)
+    assert found.item() == pytest.approx(expected)
+
+
+def test_bone_length_jitter():
+    p, _, _, _ = _case()
+    joints = np.concatenate([np.zeros((N, S, F, 1, 3)), np.asarray(p).reshape(N, S, F, -1, 3)], axis=3)
+    length = np.linalg.norm(np.diff(joints, axis=3), axis=-1)  # in a chain every joint's parent is the one before
+    np.testing.assert_allclose(metrics.bone_length_jitter(p, CHAIN), np.abs(np.diff(length, axis=2)).mean((1, 2, 3)))
+    angle = torch.linspace(0, 3, F)[:, None]
+    turning = torch.stack([angle.cos(), angle.sin(), 0 * angle], dim=-1) * torch.arange(1, 5)[:, None]
+    torch.testing.assert_close(metrics.bone_length_jitter(turning.flatten(1)[None, None], CHAIN), torch.zeros(1))
+
+
+@pytest.mark.parametrize("sizes", [[7], [2, 5], [1] * 7])
+def test_streaming_equals_batch(sizes):
+    p, g, _, gs = _case()
+    table = metrics.MetricTable(gs, actions=list("aabbaab"), skeleton=CHAIN)
+    for windows in torch.tensor([3, 6, 0, 2, 5, 1, 4]).split(sizes):
+        table.update(p[windows], g[windows], windows)
+    values = _all(p, g, gs)
+    summary = table.summary()
+    names = ["apd", "ade", "fde", "mmade", "mmfde"]
+    torch.testing.assert_close(torch.stack([table.values[n] for n in names], 1), values)
+    np.testing.assert_allclose([summary["mean"][n] for n in names], values.mean(0))
+    np.testing.assert_allclose([summary["standard_error"][n] for n in names], values.std(0) / N**0.5)
+    np.testing.assert_allclose([summary["actions"]["b"]["mean"][n] for n in names], values[[2, 3, 6]].mean(0))
+    assert summary["mean"]["bone_length_jitter"] == pytest.approx(metrics.bone_length_jitter(p, CHAIN).mean().item())
+    steps = metrics.step_length(p), metrics.step_length(g[:, None])
+    assert summary["cmd"] == pytest.approx(metrics.cmd(*steps, list("aabbaab")).item())
+
+
+def test_part_of_the_windows():
+    p, g, _, gs = _case()
+    table = metrics.MetricTable(gs)
+    table.update(p[[1, 4]], g[[1, 4]], [1, 4])
+    assert table.summary()["windows"]["ade"] == 2
+    assert table.summary()["mean"]["mmade"] == pytest.approx(metrics.mmade(p, gs)[[1, 4]].mean().item())
+
+
+def test_singletons():
+    p, g, _, gs = _case()
+    alone = gs.sizes == 1
+    values = _all(p, g, gs)
+    means, counts = {}, {}
+    for option in metrics.table.MM_SINGLETONS:
+        table = metrics.MetricTable(gs, mm_singletons=option)
+        table.update(p, g, range(N))
+        means[option] = list(table.summary()["mean"].values())
+        counts[option] = list(table.summary()["windows"].values())
+    rest = values[~alone].mean(0)
+    np.testing.assert_allclose(means["keep"], values.mean(0))
+    np.testing.assert_allclose(means["skip_all"], rest)
+    np.testing.assert_allclose(means["skip_mm"], [*values.mean(0)[:3], *rest[3:]])
+    kept = int((~alone).sum())
+    assert 0 < kept < N
+    assert counts == {"keep": [N] * 5, "skip_all": [kept] * 5, "skip_mm": [N] * 3 + [kept] * 2}
+    torch.testing.assert_close(values[alone, 1], values[alone, 3])  # MMADE is ADE there
+
+
+@pytest.mark.parametrize("bad", [math.nan, math.inf, -math.inf])
+def test_non_finite_predictions_name_their_window(bad):
+    p, g, _, gs = _case()
+    p[3, 2, 1, 0] = bad
+    for call in (metrics.apd, lambda p: metrics.ade(p, g), lambda p: metrics.mmfde(p, gs)):
+        with pytest.raises(ValueError, match="p of window 3 is not finite"):
+            call(p)
+    table = metrics.MetricTable(gs)
+    with pytest.raises(ValueError, match="p of window 6 is not finite"):
+        table.update(p[[0, 3]], g[[0, 3]], [1, 6])
+
+
+def test_refusals():
+    p, g, last, gs = _case()
+    with pytest.raises(ValueError, match="threshold is 0"):
+        metrics.multimodal_futures(last, g, 0.0)
+    with pytest.raises(ValueError, match="set of window 1 is empty"):
+        metrics.mmade(p[:2], [g, g[:0]])
+    with pytest.raises(ValueError, match="2 multimodal sets"):
+        metrics.mmade(p, gs[:2])
+    with pytest.raises(ValueError, match="expected 48 for H36M17"):
+        metrics.bone_length_jitter(p, H36M17)
+    with pytest.raises(ValueError, match="mm_singletons is 'drop'"):
+        metrics.MetricTable(gs, mm_singletons="drop")
+    with pytest.raises(ValueError, match="3 actions for 7 windows"):
+        metrics.MetricTable(gs, actions=list("abc"))
+    table = metrics.MetricTable(gs)
+    table.update(p[:3], g[:3], [0, 1, 2])
+    with pytest.raises(ValueError, match="all different"):
+        table.update(p[3:5], g[3:5], [3, 3])
+    with pytest.raises(ValueError, match="window 2 was fed before"):
+        table.update(p[2:4], g[2:4], [2, 3])

@@ -1,0 +1,57 @@
+"""Pictures of guidance: places, marks and numbers are those that were given."""
+
+from __future__ import annotations
+
+import matplotlib.pyplot as plt
+import numpy as np
+import pytest
+import torch
+
+from mwlib import plots
+from mwlib.body.skeleton import H36M17
+
+METRICS = ("apd", "ade", "fde", "mmade", "mmfde")
+
+
+def _row(name, value, paper):
+    return {
+        "name": name,
+        "paper": dict.fromkeys(METRICS, paper) if paper else {},
+        "mean": dict.fromkeys(METRICS, value),
+        "seed_deviation": dict.fromkeys(METRICS, 0.01),
+        "standard_error": dict.fromkeys(METRICS, 0.05),
+    }
+
+
+def test_claimed_and_measured_are_changes_from_the_reference():
+    found = [_row("off", 1.0, 6.0), _row("on", 1.2, 5.5), _row("not in the paper", 0.9, None)]
+    fig, axes = plots.claimed_and_measured(found)
+    assert [ax.get_title(loc="left") for ax in axes] == ["APD (m)", "ADE (m)", "FDE (m)"] and not plt.get_fignums()
+    lines = {line.get_label(): line.get_xdata() for line in axes[0].lines if len(line.get_xdata()) > 1}
+    np.testing.assert_allclose(np.array(lines["paper (Human3.6M)"], float), [0, -0.5])
+    (bars,) = axes[0].containers
+    np.testing.assert_allclose(np.array(bars[0].get_xdata(), float), [0, 0.2, -0.1], atol=1e-12)
+    with pytest.raises(ValueError, match="expected some of"):
+        plots.claimed_and_measured(found, ("rmse",))
+
+
+def test_noised_rows_marks_the_mask_in_every_panel(generator):
+    y = torch.randn(12, 30, generator=generator)
+    mask = torch.zeros(12, dtype=bool)
+    mask[2:5] = True
+    _, axes = plots.noised_rows({"before": y, "after": y * 2}, mask, history_rows=3, columns=20)
+    for ax in axes:
+        (marks,) = (line for line in ax.lines if line.get_marker() == "s")
+        assert marks.get_ydata().tolist() == [2, 3, 4]
+        assert ax.images[0].get_array().shape == (12, 20)
+    assert axes[0].images[0].get_clim() == axes[1].images[0].get_clim()
+
+
+def test_pose_grid_has_a_place_for_every_pair(generator):
+    joints = len(H36M17)
+    samples = torch.randn(2, 3, 3 * (joints - 1), generator=generator)
+    futures = {(row, column): samples for row in ("w 0", "w 1") for column in ("s 0", "s 1", "s 2")}
+    fig, ax = plots.pose_grid(futures, H36M17, truth=samples[0])
+    words = [text.get_text() for text in ax.texts]
+    assert words == ["s 0", "s 1", "s 2", "w 0", "w 1"]
+    fig.draw_without_rendering()

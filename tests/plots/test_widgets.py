@@ -1,0 +1,80 @@
+"""Widgets: controls call the figure function, errors are told in a line, nothing appears when MW_STATIC=1."""
+
+from __future__ import annotations
+
+import re
+
+import pytest
+from ipywidgets import Dropdown, FloatSlider, IntSlider
+
+from mwlib import plots
+from mwlib.plots import widgets
+
+
+@pytest.fixture
+def calls(monkeypatch) -> list[dict]:
+    """What the figure function was asked to draw; showing is left out."""
+    monkeypatch.delenv("MW_STATIC", raising=False)
+    monkeypatch.setattr(widgets, "show", lambda fig, alt: print(alt))
+    return []
+
+
+@pytest.fixture
+def waveform(calls):
+    """A figure function that keeps account."""
+
+    def waveform(**values):
+        calls.append(values)
+        if values.get("level") == 5:
+            raise ValueError("level is 5; expected at most 4")
+        return plots.energy_bars({"aa": 1.0})
+
+    return waveform
+
+
+def test_explore_builds_controls_and_redraws_on_change(waveform, calls, capsys):
+    box = widgets.explore(waveform, level=(1, 5), scale=(0.0, 1.0, 0.25), wavelet=["haar", "db2"])
+    level, scale, wavelet, _ = box.children
+    assert (type(level), type(scale), type(wavelet)) == (IntSlider, FloatSlider, Dropdown)
+    assert (level.min, level.max, scale.step, wavelet.options) == (1, 5, 0.25, ("haar", "db2"))
+    assert not level.continuous_update and not scale.continuous_update
+    assert calls == [{"level": 3, "scale": 0.5, "wavelet": "haar"}]
+    level.value = 2
+    wavelet.value = "db2"
+    level.value = 2
+    assert calls[1:] == [{"level": 2, "scale": 0.5, "wavelet": "haar"}, {"level": 2, "scale": 0.5, "wavelet": "db2"}]
+    assert capsys.readouterr().out.splitlines()[-1] == "waveform with level = 2, scale = 0.5, wavelet = db2"
+
+
+def test_errors_are_told_in_one_line_and_the_next_value_works(waveform, calls, capsys):
+    box = widgets.explore(waveform, level=(1, 5))
+    capsys.readouterr()
+    box.children[0].value = 5
+    assert _told(capsys) == "ValueError: level is 5; expected at most 4"
+    box.children[0].value = 4
+    assert len(calls) == 3 and _told(capsys) == "waveform with level = 4"
+
+
+def _told(capsys) -> str:
+    """What was printed, without the terminal's codes for clearing the output."""
+    return re.sub(r"\x1b\[2K|\r", "", capsys.readouterr().out).strip()
+
+
+def test_explore_refuses_what_is_no_control(waveform):
+    with pytest.raises(ValueError, match="cannot be transformed to a widget"):
+        widgets.explore(waveform, level=object())
+
+
+def test_player_steps_through_the_frames(waveform, calls):
+    controls, _ = widgets.player(waveform, 10, pictures_per_second=4).children
+    play, slider = controls.children
+    assert (play.max, play.interval, slider.max, play.playing) == (9, 250, 9, False)
+    slider.value = 7
+    assert calls == [{"frame": 0}, {"frame": 7}]
+
+
+def test_static_mode_shows_nothing_and_draws_nothing(waveform, calls, monkeypatch):
+    monkeypatch.setenv("MW_STATIC", "1")
+    assert widgets.explore(waveform, level=(1, 5)) is None
+    assert widgets.player(waveform, 10) is None
+    assert not calls

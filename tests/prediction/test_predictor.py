@@ -1,0 +1,103 @@
+"""What a finished run can do: predict reproducibly, with every option of the sampling, and nothing else changed by it."""
+
+from __future__ import annotations
+
+import pytest
+import torch
+
+from mwlib.data.windowing import windows
+from mwlib.experiments import load_run
+from mwlib.prediction.predictor import Predictor
+from tests.sample_settings import small, two_people
+
+
+@pytest.fixture
+def predictor(finished) -> Predictor:
+    return load_run(finished)
+
+
+@pytest.fixture
+def past() -> torch.Tensor:
+    people = two_people()
+    return windows([*people.train, *people.validation], 6, 14, 9).x_history[:5]
+
+
+def test_a_finished_run_predicts(predictor, past):
+    futures = predictor.predict(past, samples=3, seed=1)
+    assert futures.shape == (5, 3, 14, 48) and futures.isfinite().all()
+    torch.testing.assert_close(predictor.predict(past, 3, 1, chunk=2), futures, atol=1e-5, rtol=1e-5)
+    torch.testing.assert_close(predictor.predict(past[3:], 3, 1, window_ids=[3, 4]), futures[3:], atol=1e-5, rtol=1e-5)
+    assert not torch.allclose(predictor.predict(past, 3, 2), futures, atol=1e-3)
+    with pytest.raises(ValueError, match="6, 48"):
+        predictor.predict(past[:, :5])
+
+
+def test_samples_and_seed_are_the_settings_own_unless_given(predictor, past):
+    assert predictor.predict(past).shape[1] == predictor.sampling.samples == 3
+    changed = predictor.with_sampling(samples=2, sampling_seed=8)
+    torch.testing.assert_close(changed.predict(past), predictor.predict(past, 2, 8), atol=0, rtol=0)
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        dict(wmsg="off"),
+        dict(wmsg="y0_hat"),
+        dict(wmsg="every_step"),
+        dict(bound=0.4, wmsg="off"),
+        dict(sampler="eq6"),
+        dict(sampler="dpmpp"),
+        dict(eta=0.5),
+        dict(guidance_form="alg1", guidance_weight=0.7, tabg_noise="eps_hat", tabg_sigma_place="alg1"),
+    ],
+)
+def test_every_sampling_option_runs_and_is_heard(predictor, past, changes):
+    futures = predictor.with_sampling(**changes).predict(past[:2], 2)
+    assert futures.isfinite().all()
+    if "bound" in changes:
+        assert futures.abs().max() <= 0.4 + 1e-4
+    elif changes != {"wmsg": "off"}:  # the preset's own
+        assert not torch.allclose(futures, predictor.predict(past[:2], 2), atol=1e-6)
+
+
+def test_with_sampling_changes_the_sampling_alone(predictor, past):
+    other = predictor.with_sampling(guidance_weight=0.9, samples=7)
+    assert (other.sampling.guidance_weight, other.sampling.samples) == (0.9, 7)
+    assert predictor.sampling.guidance_weight == 0.0, "the first one is left alone"
+    assert other.with_sampling(guidance_weight=0.0, samples=3).sampling == predictor.sampling
+    for name in ("net", "representation", "diffusion", "bodies"):
+        assert getattr(other, name) is getattr(predictor, name), name
+    for changes in (dict(steps=100), dict(samples=2, schedule="linear"), dict(history=3)):
+        with pytest.raises(ValueError, match="settings of the sampling"):
+            predictor.with_sampling(**changes)
+    with pytest.raises(ValueError, match="did you mean 'eta'"):
+        predictor.with_sampling(etta=0.1)
+
+
+def test_both_branches_come_in_the_order_of_classifier_free_guidance(predictor, past):
+    """Conditional first, then unconditional; in one batch as one by one."""
+    branches = predictor.branches(past)
+    y = predictor.noise(0, range(5), 2)()
+    conditional, unconditional, attention = branches.both(y, 30, with_attention=True)
+    torch.testing.assert_close(conditional, branches.conditional(y, 30), atol=1e-5, rtol=1e-5)
+    torch.testing.assert_close(unconditional, branches.unconditional(y, 30), atol=1e-5, rtol=1e-5)
+    assert not torch.allclose(conditional, unconditional, atol=1e-3)
+    rows = predictor.transform.shape[0]
+    assert attention.shape == (5, 2, 2, 2, rows, rows)
+    other = predictor.branches(past.flip(0)).both(y, 30, with_attention=True)
+    torch.testing.assert_close(other[1], unconditional, atol=1e-5, rtol=1e-5)
+    torch.testing.assert_close(other[2], attention, atol=1e-5, rtol=1e-5)
+    assert (other[0] - conditional).abs().max() > 10 * (other[1] - unconditional).abs().max()
+
+
+def test_complete_history_puts_the_history_back(predictor, past):
+    *_, last = predictor.with_sampling(complete_history=True, wmsg="off").steps(past[:2], 2)
+    whole = predictor.representation.decode(last.y, past[:2])
+    torch.testing.assert_close(whole[:, :, :6], past[:2, None].expand(-1, 2, -1, -1), atol=1e-4, rtol=1e-3)
+
+
+def test_the_indices_are_those_of_the_settings(predictor):
+    assert len(predictor.indices()) == small().sampling.ddim_steps == 5
+    assert predictor.indices()[0] == 49 and predictor.with_sampling(spacing="leading").indices()[0] == 41
+    acts = predictor.with_sampling(tabg_steps=0.4).tabg()
+    assert [acts.acts(t) for t in predictor.indices()] == [True, True, False, False, False]

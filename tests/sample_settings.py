@@ -1,0 +1,28 @@
+"""A configuration that trains in a second, and motions for it."""
+
+from __future__ import annotations
+
+from functools import cache
+
+from mwlib.data.bodies import prepare
+from mwlib.data.sources import Split
+from mwlib.data.synthetic.script import synthetic_motions
+from mwlib.prediction.config import Config
+
+SMALL = dict(
+    fps=10.0, history=6, future=14, width=16, layers=2, heads=2, feedforward=16, dropout=0.1, attention_dropout=0.1,
+    train_steps=12, batch=8, checkpoint_every=3, ema_start=4, steps=50, ddim_steps=5, samples=3, warmup=0,
+    loss_weight="uniform",
+)  # fmt: skip
+
+
+def small(**changes) -> Config:
+    """The tiny preset, made smaller."""
+    return Config.preset("tiny", **{**SMALL, **changes})
+
+
+@cache
+def two_people() -> Split:
+    """One synthetic person to train on, another for the validation loss."""
+    motions = prepare(synthetic_motions(subjects=2), 10.0)
+    return Split(motions[:12], motions[12:], [])
