@@ -20,20 +20,21 @@ import torch
 from torch import nn
 from torch.nn import functional as F
 
-from mwlib.prediction.config import Config
-from mwlib.networks.translinear import TransLinear
 from mwlib.data.sources import split_motions
 from mwlib.diffusion.schedule import alpha_bar
-from mwlib.training.loop import train
+from mwlib.networks.translinear import TransLinear
+from mwlib.prediction.config import Config
+from mwlib.prediction.objective import PredictionObjective
+from mwlib.training import train
 
 
 class PlainStylize(nn.Module):
     """FiLM, SiLU, dropout, linear."""
 
-    def __init__(self, latent, dropout):
+    def __init__(self, width, dropout):
         super().__init__()
-        self.film, self.norm = nn.Linear(latent, 2 * latent), nn.LayerNorm(latent)
-        self.dropout, self.out = nn.Dropout(dropout), nn.Linear(latent, latent)
+        self.film, self.norm = nn.Linear(width, 2 * width), nn.LayerNorm(width)
+        self.dropout, self.out = nn.Dropout(dropout), nn.Linear(width, width)
 
     def forward(self, h, emb):
         scale, shift = torch.chunk(self.film(F.silu(emb)).unsqueeze(1), 2, dim=2)
@@ -43,14 +44,14 @@ class PlainStylize(nn.Module):
 class PlainBlock(nn.Module):
     """Self-attention with everything spelled out, then feed-forward."""
 
-    def __init__(self, latent, heads, feedforward, dropout, attention_dropout):
+    def __init__(self, width, heads, feedforward, dropout, attention_dropout):
         super().__init__()
         self.heads = heads
-        self.norms = nn.ModuleList(nn.LayerNorm(latent) for _ in range(3))
-        self.qkv = nn.ModuleList(nn.Linear(latent, latent, bias=False) for _ in range(3))
+        self.norms = nn.ModuleList(nn.LayerNorm(width) for _ in range(3))
+        self.qkv = nn.ModuleList(nn.Linear(width, width, bias=False) for _ in range(3))
         self.attention_dropout, self.dropout = nn.Dropout(attention_dropout), nn.Dropout(dropout)
-        self.up, self.down = nn.Linear(latent, feedforward), nn.Linear(feedforward, latent)
-        self.styles = nn.ModuleList(PlainStylize(latent, dropout) for _ in range(2))
+        self.up, self.down = nn.Linear(width, feedforward), nn.Linear(feedforward, width)
+        self.styles = nn.ModuleList(PlainStylize(width, dropout) for _ in range(2))
 
     def forward(self, x, emb):
         b, k, d = x.shape
@@ -64,8 +65,8 @@ class PlainBlock(nn.Module):
 def plain_network(cfg: Config, shape: tuple[int, int], attention_dropout: float) -> nn.Module:
     """TransLinear with plain blocks."""
     m = cfg.model
-    net = TransLinear(*shape, m.latent, m.layers, m.heads, m.feedforward, m.dropout, m.attention_dropout)
-    plain = (PlainBlock(m.latent, m.heads, m.feedforward, m.dropout, attention_dropout) for _ in net.blocks)
+    net = TransLinear(*shape, m.width, m.layers, m.heads, m.feedforward, m.dropout, m.attention_dropout)
+    plain = (PlainBlock(m.width, m.heads, m.feedforward, m.dropout, attention_dropout) for _ in net.blocks)
     net.blocks = nn.ModuleList(_WithoutMaps(block) for block in plain)
     return net
 
@@ -81,17 +82,17 @@ class _WithoutMaps(nn.Module):
 
 def reference_steps(cfg: Config, motions, attention_dropout: float):
     """A plain training loop; yields once a step."""
-    c, rng = cfg.training, np.random.default_rng(0)
-    clips = [m.root_relative().astype(np.float32) for m in motions if len(m) > cfg.frames]
+    c, cut, rng = cfg.training, cfg.windows, np.random.default_rng(0)
+    clips = [m.root_relative().astype(np.float32) for m in motions if len(m) > cut.frames]
     joints = clips[0].shape[1] // 3
 
     def sample():
         clip = clips[rng.integers(len(clips))]
-        start = rng.integers(len(clip) - cfg.frames)
-        window = clip[start : start + cfg.frames].reshape(cfg.frames, joints, 3)
+        start = rng.integers(len(clip) - cut.frames)
+        window = clip[start : start + cut.frames].reshape(cut.frames, joints, 3)
         angle = rng.uniform(0, 2 * np.pi)
         turn = np.array([[np.cos(angle), -np.sin(angle), 0], [np.sin(angle), np.cos(angle), 0], [0, 0, 1]])
-        return (window @ turn.T).reshape(cfg.frames, -1)
+        return (window @ turn.T).reshape(cut.frames, -1)
 
     def dwt(x):
         aa, (da, ad, dd) = pywt.dwt2(x, cfg.model.wavelet, cfg.model.mode)
@@ -105,13 +106,13 @@ def reference_steps(cfg: Config, motions, attention_dropout: float):
     a_bar = alpha_bar(cfg.diffusion.schedule, cfg.diffusion.steps).float()
     while True:
         x = np.stack([sample() for _ in range(c.batch)])
-        history = x[:, : cfg.data.history]
-        padded = np.concatenate([history, np.repeat(history[:, -1:], cfg.data.future, axis=1)], axis=1)
+        history = x[:, : cut.history]
+        padded = np.concatenate([history, np.repeat(history[:, -1:], cut.future, axis=1)], axis=1)
         y, condition = ((dwt(v) - mean) / deviation for v in (x, padded))
         t = torch.randint(1, cfg.diffusion.steps, (c.batch,))
         eps, a = torch.randn_like(y), a_bar[t].view(-1, 1, 1)
         out = net(a.sqrt() * y + (1 - a).sqrt() * eps, t, condition)
-        loss = F.mse_loss(out, y if cfg.diffusion.prediction == "x0" else eps)
+        loss = F.mse_loss(out, y if cfg.diffusion.prediction == "y0" else eps)
         optimiser.zero_grad()
         loss.backward()
         optimiser.step()
@@ -130,9 +131,9 @@ def main() -> None:
     args = parser.parse_args()
     torch.set_num_threads(args.threads)
     cfg = Config.preset(args.preset)
-    motions = split_motions(cfg).train
+    motions = split_motions(cfg.data).train
     loops = {
-        "mwlib": train(cfg, motions),
+        "mwlib": train(lambda learnt: PredictionObjective(cfg, motions, learnt=learnt), cfg.training),
         "reference": reference_steps(cfg, motions, cfg.model.dropout),
         "reference, no attention dropout": reference_steps(cfg, motions, cfg.model.attention_dropout),
     }

@@ -8,8 +8,6 @@ Tensors flow one way: `Motion`, windows x, coefficients y, network and sampler, 
 torch.Size([40, 48])
 """
 
-__version__ = "0.2.0"  # first: results carry it
-
 from mwlib import metrics, plots
 from mwlib.body.motion import Motion
 from mwlib.body.skeleton import Skeleton
@@ -18,8 +16,9 @@ from mwlib.data.formats.bvh_writing import write_bvh
 from mwlib.experiments import get_model, get_run, load_run
 from mwlib.prediction.config import Config
 from mwlib.transforms import DCTTransform, PhaseTransform, WaveletTransform
+from mwlib.version import __version__
 
 __all__ = [
     "Config", "DCTTransform", "Motion", "MotionFormatError", "PhaseTransform", "Skeleton", "WaveletTransform", "Windows",
-    "get_model", "get_run", "load_motions", "load_run", "metrics", "plots", "windows", "write_bvh",
+    "get_model", "get_run", "load_motions", "load_run", "metrics", "plots", "windows", "write_bvh", "__version__",
 ]  # fmt: skip

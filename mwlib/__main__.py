@@ -5,11 +5,11 @@ from __future__ import annotations
 import argparse
 import sys
 
-from mwlib import __version__
 from mwlib.course import commands as course_commands
 from mwlib.data import commands as data_commands
 from mwlib.experiments import commands as experiment_commands
 from mwlib.experiments import run_commands
+from mwlib.version import __version__
 
 # Each room brings its own commands: add_parser(subparsers) registers them, and each sets `run`: arguments -> exit status.
 ROOMS = (data_commands, experiment_commands, run_commands, course_commands)

@@ -11,13 +11,13 @@ from pathlib import Path
 
 import yaml
 
-from mwlib import __version__
 from mwlib.course.files import NOTEBOOKS, course, find_notebook
 from mwlib.course.manifest import MANIFEST
 from mwlib.course.parameters import ParameterError, from_text, read_parameters
 from mwlib.course.working_copy import lay_out, told
 from mwlib.experiments.commands import chosen_grid, given_changes, grid_options
 from mwlib.material import PACKAGED, home
+from mwlib.version import __version__
 
 
 def add_parser(subparsers: _SubParsersAction) -> None:

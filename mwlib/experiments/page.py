@@ -9,11 +9,11 @@ from typing import Any
 
 from matplotlib.figure import Figure
 
-from mwlib import __version__
 from mwlib.data.known import acknowledgement
 from mwlib.experiments.store import RESULT, parameters_hash, write_result
 from mwlib.plots.save import as_csv, origin, save, save_table, show
 from mwlib.plots.tables import results_table
+from mwlib.version import __version__
 
 Row = Mapping[str, object]
 

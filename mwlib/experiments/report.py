@@ -10,13 +10,14 @@ from typing import Any
 import torch
 from torch import Tensor
 
-from mwlib import __version__, plots
+from mwlib import plots
 from mwlib.data.known import acknowledgement
 from mwlib.data.sources import Split
 from mwlib.experiments.runs import get_model, get_run
 from mwlib.prediction.config import Config
 from mwlib.prediction.evaluation import baseline, test_windows
 from mwlib.training import CURVES
+from mwlib.version import __version__
 
 
 def provenance(cfg: Config, split: Split) -> dict[str, Any]:

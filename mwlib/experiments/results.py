@@ -9,13 +9,13 @@ from typing import Any
 
 import torch
 
-from mwlib import __version__
 from mwlib.experiments.runs import get_model, get_run
 from mwlib.experiments.store import locked, runs_folder
 from mwlib.experiments.systems import Data, system_of
 from mwlib.files import write_json
 from mwlib.settings import Settings
 from mwlib.training import read_outcome
+from mwlib.version import __version__
 
 
 def result_file(cfg: Settings, data: Data) -> Path:

@@ -11,12 +11,12 @@ from typing import Any
 
 from tqdm import tqdm
 
-from mwlib import __version__
 from mwlib.experiments.store import locked, read_result, runs_folder, write_result
 from mwlib.experiments.systems import Data, read_config, system_of
 from mwlib.files import sweep, write_atomic
 from mwlib.settings import Settings, digest
 from mwlib.training import TrainingStep, read_model, read_outcome, train
+from mwlib.version import __version__
 
 CONFIG = "config.yaml"
 

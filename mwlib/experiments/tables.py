@@ -10,7 +10,6 @@ from typing import Any
 
 import torch
 
-from mwlib import __version__
 from mwlib.data.known import acknowledgement
 from mwlib.experiments.grids import Grid, changes, row_config
 from mwlib.experiments.results import get_result
@@ -18,6 +17,7 @@ from mwlib.experiments.systems import Data, system
 from mwlib.material import course_folder
 from mwlib.metrics import Column
 from mwlib.settings import Settings
+from mwlib.version import __version__
 
 
 def measure(
