@@ -58,6 +58,7 @@ def finished(tmp_path_factory) -> Path:
     return folder
 
 
+@pytest.hookimpl(tryfirst=True)  # before the workers read the groups
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Parallel workers take a file each; notebooks that run anew count as files, and come first, as they take longest."""
 
