@@ -58,14 +58,6 @@ def finished(tmp_path_factory) -> Path:
     return folder
 
 
-@pytest.hookimpl(tryfirst=True)  # before the workers read the groups
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Parallel workers take a file each; notebooks that run anew count as files, and come first, as they take longest."""
-
-    def group(item: pytest.Item) -> str:
-        file = item.path.name
-        return item.name if file == "test_figures.py" else str(item.path)
-
-    for item in items:
-        item.add_marker(pytest.mark.xdist_group(group(item)))
+    """Notebooks that run anew come first, then those that are compared: parallel workers take whole files, long ones early."""
     items.sort(key=lambda item: (item.path.name != "test_figures.py", item.path.suffix != ".ipynb"))

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
-from functools import cache
 
 import numpy as np
 import torch
@@ -37,25 +35,15 @@ class WindowNoise:
     def __call__(self) -> Float[Tensor, "N *item"]:
         """The next draw."""
         draws = torch.empty(len(self.generators), *self.shape)
-        parts = min(torch.get_num_threads(), len(draws))
-        others = [_helpers().submit(self._fill, draws, k, parts, torch.is_inference_mode_enabled()) for k in range(1, parts)]
-        self._fill(draws, 0, parts, torch.is_inference_mode_enabled())
-        for other in others:
-            other.result()
-        return draws.to(self.device)
+        threads, mode = min(torch.get_num_threads(), len(draws)), torch.is_inference_mode_enabled()
 
-    def _fill(self, draws: Tensor, first: int, parts: int, mode: bool) -> None:
-        """Every `parts`-th window's draw, from the first; torch lets the other threads draw at the same time."""
-        with torch.inference_mode(mode):  # a thread does not inherit it
-            for row, generator in zip(draws[first::parts], self.generators[first::parts], strict=True):
+        def fill(row: Tensor, generator: torch.Generator) -> None:
+            with torch.inference_mode(mode):  # a thread does not inherit it
                 row.normal_(generator=generator)
 
-
-@cache
-def _helpers() -> ThreadPoolExecutor:
-    """Threads that stay, as starting one costs as much as it saves."""
-    return ThreadPoolExecutor(max(1, torch.get_num_threads() - 1), "window noise")
-
-
-if hasattr(os, "register_at_fork"):
-    os.register_at_fork(after_in_child=_helpers.cache_clear)
+        if threads < 2:
+            list(map(fill, draws, self.generators))
+        else:  # one stream is drawn by one thread; torch itself never shares a draw out
+            with ThreadPoolExecutor(threads) as pool:
+                list(pool.map(fill, draws, self.generators))
+        return draws.to(self.device)

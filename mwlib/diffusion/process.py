@@ -21,8 +21,7 @@ def _like(a: Tensor, like: Tensor) -> Tensor:
 
 def _onto(y: Tensor, part: Tensor) -> Tensor:
     """y + part, for a part that nobody else needs: in its memory where the sum fits, as new memory costs more than the sum."""
-    fits = part.dtype == y.dtype and part.shape == torch.broadcast_shapes(part.shape, y.shape)
-    return part.add_(y) if fits else y + part
+    return part.add_(y) if part.shape == y.shape and part.dtype == y.dtype else y + part
 
 
 def noised(

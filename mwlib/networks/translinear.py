@@ -160,21 +160,17 @@ class TransLinear(nn.Module):
         self,
         y_t: Float[Tensor, "B rows columns"],
         t: Int[Tensor, " B"] | int,
-        added: Float[Tensor, "P width"] | None,
+        added: Float[Tensor, "B width"] | None,
         attention_rows: int = 0,
-    ) -> tuple[Float[Tensor, "P rows columns"], Tensor | None]:
+    ) -> tuple[Float[Tensor, "B rows columns"], Tensor | None]:
         """Forward pass with the condition already embedded (zeros = unconditional).
 
-        With more conditions than items, a multiple P of B, all items are evaluated with the first B, then with the next.
         Attention (attention_rows, 2, heads, rows, rows) of the middle two blocks is worked out for the first
         `attention_rows` items only; everywhere else fused attention keeps it implicit.
         """
         emb = self.embed_time(t)
-        emb = emb if added is None else emb + added
+        emb = (emb if added is None else emb + added).expand(len(y_t), -1)
         h = self.enter(y_t) + self.position
-        if len(emb) > len(h):
-            h = h.repeat(len(emb) // len(h), 1, 1)
-        emb = emb.expand(len(h), -1)
         half, skips, maps = len(self.blocks) // 2, [], []
         for i, block in enumerate(self.blocks):
             if i < half:

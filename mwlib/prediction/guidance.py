@@ -97,7 +97,7 @@ class TABG:
             added = (spread + noise) * draw()
         else:
             added = spread * draw() + noise * eps
-        return torch.where(mask, added.add_(y_t - noise * eps), y_t)
+        return torch.where(mask, (y_t - noise * eps).add_(added), y_t)
 
 
 def guided(

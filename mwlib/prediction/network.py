@@ -35,26 +35,27 @@ class NetworkBranches:
     alpha_bar: Tensor
     prediction: str
 
-    def _evaluate(self, y: Tensor, t: int, added: Tensor | None) -> Tensor:
-        output, _ = self.net.evaluate(y.flatten(0, 1), t, added)
-        return to_eps(self.prediction, output.reshape(y.shape), y, self.alpha_bar[t])
+    def _evaluate(self, y: Tensor, t: int, added: Tensor | None, attention_rows: int = 0) -> tuple[Tensor, Tensor | None]:
+        items = y.flatten(0, -3)
+        output, attention = self.net.evaluate(items, t, added, attention_rows)
+        return to_eps(self.prediction, output, items, self.alpha_bar[t]), attention
 
     def _conditions(self, y: Tensor) -> Tensor:
         return self.added.expand(*y.shape[:2], -1).flatten(0, 1)
 
     def conditional(self, y: Float[Tensor, "N S rows columns"], t: int) -> Float[Tensor, "N S rows columns"]:
         """eps_theta(y, y_pad, t)."""
-        return self._evaluate(y, t, self._conditions(y))
+        return self._evaluate(y, t, self._conditions(y))[0].reshape(y.shape)
 
     def unconditional(self, y: Float[Tensor, "N S rows columns"], t: int) -> Float[Tensor, "N S rows columns"]:
         """eps_theta(y, t)."""
-        return self._evaluate(y, t, None)
+        return self._evaluate(y, t, None)[0].reshape(y.shape)
 
     def both(self, y: Float[Tensor, "N S rows columns"], t: int, with_attention: bool) -> tuple[Tensor, Tensor, Tensor | None]:
         """Conditional and unconditional estimate in one batch; attention (N, S, 2, heads, rows, rows) of the latter."""
         conditions = self._conditions(y)  # (N S, width)
         added = torch.cat([torch.zeros_like(conditions), conditions])
-        output, attention = self.net.evaluate(y.flatten(0, 1), t, added, len(conditions) if with_attention else 0)
-        unconditional, conditional = to_eps(self.prediction, output.unflatten(0, (2, *y.shape[:2])), y, self.alpha_bar[t])
-        attention = None if attention is None else attention.unflatten(0, y.shape[:2])
-        return conditional, unconditional, attention
+        count = len(conditions)
+        eps, attention = self._evaluate(torch.cat([y, y]), t, added, count if with_attention else 0)
+        attention = None if attention is None else attention.reshape(*y.shape[:2], *attention.shape[1:])
+        return eps[count:].reshape(y.shape), eps[:count].reshape(y.shape), attention
