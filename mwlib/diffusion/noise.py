@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import torch
@@ -35,15 +34,6 @@ class WindowNoise:
     def __call__(self) -> Float[Tensor, "N *item"]:
         """The next draw."""
         draws = torch.empty(len(self.generators), *self.shape)
-        threads, mode = min(torch.get_num_threads(), len(draws)), torch.is_inference_mode_enabled()
-
-        def fill(row: Tensor, generator: torch.Generator) -> None:
-            with torch.inference_mode(mode):  # a thread does not inherit it
-                row.normal_(generator=generator)
-
-        if threads < 2:
-            list(map(fill, draws, self.generators))
-        else:  # one stream is drawn by one thread; torch itself never shares a draw out
-            with ThreadPoolExecutor(threads) as pool:
-                list(pool.map(fill, draws, self.generators))
+        for row, generator in zip(draws, self.generators, strict=True):
+            row.normal_(generator=generator)
         return draws.to(self.device)

@@ -19,11 +19,6 @@ def _like(a: Tensor, like: Tensor) -> Tensor:
     return a.to(like.dtype).to(like.device)
 
 
-def _onto(y: Tensor, part: Tensor) -> Tensor:
-    """y + part, for a part that nobody else needs: in its memory where the sum fits, as new memory costs more than the sum."""
-    return part.add_(y) if part.shape == y.shape and part.dtype == y.dtype else y + part
-
-
 def noised(
     y: Float[Tensor, "... rows columns"], eps: Float[Tensor, "... rows columns"], alpha_bar_t: Tensor | float
 ) -> Float[Tensor, "... rows columns"]:
@@ -72,7 +67,7 @@ def to_eps(prediction: str, output: Tensor, y_t: Tensor, alpha_bar_t: Tensor | f
         return output
     signal, noise = _signal_noise(alpha_bar_t, y_t)
     if prediction == "y0":
-        return _onto(y_t, -signal * output).div_(noise)
+        return (y_t - signal * output) / noise
     if prediction == "v":
         return signal * output + noise * y_t
     raise ValueError(f"prediction is {prediction!r}; expected 'eps', 'y0' or 'v'")
@@ -86,7 +81,7 @@ def y0_hat_of(y_t: Tensor, eps: Tensor, alpha_bar_t: Tensor | float) -> Tensor:
     True
     """
     signal, noise = _signal_noise(alpha_bar_t, y_t)
-    return _onto(y_t, -noise * eps).div_(signal)
+    return (y_t - noise * eps) / signal
 
 
 def eps_of(y_t: Tensor, y0_hat: Tensor, alpha_bar_t: Tensor | float) -> Tensor:

@@ -90,14 +90,14 @@ class TABG:
         """
         mask = attention_mask(temporal_attention(attention), self.threshold, self.window)
         noise = (1 - alpha_bar_t) ** 0.5
-        spread = self.sigma if self.sigma_place == "alg1" else alpha_bar_t**0.5 * self.sigma
+        deviation = self.sigma if self.sigma_place == "alg1" else alpha_bar_t**0.5 * self.sigma
         if self.noise == "independent":
-            added = (spread**2 + noise**2) ** 0.5 * draw()
+            added = (deviation**2 + noise**2) ** 0.5 * draw()
         elif self.noise == "shared":
-            added = (spread + noise) * draw()
+            added = (deviation + noise) * draw()
         else:
-            added = spread * draw() + noise * eps
-        return torch.where(mask, (y_t - noise * eps).add_(added), y_t)
+            added = deviation * draw() + noise * eps
+        return torch.where(mask, y_t - noise * eps + added, y_t)
 
 
 def guided(
@@ -139,8 +139,8 @@ def guided(
             y_hat = acting.degraded(y, eps, attention, float(alpha_bar[t]), draw)
             degraded = branches.unconditional(y_hat, t)
             if acting.space == "y0_hat":  # the noise that leads from the degraded branch's clean estimate to y
-                degraded = (y - y_hat).div_((1 - float(alpha_bar[t])) ** 0.5).add_(degraded)
-            eps = (degraded - eps).mul_(acting.scale).add_(eps)  # Eq. 11
+                degraded = degraded + (y - y_hat) / (1 - float(alpha_bar[t])) ** 0.5
+            eps = eps + acting.scale * (degraded - eps)  # Eq. 11
         return classifier_free(conditional, eps, weight, form)
 
     return denoise
