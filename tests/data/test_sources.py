@@ -63,3 +63,11 @@ def test_fingerprint_sees_every_frame():
     renamed = replace(H36M17, joints=("pelvis", *H36M17.joints[1:]))
     assert fingerprint(motions) != fingerprint([replace(motions[0], skeleton=renamed), *motions[1:]])
     assert Split(motions, others, []).fingerprints() == (fingerprint(motions), fingerprint([]))
+
+
+def test_nobody_stands_in_two_lists(monkeypatch):
+    people = [clip(s) for s in "ABCDEFGH" for _ in range(2)]
+    with pytest.raises(ValueError, match=r"\['B'\] stand in .* and in .*; expected every subject in one list"):
+        split_of(monkeypatch, people, train_subjects=["A", "B"], test_subjects=["B"])
+    split = split_of(monkeypatch, people, train_subjects=["E", "F", "H"])
+    assert not {m.subject for m in split.train} & {m.subject for m in split.test}
