@@ -37,8 +37,7 @@ test: $(READY) ## lint, types, unit tests, and every notebook executed and compa
 	$(RUN) -m ruff format --check .
 	$(RUN) -m basedpyright
 	@rm -rf build/test-runs
-	MW_STATIC=1 SOURCE_DATE_EPOCH=0 MWLIB_RUNS=$(CURDIR)/build/test-runs $(RUN) -m pytest -n 2 --dist loadfile --no-loadscope-reorder \
-		--nbval-lax --nbval-current-env --nbval-cell-timeout=300 --nbval-kernel-startup-timeout=120 --ignore=tests/blender notebooks tests
+	MW_STATIC=1 SOURCE_DATE_EPOCH=0 MWLIB_RUNS=$(CURDIR)/build/test-runs $(RUN) -m pytest -n 2 --dist loadfile --no-loadscope-reorder --ignore=tests/blender tests
 
 types: $(READY) ## check the library's types
 	$(RUN) -m basedpyright

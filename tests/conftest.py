@@ -11,9 +11,11 @@ import matplotlib
 import pytest
 import torch
 from beartype import BeartypeConf, beartype
+from xdist.scheduler import LoadFileScheduling
 
 # Shapes in annotations are checked here, never at run time. Settings have no shapes, and checks of their own.
 ROOT = Path(__file__).parents[1]
+NOTEBOOK_RUNS = "test_figures.py"
 ROOMS = "body transforms networks diffusion metrics training prediction".split()
 FILES = [file for room in ROOMS for file in (ROOT / "mwlib" / room).glob("*.py") if file.stem not in ("__init__", "config")]
 checker = beartype(conf=BeartypeConf(is_pep484_tower=True))  # 25 is a float, too
@@ -59,5 +61,18 @@ def finished(tmp_path_factory) -> Path:
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Notebooks that run anew come first, then those that are compared: parallel workers take whole files, long ones early."""
-    items.sort(key=lambda item: (item.path.name != "test_figures.py", item.path.suffix != ".ipynb"))
+    """The notebooks, which take longest, come first."""
+    items.sort(key=lambda item: item.path.name != NOTEBOOK_RUNS)
+
+
+class ByFile(LoadFileScheduling):
+    """Parallel workers take whole files, for the sake of their fixtures; of the notebooks' runs one at a time."""
+
+    def _split_scope(self, nodeid: str) -> str:
+        return nodeid if NOTEBOOK_RUNS in nodeid else super()._split_scope(nodeid)
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_make_scheduler(config: pytest.Config, log: object) -> ByFile:
+    """What pytest-xdist asks."""
+    return ByFile(config, log)

@@ -25,7 +25,7 @@ from mwlib.data import load_motions, windows
 from mwlib.data.sources import split_motions
 from mwlib.experiments import load_run, train_run
 from mwlib.prediction import baselines
-from mwlib.prediction.config import Config
+from mwlib.prediction.config import Config, EvaluationConfig
 from mwlib.prediction.control import controlled, feathered, frame_mask, joint_mask
 from mwlib.prediction.evaluation import score
 from mwlib.transforms import DCTTransform, WaveletTransform, fit_scale
@@ -143,7 +143,7 @@ def control() -> Iterator[tuple[str, Tensor]]:
 def evaluation() -> Iterator[tuple[str, Tensor]]:
     """Metrics of a predictor, and baselines."""
     (_, predictor), w = trained("displacement"), cut()
-    found = score(lambda past, ids: predictor.predict(past, 4, 0, window_ids=ids), w.thin(20), w, 0.5)
+    found = score(lambda past, ids: predictor.predict(past, 4, 0, window_ids=ids), w.thin(20), w, EvaluationConfig())
     for kind in ("mean", "standard_error"):
         yield f"metrics/{kind}", torch.tensor([found[kind][name] for name in sorted(found[kind])], dtype=torch.float64)
     yield "metrics/cmd", torch.tensor([found["cmd"]], dtype=torch.float64)

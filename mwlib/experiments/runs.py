@@ -9,6 +9,8 @@ from contextlib import nullcontext
 from pathlib import Path
 from typing import Any
 
+from accelerate.state import PartialState
+from accelerate.utils import broadcast_object_list
 from tqdm import tqdm
 
 from mwlib.experiments.store import locked, read_result, runs_folder, write_result
@@ -19,6 +21,7 @@ from mwlib.training import TrainingStep, read_model, read_outcome, train
 from mwlib.version import __version__
 
 CONFIG = "config.yaml"
+PATIENCE = 60.0  # seconds after which waiting processes tell each other that they still wait, lest their connection expires
 
 
 def run_path(cfg: Settings, data: Data) -> Path:
@@ -39,13 +42,31 @@ def get_run(cfg: Settings, data: Data | None = None, progress: bool = False) -> 
     """
     data = data or system_of(cfg).load_data(cfg)
     folder = run_path(cfg, data)
-    if read_result(folder, cfg.training_hash()) is None:
-        # of the processes that `accelerate launch` started, the first holds the lock for all
-        with locked(folder / ".lock") if _rank() == 0 else nullcontext():
-            if read_result(folder, cfg.training_hash()) is None:
-                sweep(folder)
+    said = _agreed(_state(cfg, folder, mine=False))
+    while said == "wait":
+        # of the processes that `accelerate launch` started, the first holds the lock for all, and tells them what it found
+        with locked(folder / ".lock", PATIENCE) if _rank() == 0 else nullcontext(True) as mine:
+            said = _agreed(_state(cfg, folder, mine))
+            if said == "train":
                 _train_to_end(cfg, data, folder, progress)
+                _agreed("done")  # nobody goes on before the result is written
     return folder
+
+
+def _state(cfg: Settings, folder: Path, mine: bool) -> str:
+    """ "done", or what there is to do: "train" for the holder of the lock, "wait" for others."""
+    done = read_result(folder, cfg.training_hash()) is not None
+    return "done" if done else "train" if mine else "wait"
+
+
+def _agreed(said: str) -> str:
+    """What the first of several processes says; alone, what this one says."""
+    if int(os.environ.get("WORLD_SIZE", "1")) == 1:
+        return said
+    PartialState()  # joins the processes
+    words = [said]
+    broadcast_object_list(words)
+    return words[0]
 
 
 def train_run(cfg: Settings, data: Data, folder: Path) -> Iterator[TrainingStep]:
@@ -67,6 +88,8 @@ def train_run(cfg: Settings, data: Data, folder: Path) -> Iterator[TrainingStep]
 
 def _train_to_end(cfg: Settings, data: Data, folder: Path, progress: bool) -> None:
     hidden = not progress or _rank() > 0
+    if _rank() == 0:
+        sweep(folder)
     with tqdm(total=cfg.get("train_steps"), desc="training", disable=hidden, file=sys.stderr) as bar:
         for last in train_run(cfg, data, folder):
             bar.update(last.step - bar.n)

@@ -10,7 +10,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from filelock import FileLock
+from filelock import FileLock, Timeout
 
 from mwlib.files import write_json
 from mwlib.material import home
@@ -49,14 +49,29 @@ def parameters_hash(parameters: Mapping[str, Any]) -> str:
 
 
 @contextmanager
-def locked(file: Path) -> Iterator[None]:
+def locked(file: Path, patience: float = -1) -> Iterator[bool]:
     """One process at a time, the others wait; the lock dies with its holder, however it dies.
 
     It is for making something: whoever finds it finished reads it without the lock, and needs no leave to write.
+
+    Args:
+        file: the lock.
+        patience: seconds to wait; -1 = for ever.
+
+    Returns:
+        Whether the lock is held; False only when patience ran out.
 
     Raises:
         PermissionError: the folder cannot be written to.
     """
     file.parent.mkdir(parents=True, exist_ok=True)
-    with FileLock(file):
-        yield
+    lock = FileLock(file)
+    try:
+        lock.acquire(timeout=patience)
+    except Timeout:
+        yield False
+        return
+    try:
+        yield True
+    finally:
+        lock.release()

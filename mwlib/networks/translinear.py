@@ -108,6 +108,7 @@ class TransLinear(nn.Module):
         self.position = nn.Parameter(torch.randn(rows, width))
         attention_dropout = dropout if attention_dropout is None else attention_dropout
         self.blocks = nn.ModuleList(Block(width, heads, feedforward, dropout, attention_dropout) for _ in range(layers))
+        self.sizes = (heads, feedforward)
         self.leave = _zero_linear(width, columns)
 
     def forward(
@@ -181,3 +182,8 @@ class TransLinear(nn.Module):
             if i >= half:
                 h = h + skips.pop()
         return self.leave(h), torch.stack(maps, dim=1) if maps else None
+
+    def numbers_per_token(self) -> int:
+        """Most numbers that sampling holds for one token, counted generously: skips, a block's inside, attention maps."""
+        heads, feedforward = self.sizes
+        return self.width * (len(self.blocks) // 2 + 12) + 2 * feedforward + 4 * heads * self.rows

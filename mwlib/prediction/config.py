@@ -9,9 +9,14 @@ import pywt
 
 from mwlib.data.sources import SourceConfig
 from mwlib.diffusion.config import DiffusionConfig
+from mwlib.diffusion.schedule import alpha_bar, ddim_indices
+from mwlib.metrics.table import MM_SINGLETONS
+from mwlib.networks.precision import Precision
 from mwlib.prediction.presets import PRESETS, RENAMED
 from mwlib.settings import BelowOne, Count, Natural, NotNegative, OneOf, Positive, Settings, Share
 from mwlib.training.config import TrainingConfig
+
+MOST_SIGNAL = 0.15  # alpha_bar where sampling starts from noise; 20 leading steps of the cosine schedule start at 0.006
 
 
 @dataclass(frozen=True)
@@ -20,7 +25,7 @@ class WindowConfig:
 
     history: Count = 25  # H, observed frames
     future: Count = 100  # F, predicted frames
-    train_stride: Count = 5  # frames between the starts of the training windows that statistics and baselines use
+    train_stride: Count = 5  # frames between the starts of the training windows that baselines know
     test_stride: Count = 25  # frames between the starts of the test windows
     test_windows: Natural = 0  # evaluate this many windows, spread evenly; 0 = all
     window_sampling: Literal["uniform", "subject_action"] = "uniform"  # every window alike, or as DLow and HumanMAC draw
@@ -87,11 +92,21 @@ class SamplingConfig:
     bound: NotNegative = 0.0  # metres: clamp the clean estimate in motion space; 0 = off
     complete_history: bool = False  # HumanMAC's mask completion
     sampling_seed: Natural = 0  # of the noise
+    precision: Precision = "float32"  # of the network's products while sampling; "tf32", "bf16": faster on graphics cards
+    noise_on: Literal["cpu", "device"] = "cpu"  # where noise is drawn: a seed means the same everywhere, or is faster
+
+
+@dataclass(frozen=True)
+class EvaluationConfig:
+    """How predictions are scored."""
+
+    mm_threshold: Positive = 0.5  # metres between last observed poses: closer windows share their futures (DLow, on Human3.6M)
+    mm_singletons: Annotated[str, OneOf(MM_SINGLETONS)] = "keep"  # windows that are close to no other, see MetricTable
 
 
 @dataclass(frozen=True)
 class Config(Settings):
-    """Everything that a run of MotionWavelet depends on, in seven groups whose field names are unique across groups.
+    """Everything that a run of MotionWavelet depends on, in eight groups whose field names are unique across groups.
 
     >>> cfg = Config.preset("tiny", guidance_weight=0.5)
     >>> cfg.windows.frames, cfg.sampling.guidance_weight
@@ -104,7 +119,9 @@ class Config(Settings):
     system: ClassVar[str] = "prediction"
     presets = PRESETS
     renamed = RENAMED
-    after_training: ClassVar[frozenset[str]] = frozenset({"sampling", "test_stride", "test_windows", "checkpoint_every"})
+    after_training: ClassVar[frozenset[str]] = frozenset(
+        {"sampling", "evaluation", "test_stride", "test_windows", "checkpoint_every"}
+    )
 
     data: SourceConfig = field(default_factory=SourceConfig)
     windows: WindowConfig = field(default_factory=WindowConfig)
@@ -113,6 +130,7 @@ class Config(Settings):
     objective: ObjectiveConfig = field(default_factory=ObjectiveConfig)
     training: TrainingConfig = field(default_factory=TrainingConfig)
     sampling: SamplingConfig = field(default_factory=SamplingConfig)
+    evaluation: EvaluationConfig = field(default_factory=EvaluationConfig)
 
     @classmethod
     def preset(cls, name: str, **changes: Any) -> Self:
@@ -139,5 +157,24 @@ class Config(Settings):
             raise ValueError(f"tabg_window is {s.tabg_window}; expected an odd number")
         if s.ddim_steps >= self.diffusion.steps:
             raise ValueError(f"ddim_steps is {s.ddim_steps}; expected fewer than steps ({self.diffusion.steps})")
+        self._check_indices()
+        if m.transform == "phase" and s.wmsg == "every_step":
+            raise ValueError(
+                "wmsg is 'every_step' with phase codes; expected 'off' or 'y0_hat': the autoencoder would take the noise away"
+            )
         if m.transform == "dct" and m.dct_rows > self.windows.frames:
             raise ValueError(f"dct_rows is {m.dct_rows}; expected at most history + future ({self.windows.frames})")
+
+    def _check_indices(self) -> None:
+        """Refuse diffusion indices that no network was trained on, and a start that is not yet noise."""
+        s, d = self.sampling, self.diffusion
+        indices = ddim_indices(d.steps, s.ddim_steps, s.spacing)
+        if indices[-1] == 0:
+            most = 2 * d.steps // 3
+            raise ValueError(f"ddim_steps is {s.ddim_steps} of {d.steps}, which reaches t = 0; expected at most {most}")
+        signal = float(alpha_bar(d.schedule, d.steps)[indices[0]])
+        if signal > MOST_SIGNAL:
+            raise ValueError(
+                f"ddim_steps is {s.ddim_steps} of {d.steps}, spacing {s.spacing}: sampling would start from noise at t = "
+                f"{indices[0]}, where alpha_bar is {signal:.2f}; expected at most {MOST_SIGNAL:g}, as with spacing=trailing"
+            )

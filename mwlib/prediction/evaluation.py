@@ -12,8 +12,8 @@ from mwlib.data.sources import Split
 from mwlib.data.windowing import Windows, windows
 from mwlib.metrics import Column, MetricTable, multimodal_futures
 from mwlib.prediction import baselines
-from mwlib.prediction.config import Config, SamplingConfig, WindowConfig
-from mwlib.prediction.predictor import Predictor
+from mwlib.prediction.config import Config, EvaluationConfig, SamplingConfig, WindowConfig
+from mwlib.prediction.predictor import CHUNK, Predictor
 
 METRICS = {  # the columns of every table
     "apd": Column("APD"),
@@ -23,7 +23,6 @@ METRICS = {  # the columns of every table
     "mmfde": Column("MMFDE", "lower"),
     "bone_length_jitter": Column("bone jitter (mm)", scale=1000.0),
 }
-MULTIMODAL_THRESHOLD = 0.5  # metres, between last observed poses (DLow, on Human3.6M)
 
 Predict = Callable[[Tensor, list[int]], Tensor]  # histories (n, H, C), window numbers -> futures (n, S, F, C)
 
@@ -52,30 +51,41 @@ def trained(predictor: Predictor, sampling: SamplingConfig) -> Predict:
     return lambda x_history, ids: predictor.predict(x_history, sampling.samples, sampling.sampling_seed, window_ids=ids)
 
 
-def make_predict(cfg: Config, get_model: Callable[[], Predictor], split: Split) -> Predict:
-    """What `method` names: the trained model, which is asked for only here, or a baseline."""
-    return trained(get_model(), cfg.sampling) if cfg.sampling.method == "diffusion" else baseline(cfg, split)
+def make_predict(cfg: Config, get_model: Callable[[], Predictor], split: Split) -> tuple[Predict, int]:
+    """What `method` names, the trained model (asked for only here) or a baseline; and how many windows it should be given."""
+    if cfg.sampling.method != "diffusion":
+        return baseline(cfg, split), CHUNK
+    model = get_model()
+    return trained(model, cfg.sampling), model.chunk(cfg.sampling.samples)
 
 
-def score(predict: Predict, test: Windows, all_test: Windows, threshold: float, progress: str | None = None) -> dict[str, Any]:
+def score(
+    predict: Predict,
+    test: Windows,
+    all_test: Windows,
+    options: EvaluationConfig,
+    progress: str | None = None,
+    chunk: int = CHUNK,
+) -> dict[str, Any]:
     """Metrics of one predictor over the test windows, streamed in chunks.
 
     Args:
         predict: (histories, window numbers) -> (n, S, F, C).
         test: the windows that are evaluated.
         all_test: every test window; multimodal sets are drawn from all of them.
-        threshold: of the multimodal sets, metres.
+        options: which windows share their futures.
         progress: label of a bar; None shows none.
+        chunk: windows that `predict` is given at a time.
 
     Returns:
         `MetricTable.summary`.
     """
     number = {(c, s): i for i, (c, s) in enumerate(zip(all_test.clip.tolist(), all_test.start.tolist(), strict=True))}
     ids = [number[key] for key in zip(test.clip.tolist(), test.start.tolist(), strict=True)]
-    sets = multimodal_futures(all_test.x_history[:, -1], all_test.x_future, threshold)
-    table = MetricTable(sets, all_test.actions, all_test.motions[0].skeleton)
-    for first in tqdm(range(0, len(test), 8), desc=progress, disable=progress is None, leave=False):
-        part = slice(first, first + 8)
+    sets = multimodal_futures(all_test.x_history[:, -1], all_test.x_future, options.mm_threshold)
+    table = MetricTable(sets, all_test.actions, all_test.motions[0].skeleton, mm_singletons=options.mm_singletons)
+    for first in tqdm(range(0, len(test), chunk), desc=progress, disable=progress is None, leave=False):
+        part = slice(first, first + chunk)
         table.update(predict(test.x_history[part], ids[part]), test.x_future[part], ids[part])
     return table.summary()
 
@@ -94,7 +104,7 @@ def evaluate(cfg: Config, get_model: Callable[[], Predictor], split: Split, prog
     """
     every = test_windows(split, cfg.windows)
     test = every.thin(cfg.windows.test_windows)
-    predict = make_predict(cfg, get_model, split)
-    found = score(predict, test, every, MULTIMODAL_THRESHOLD, cfg.sampling.method if progress else None)
+    predict, chunk = make_predict(cfg, get_model, split)
+    found = score(predict, test, every, cfg.evaluation, cfg.sampling.method if progress else None, chunk)
     actions = {action: row["mean"] for action, row in found["actions"].items()}
     return {**{k: found[k] for k in ("mean", "standard_error", "cmd")}, "windows": len(test), "actions": actions}

@@ -10,6 +10,7 @@ from torch import Tensor
 
 from mwlib.diffusion import to_eps
 from mwlib.networks import TransLinear
+from mwlib.networks.precision import Precision, products_in
 from mwlib.prediction.config import ModelConfig
 
 
@@ -28,17 +29,21 @@ class NetworkBranches:
         added: (N, 1, width) embedded conditions, shared by the samples of a window.
         alpha_bar: schedule.
         prediction: what the network predicts.
+        precision: of the network's products.
     """
 
     net: TransLinear
     added: Tensor
     alpha_bar: Tensor
     prediction: str
+    precision: Precision = "float32"
 
     def _evaluate(self, y: Tensor, t: int, added: Tensor | None, attention_rows: int = 0) -> tuple[Tensor, Tensor | None]:
         items = y.flatten(0, -3)
-        output, attention = self.net.evaluate(items, t, added, attention_rows)
-        return to_eps(self.prediction, output, items, self.alpha_bar[t]), attention
+        with products_in(self.precision, items.device):
+            output, attention = self.net.evaluate(items, t, added, attention_rows)
+        attention = None if attention is None else attention.to(items.dtype)
+        return to_eps(self.prediction, output.to(items.dtype), items, self.alpha_bar[t]), attention
 
     def _conditions(self, y: Tensor) -> Tensor:
         return self.added.expand(*y.shape[:2], -1).flatten(0, 1)

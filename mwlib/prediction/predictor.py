@@ -33,6 +33,8 @@ from mwlib.prediction.network import NetworkBranches, make_network
 from mwlib.prediction.representation import Representation, make_representation, make_transform
 from mwlib.transforms import PhaseTransform, ScaledTransform, pad_history
 
+CHUNK = 8  # windows sampled together on a processor; more would not be faster
+
 
 class Predictor:
     """A network with the representation and schedule that it was trained for, and settings of the sampling.
@@ -107,7 +109,7 @@ class Predictor:
         """
         history = x_history.to(self.net.position)
         added = self.net.embed_condition(self.representation.encode_history(history))[:, None]
-        return NetworkBranches(self.net, added, self.alpha_bar, self.diffusion.prediction)
+        return NetworkBranches(self.net, added, self.alpha_bar, self.diffusion.prediction, self.sampling.precision)
 
     def indices(self) -> list[int]:
         """The diffusion indices that sampling visits, falling."""
@@ -115,7 +117,21 @@ class Predictor:
 
     def noise(self, seed: int, window_ids: Sequence[int], samples: int) -> WindowNoise:
         """The noise of these windows, one stream each."""
-        return WindowNoise(seed, window_ids, (samples, *self.transform.shape), self.device)
+        source = self.device if self.sampling.noise_on == "device" else "cpu"
+        return WindowNoise(seed, window_ids, (samples, *self.transform.shape), self.device, source)
+
+    def chunk(self, samples: int) -> int:
+        """How many windows to sample together: 8; on a graphics card as many as half of its free memory holds."""
+        if self.device.type != "cuda":
+            return CHUNK
+        free, _ = torch.cuda.mem_get_info(self.device)
+        return max(1, free // (2 * self._bytes(samples)))
+
+    def _bytes(self, samples: int) -> int:
+        """Of memory for one window, counted generously: what a block and the skips hold, attention maps, copies of y_t."""
+        rows, columns = self.transform.shape
+        numbers = self.net.numbers_per_token() + 8 * columns
+        return 2 * samples * rows * numbers * 4  # both branches in float32
 
     def tabg(self) -> TABG:
         """Attention guidance as the settings say."""
@@ -177,7 +193,7 @@ class Predictor:
         seed: int | None = None,
         *,
         window_ids: Sequence[int] | None = None,
-        chunk: int = 8,
+        chunk: int | None = None,
         progress: bool = False,
     ) -> Float[Tensor, "N S F C"]:
         """Sampled futures, metres, root-relative, on the CPU.
@@ -189,7 +205,7 @@ class Predictor:
             seed: of the noise; None = the settings'. The result for a window depends on it and the window's identity, not on
                 `chunk`.
             window_ids: identity of each window (default 0..N-1).
-            chunk: windows sampled together.
+            chunk: windows sampled together; None: what `chunk` says.
             progress: show a bar.
 
         Raises:
@@ -197,6 +213,8 @@ class Predictor:
         """
         x_history = histories(source, self.bodies, self.representation.history)
         ids = list(window_ids) if window_ids is not None else list(range(len(x_history)))
+        if chunk is None:
+            chunk = self.chunk(self.sampling.samples if samples is None else samples)
         futures = []
         for first in tqdm(range(0, len(x_history), chunk), disable=not progress, desc="sampling", unit="chunk"):
             part = x_history[first : first + chunk]

@@ -48,6 +48,7 @@ def preview(cfg: Config, get_model: Callable[[], Predictor], data: Split) -> dic
     """A true motion and at most two that the configuration's method gives for its history, as `plots.storyboard` takes them."""
     test = test_windows(data, cfg.windows).thin(3)
     history = test.x_history[1]
-    futures = make_predict(cfg.override(samples=2), get_model, data)(history[None], [0])[0]
+    predict, _ = make_predict(cfg.override(samples=2), get_model, data)
+    futures = predict(history[None], [0])[0]
     rows = {"truth": test.x[1], **{f"sample {i}": torch.cat([history, future]) for i, future in enumerate(futures, 1)}}
     return {"rows": rows, "skeleton": data.test[0].skeleton, "fps": cfg.data.fps, "history": cfg.windows.history}

@@ -27,15 +27,16 @@ class State:
         optimiser: AdamW over its parameters.
         learnt: what the objective learnt before the first step (scales, a fitted transform).
         key: hash of what the training depends on.
+        scaler: of the losses in half precision, where there is one.
         about: short texts that the finished model carries.
     """
 
     def __init__(
         self, network: nn.Module, average: MovingAverage, optimiser: torch.optim.Optimizer, learnt: dict[str, Tensor],
-        key: str, about: Mapping[str, str],
+        key: str, about: Mapping[str, str], scaler: torch.amp.GradScaler | None = None,
     ) -> None:  # fmt: skip
         self.network, self.average, self.optimiser, self.learnt = network, average, optimiser, learnt
-        self.key, self.about = key, dict(about)
+        self.key, self.about, self.scaler = key, dict(about), scaler
         self.step, self.curve, self.validation = 0, [], []
         self._seconds, self._since = 0.0, time.monotonic()
 
@@ -64,6 +65,8 @@ class State:
             moments = {k: tensors[f"adam.{k}.{name}"] for k in ("step", "exp_avg", "exp_avg_sq")}
             self.optimiser.state[parameter] = {k: v.to(parameter.device) for k, v in moments.items()}
         self.curve, self.validation = tensors["curve"].tolist(), tensors["validation"].tolist()
+        if self.scaler:
+            self.scaler.load_state_dict(json.loads(metadata["scaler"]))
 
     def save(self, folder: Path, is_last: bool) -> None:
         """Write the checkpoint; after the last step the model and its curves before it, so that a checkpoint of the last step
@@ -74,7 +77,8 @@ class State:
         """
         if broken := [name for name, weights in self.average.tensors().items() if not weights.isfinite().all()]:
             raise ValueError(f"weights {broken[0]} are not finite after step {self.step}; expected numbers; try a smaller lr")
-        metadata = {"step": str(self.step), "key": self.key, "seconds": f"{self.seconds:.1f}"}
+        scaler = json.dumps(self.scaler.state_dict() if self.scaler else {})
+        metadata = {"step": str(self.step), "key": self.key, "seconds": f"{self.seconds:.1f}", "scaler": scaler}
         if is_last:
             model = _prefixed("net.", self.average.averaged().state_dict()) | _prefixed("objective.", self.learnt)
             save_tensors(folder / MODEL, model, {"key": self.key, **self.about})

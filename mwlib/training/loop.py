@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 
 import torch
 from accelerate import Accelerator
+from accelerate.state import AcceleratorState
 from torch import Tensor, nn
 
 from mwlib.training.average import MovingAverage
@@ -78,8 +79,9 @@ def train(
     Raises:
         ValueError: the folder's checkpoint has another key, or the loss is no number any more; what was saved before stays.
     """
+    AcceleratorState._reset_state()  # an earlier training of this process may have had another precision
     accelerator = Accelerator(mixed_precision=settings.mixed_precision)
-    objective, state = _start(make_objective, settings, folder, key, accelerator.device)
+    objective, state = _start(make_objective, settings, folder, key, accelerator)
     network, optimiser = accelerator.prepare(state.network, state.optimiser)
     share = max(settings.batch // accelerator.num_processes, 1)
     while state.step < settings.train_steps:
@@ -123,16 +125,16 @@ def _start(
     settings: TrainingConfig,
     folder: Path | None,
     key: str,
-    device: torch.device,
+    accelerator: Accelerator,
 ) -> tuple[Objective, State]:
     """The objective and everything that training changes, new or as a checkpoint left them."""
     saved, metadata = read_checkpoint(folder, key)
     objective = make_objective(part_of(saved, "objective."))
-    objective.to(device)
-    network = objective.network.to(device)
+    objective.to(accelerator.device)
+    network = objective.network.to(accelerator.device)
     optimiser = torch.optim.AdamW(network.parameters(), lr=settings.lr, weight_decay=settings.weight_decay, fused=True)
     average = MovingAverage(network, settings.ema, settings.ema_start)
-    state = State(network, average, optimiser, objective.learnt(), key, objective.about())
+    state = State(network, average, optimiser, objective.learnt(), key, objective.about(), accelerator.scaler)
     if saved:
         state.restore(saved, metadata)
     return objective, state

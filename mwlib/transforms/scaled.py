@@ -23,6 +23,9 @@ def fit_scale(tf: Transform, x: Float[Tensor, "N T C"], kind: str) -> tuple[Tens
     Returns:
         (mean, deviation), each of shape `tf.shape`, float32.
 
+    Raises:
+        ValueError: the windows are all alike (or there is one), so that no deviation can be told.
+
     >>> x = torch.randn(200, 20, 6) * 0.3
     >>> mean, deviation = fit_scale(mw.DCTTransform(20, 6), x, "coefficient")
     >>> mean.shape, bool((deviation - 0.3).abs().max() < 0.1)
@@ -31,6 +34,8 @@ def fit_scale(tf: Transform, x: Float[Tensor, "N T C"], kind: str) -> tuple[Tens
     if kind == "none":
         return torch.zeros(tf.shape), torch.ones(tf.shape)
     y = torch.cat([tf(part) for part in x.split(4096)])
+    if len(y) == 0 or not (y != y[0]).any():
+        raise ValueError(f"{len(y)} windows, all alike; expected windows that differ, to tell the scale of their coefficients")
     if kind == "band":
         deviations = {name: torch.full(band.shape[-2:], float(band.std())) for name, band in tf.split(y).items()}
         return torch.zeros(tf.shape), tf.join(deviations)

@@ -4,8 +4,11 @@ from __future__ import annotations
 
 import json
 import os
+import shutil
+import socket
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import pytest
@@ -119,3 +122,49 @@ def test_a_run_of_a_former_version_is_refused_with_the_reason(tmp_path):
     (tmp_path / "config.yaml").write_text("data: {data: synthetic}\nmodel: {latent: 64}\n")
     with pytest.raises(ValueError, match="mwlib before 0.2"):
         load_run(tmp_path)
+
+
+def test_a_run_killed_at_any_of_its_writes_goes_on_to_the_same_bits(tmp_path):
+    """Before, amid and after each write, rename and removal; see `placed_kills`."""
+    command = [sys.executable, "-m", "tests.experiments.placed_kills", str(tmp_path)]
+    answer = subprocess.run(command, cwd=ROOT, env={**os.environ, "OMP_NUM_THREADS": "1"}, capture_output=True, text=True)
+    assert answer.returncode == 0, answer.stderr
+    places, lost = answer.stdout.split(maxsplit=1)
+    assert int(places) >= 40 and lost.strip() == "[]"
+
+
+ONE_OF_TWO = """
+import sys, torch; torch.set_num_threads(1)
+from mwlib.experiments import get_run, runs
+from tests.sample_settings import small, two_people
+runs.PATIENCE = 0.2
+print(get_run(small(), two_people()))
+"""
+
+
+def test_several_processes_do_not_hang_when_another_finishes_their_run(monkeypatch, tmp_path):
+    """The first of the processes waits for the lock; meanwhile somebody else writes the result. Nobody starts to train."""
+    cfg, data = small(), two_people()
+    monkeypatch.setenv("MWLIB_RUNS", str(tmp_path / "elsewhere"))
+    made = get_run(cfg, data)
+    monkeypatch.setenv("MWLIB_RUNS", str(tmp_path / "runs"))
+    folder = runs.run_path(cfg, data)
+    world = {**os.environ, "MASTER_ADDR": "127.0.0.1", "MASTER_PORT": str(free_port()), "WORLD_SIZE": "2", "OMP_NUM_THREADS": "1"}
+    with store.locked(folder / ".lock"):
+        ranks = [
+            subprocess.Popen(
+                [sys.executable, "-c", ONE_OF_TWO], cwd=ROOT, stdout=subprocess.PIPE, text=True,
+                env={**world, "RANK": str(rank), "LOCAL_RANK": str(rank), "ACCELERATE_USE_CPU": "true"},
+            )
+            for rank in range(2)
+        ]  # fmt: skip
+        time.sleep(6)
+        shutil.copytree(made, folder, dirs_exist_ok=True, ignore=shutil.ignore_patterns(".lock"))
+    assert [rank.communicate(timeout=120)[0].strip() for rank in ranks] == [str(folder)] * 2
+    assert all(rank.returncode == 0 for rank in ranks)
+
+
+def free_port() -> int:
+    with socket.socket() as listener:
+        listener.bind(("127.0.0.1", 0))
+        return listener.getsockname()[1]

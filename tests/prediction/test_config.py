@@ -30,7 +30,15 @@ def test_the_papers_values():
 
 def test_hashes_cover_what_they_should():
     cfg = Config.preset("tiny")
-    later = dict(guidance_weight=0.9, test_windows=3, test_stride=7, checkpoint_every=1, sampling_seed=4)
+    later = dict(
+        guidance_weight=0.9,
+        mm_threshold=0.4,
+        precision="bf16",
+        test_windows=3,
+        test_stride=7,
+        checkpoint_every=1,
+        sampling_seed=4,
+    )
     assert cfg.training_hash() == cfg.override(**later).training_hash()
     for name, value in later.items():
         assert cfg.hash() != cfg.override(**{name: value}).hash(), name
@@ -56,6 +64,10 @@ def test_other_data_have_other_people():
         (dict(heads=7), "multiple of heads"),
         (dict(tabg_window=4), "odd"),
         (dict(ddim_steps=1000), "ddim_steps is 1000"),
+        (dict(steps=1000, ddim_steps=600, spacing="leading"), r"t = 599|t = 600, where alpha_bar is 0.34"),
+        (dict(steps=1000, ddim_steps=700, spacing="trailing"), "reaches t = 0; expected at most 666"),
+        (dict(transform="phase", wmsg="every_step"), "wmsg is 'every_step' with phase codes; expected 'off' or 'y0_hat'"),
+        (dict(mm_singletons="drop"), "mm_singletons is 'drop'"),
         (dict(wavelet="bior9.9"), "bior9.9"),
         (dict(wavelet="bior28"), "did you mean 'bior2.8'"),
         (dict(complete_history=1), "complete_history"),

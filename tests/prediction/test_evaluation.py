@@ -7,7 +7,7 @@ import torch
 
 from mwlib import metrics
 from mwlib.data.sources import Split
-from mwlib.prediction import evaluation
+from mwlib.prediction.config import EvaluationConfig
 from mwlib.prediction.evaluation import METRICS, baseline, evaluate, score, test_windows
 from tests.sample_settings import small, two_people
 
@@ -32,7 +32,7 @@ def test_chunks_and_subsets_do_not_change_a_window(split):
         seen.extend(ids)
         return every.x_future[ids][:, None]
 
-    found = score(predict, few, every, 0.5)
+    found = score(predict, few, every, EvaluationConfig())
     assert found["windows"]["ade"] == len(few) == len(seen) == 11 and found["mean"]["ade"] == found["mean"]["fde"] == 0
     assert seen == [i for i in range(len(every)) if any(torch.equal(every.x[i], x) for x in few.x)]
 
@@ -47,7 +47,7 @@ def test_baselines_are_scored_without_a_model(split, method):
     p = baseline(cfg, split)(test.x_history, ids)
     assert found["windows"] == 9 and p.shape[1] == (4 if method == "nearest_history" else 1)
     assert found["mean"]["ade"] == pytest.approx(float(metrics.ade(p, test.x_future).mean()), rel=1e-5)
-    sets = metrics.multimodal_futures(every.x_history[:, -1], every.x_future, evaluation.MULTIMODAL_THRESHOLD)
+    sets = metrics.multimodal_futures(every.x_history[:, -1], every.x_future, 0.5)
     assert found["mean"]["mmade"] == pytest.approx(float(metrics.mmade(p, sets.take(ids)).mean()), rel=1e-5)
 
 

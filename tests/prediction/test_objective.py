@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
 import torch
 
-from mwlib.data.windowing import windows
+from mwlib.body.motion import Motion
+from mwlib.data.windowing import TrainingWindows, windows
 from mwlib.diffusion import alpha_bar, noised
 from mwlib.experiments import load_run
 from mwlib.prediction.objective import DenoisingLoss, PredictionObjective
@@ -68,3 +70,36 @@ def test_validation_is_the_same_every_time_and_leaves_the_network_evaluating(fin
     torch.nn.init.normal_(network.leave.weight, std=0.1)  # it starts at zero, and dropout would not show
     first = objective.validate(network)
     assert first is not None and objective.validate(network.train()) == first and not network.training
+
+
+def test_scales_fit_what_the_network_sees_where_all_people_face_one_way():
+    """Windows are turned in training: scales of unturned ones would leave coefficients many deviations wide."""
+    cfg = small(coefficient_scale="coefficient")
+    facing = [facing_x(motion) for motion in two_people().train]
+    objective = PredictionObjective(cfg, facing)
+    y = objective.representation.encode(objective.draw(2000, torch.Generator().manual_seed(1)))
+    alive = torch.from_numpy(objective.representation.motion.deviation > 2e-3 * objective.representation.motion.deviation.max())
+    assert (y.std(0)[alive] - 1).abs().max() < 0.5
+
+
+def facing_x(motion: Motion) -> Motion:
+    """The clip turned so that the hips lie along y in its first frame."""
+    left, right = motion.skeleton.left[0], motion.skeleton.right[0]
+    across = motion.positions[0, left] - motion.positions[0, right]
+    return motion.turn(float(np.pi / 2 - np.arctan2(across[1], across[0])))
+
+
+def test_one_window_has_no_scale():
+    cfg = small(augment="none")
+    still = two_people().train[0]
+    with pytest.raises(ValueError, match="2048 windows, all alike; expected windows that differ"):
+        PredictionObjective(cfg, [still.cut(0, 21)])
+
+
+@pytest.mark.parametrize("scale, most", [("none", 1), ("coefficient", 2048)])
+def test_scales_come_from_few_windows_whatever_the_data(monkeypatch, scale, most):
+    """All windows of an hour of motion would not fit into memory one by one."""
+    drawn, draw = [], TrainingWindows.draw
+    monkeypatch.setattr(TrainingWindows, "draw", lambda self, batch, g: drawn.append(batch) or draw(self, batch, g))
+    PredictionObjective(small(coefficient_scale=scale), two_people().train)
+    assert drawn == [most]

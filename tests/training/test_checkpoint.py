@@ -11,7 +11,10 @@ from mwlib.experiments import get_run, load_run, train_run
 from mwlib.experiments.runs import CONFIG
 from mwlib.experiments.store import RESULT, read_result
 from mwlib.files import DamagedFileError, load_metadata, load_tensors
-from mwlib.training import CHECKPOINT, MODEL, PREVIOUS
+from mwlib.prediction.objective import PredictionObjective
+from mwlib.training import CHECKPOINT, MODEL, PREVIOUS, train
+from mwlib.training.average import MovingAverage
+from mwlib.training.checkpoint import State, read_checkpoint
 from tests.sample_settings import small, two_people
 
 
@@ -80,3 +83,28 @@ def test_a_loss_that_is_no_number_ends_the_run(tmp_path):
     with pytest.raises(ValueError, match=r"(loss of step|not finite after step).*lr"):
         list(train_run(small(lr=1e30), two_people(), tmp_path))
     assert [path.name for path in tmp_path.iterdir()] == [CONFIG]
+
+
+def test_the_scale_of_half_precision_is_kept(tmp_path):
+    def state() -> State:
+        network = torch.nn.Linear(2, 2)
+        optimiser = torch.optim.AdamW(network.parameters())
+        return State(
+            network, MovingAverage(network, 0.9, 0), optimiser, {}, "key", {}, torch.amp.GradScaler("cpu", init_scale=8.0)
+        )
+
+    before, after = state(), state()
+    loss = before.network(torch.ones(1, 2)).sum()
+    before.scaler.scale(loss).backward()
+    before.scaler.step(before.optimiser)
+    before.scaler.update(4.0)
+    before.save(tmp_path, False)
+    after.restore(*read_checkpoint(tmp_path, "key"))
+    assert after.scaler.get_scale() == 4.0 and after.scaler.state_dict() == before.scaler.state_dict()
+
+
+def test_trainings_of_one_process_may_differ_in_precision():
+    for precision in ("no", "bf16", "no"):
+        cfg = small(train_steps=2, mixed_precision=precision)
+        losses = [s.loss for s in train(lambda learnt, cfg=cfg: PredictionObjective.of_split(cfg, two_people()), cfg.training)]
+        assert len(losses) == 2
