@@ -13,6 +13,7 @@ from tqdm import tqdm
 
 from mwlib.body.skeleton import Skeleton
 from mwlib.diffusion import Mask, OnEstimate, masked
+from mwlib.prediction.histories import histories, identities
 from mwlib.prediction.predictor import Predictor
 from mwlib.transforms import Transform
 
@@ -100,7 +101,8 @@ def controlled(
         progress: show a bar.
 
     Raises:
-        ValueError: the shapes of target and mask do not fit, the mask leaves 0 to 1, or `active` is not a share.
+        ValueError: the shapes of target and mask do not fit, the mask leaves 0 to 1, the target is not finite under it, or
+            `active` is not a share.
     """
     _check(x_target, mask, active, space)
     representation, indices = predictor.representation, predictor.indices()
@@ -109,8 +111,11 @@ def controlled(
     count = round(active * len(indices))
     reached = [-1.0, *(float(predictor.alpha_bar[t]) for t in indices[1:]), 1.0]  # alpha_bar after so many steps
     own = int(np.random.SeedSequence((seed, _STREAM)).generate_state(1)[0])
-    past = x_target[:, : representation.history] if x_history is None else x_history
-    ids = list(window_ids) if window_ids is not None else list(range(len(x_target)))
+    past = histories(
+        x_target[:, : representation.history] if x_history is None else x_history, predictor.bodies, representation.history
+    )
+    ids = identities(window_ids, len(x_target))
+    x_target = x_target.where(x_target.isfinite(), 0.0)  # what the mask leaves free may be unknown
     motions = []
     for first in tqdm(range(0, len(x_target), chunk), disable=not progress, desc="controlling", unit="chunk"):
         part = slice(first, first + chunk)
@@ -130,6 +135,8 @@ def _check(x_target: Tensor, mask: Mask, active: float, space: str) -> None:
         raise ValueError(f"mask has shape {tuple(mask.shape)}; expected {tuple(x_target.shape[1:])}, frames and channels")
     if mask.is_floating_point() and not 0 <= float(mask.min()) <= float(mask.max()) <= 1:
         raise ValueError(f"mask has values from {float(mask.min()):g} to {float(mask.max()):g}; expected 0 to 1")
+    if not x_target[:, mask > 0].isfinite().all():
+        raise ValueError("x_target is not finite where the mask holds; expected metres")
     if space not in ("y_t", "y0_hat"):
         raise ValueError(f"space is {space!r}; expected 'y_t' or 'y0_hat'")
     if not 0 <= active <= 1:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+import numpy as np
 import torch
 from jaxtyping import Float
 from torch import Tensor
@@ -12,7 +13,7 @@ from mwlib.body.motion import Motion
 from mwlib.data.bodies import Bodies
 from mwlib.data.windowing import Windows
 
-Histories = Float[Tensor, "N H C"] | Windows | Sequence[Motion]
+Histories = Float[Tensor, "N H C"] | Float[np.ndarray, "N H C"] | Windows | Sequence[Motion]
 
 
 def histories(source: Histories, bodies: Bodies, history: int) -> Float[Tensor, "N H C"]:
@@ -30,8 +31,8 @@ def histories(source: Histories, bodies: Bodies, history: int) -> Float[Tensor, 
     """
     if isinstance(source, Windows):
         return _checked(_of_windows(source, bodies), bodies, history)
-    if isinstance(source, Tensor):
-        return _checked(source, bodies, history)
+    if isinstance(source, (Tensor, np.ndarray)):
+        return _checked(torch.as_tensor(source), bodies, history)
     if not source or not all(isinstance(m, Motion) for m in source):
         kinds = sorted({type(m).__name__ for m in source}) or "nothing"
         raise ValueError(f"the source holds {kinds}; expected Motions, Windows or a tensor (N, {history}, C)")
@@ -65,6 +66,20 @@ def _checked(x: Tensor, bodies: Bodies, history: int) -> Float[Tensor, "N H C"]:
             f"{bodies.skeleton.name} at {bodies.fps:g} Hz, {bodies.up} up, root dropped. Give predict the motions instead: it "
             "prepares them"
         )
+    if len(x) == 0:
+        raise ValueError("there are no windows; expected at least one history")
     if not x.isfinite().all():
         raise ValueError(f"x_history of window {int((~x.isfinite()).nonzero()[0, 0])} is not finite; expected metres")
     return x
+
+
+def identities(window_ids: Sequence[int] | None, count: int) -> list[int]:
+    """The identity of each window, on which its noise depends: as given, or 0..N-1.
+
+    Raises:
+        ValueError: there are more or fewer than windows.
+    """
+    ids = list(range(count)) if window_ids is None else list(window_ids)
+    if len(ids) != count:
+        raise ValueError(f"window_ids has {len(ids)} entries for {count} windows; expected one each")
+    return ids

@@ -28,7 +28,7 @@ from mwlib.diffusion import (
 from mwlib.networks import TransLinear
 from mwlib.prediction.config import Config, SamplingConfig
 from mwlib.prediction.guidance import TABG, guided
-from mwlib.prediction.histories import Histories, histories
+from mwlib.prediction.histories import Histories, histories, identities
 from mwlib.prediction.network import NetworkBranches, make_network
 from mwlib.prediction.representation import Representation, make_representation, make_transform
 from mwlib.transforms import PhaseTransform, ScaledTransform, pad_history
@@ -164,12 +164,14 @@ class Predictor:
             on_y0_hat: applied to every clean estimate, after the bound or projection that the settings ask for.
 
         Raises:
-            ValueError: the history's shape does not fit the model.
+            ValueError: the history does not fit the model, window_ids do not fit the histories, or no sample is asked for.
         """
         x_history = histories(x_history, self.bodies, self.representation.history)
         s, samples = self.sampling, self.sampling.samples if samples is None else samples
+        if samples < 1:
+            raise ValueError(f"samples is {samples}; expected at least 1")
         x_history = x_history.to(self.device, torch.float32)
-        ids = range(len(x_history)) if window_ids is None else window_ids
+        ids = identities(window_ids, len(x_history))
         noise = self.noise(s.sampling_seed if seed is None else seed, ids, samples)
         denoise = guided(
             self.branches(x_history), self.alpha_bar, weight=s.guidance_weight, form=s.guidance_form, tabg=self.tabg(), draw=noise
@@ -212,7 +214,7 @@ class Predictor:
             ValueError: what is given does not fit the model; the message says why, and what to call.
         """
         x_history = histories(source, self.bodies, self.representation.history)
-        ids = list(window_ids) if window_ids is not None else list(range(len(x_history)))
+        ids = identities(window_ids, len(x_history))
         if chunk is None:
             chunk = self.chunk(self.sampling.samples if samples is None else samples)
         futures = []

@@ -21,7 +21,8 @@ class Constant:
         """The array in x's precision, where x is."""
         key = (x.dtype, x.device)
         if key not in self._cast:
-            self._cast[key] = torch.as_tensor(self.array).to(x.dtype).to(x.device)  # not every device has float64
+            with torch.inference_mode(False):  # else later gradients could not use it
+                self._cast[key] = torch.as_tensor(self.array).to(x.dtype).to(x.device)  # not every device has float64
         return self._cast[key]
 
 

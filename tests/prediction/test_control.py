@@ -128,3 +128,14 @@ def test_seam_measures_a_known_motion():
         seam(x, 19, fps)
     with pytest.raises(ValueError, match="from 6 to 18"):
         seam(x, 5, fps, ramp=4)
+
+
+def test_what_the_mask_leaves_free_may_be_unknown(model):
+    predictor, x = model
+    mask = frame_mask(T, C, 15)
+    unknown = x.clone()
+    unknown[:, ~mask] = torch.nan
+    found, expected = (controlled(predictor, target, mask, 2, 3, x_history=x[:, :6]) for target in (unknown, x))
+    torch.testing.assert_close(found, expected, atol=1e-4, rtol=0)
+    with pytest.raises(ValueError, match="not finite where the mask holds"):
+        controlled(predictor, torch.full_like(x, torch.nan), mask, 2, 3, x_history=x[:, :6])

@@ -128,3 +128,20 @@ def test_a_graphics_card_takes_as_many_windows_as_its_memory_holds(predictor, mo
         chunks.append(predictor.chunk(50))
     assert 1 <= chunks[0] < chunks[1] and chunks[1] == pytest.approx(16 * chunks[0], rel=0.1)
     assert predictor.chunk(100) == chunks[1] // 2
+
+
+def test_every_window_has_one_identity_and_at_least_one_sample(predictor, past):
+    with pytest.raises(ValueError, match="window_ids has 5 entries for 1 windows"):
+        predictor.predict(past[:1], window_ids=range(5))
+    with pytest.raises(ValueError, match="samples is 0"):
+        predictor.predict(past, 0)
+    with pytest.raises(ValueError, match="there are no windows"):
+        predictor.predict(past[:0])
+    assert torch.equal(predictor.predict(past.numpy(), 2), predictor.predict(past, 2))
+
+
+def test_gradients_flow_through_a_transform_that_has_predicted(predictor, past):
+    predictor.predict(past[:1], 1)
+    x = torch.zeros(1, 20, 48, requires_grad=True)
+    predictor.transform(x).sum().backward()
+    assert x.grad.isfinite().all()
