@@ -180,4 +180,4 @@ def python2_pickle(subject: str, action: str, array: np.ndarray) -> bytes:
     shape = b"(" + b"".join(number(n) for n in array.shape) + b"t"
     inner = pickled(shape, b"f4", b"<", text(array.astype("<f4").tobytes()))
     tree = b"}" + text(subject.encode()) + b"}" + text(action.encode()) + inner + b"ss"
-    return b"\x80\x02" + pickled(b"(t", b"O8", b"|", b"(" + tree + b"l") + b"."
+    return b"\x80\x02" + pickled(b"(t", b"O8", b"|", b"]" + tree + b"a") + b"."

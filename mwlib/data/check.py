@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections import Counter
 from collections.abc import Iterable
 from pathlib import Path
@@ -15,7 +16,7 @@ from mwlib.data import known
 from mwlib.data.errors import MotionFormatError
 from mwlib.data.hints import clips_row
 from mwlib.data.load import find_source, motion_files, read_motion_file
-from mwlib.data.reading import bare_suffix
+from mwlib.data.opening import bare_suffix
 from mwlib.data.synthetic.script import synthetic_motions
 from mwlib.data.windowing import windows
 
@@ -33,12 +34,16 @@ def check_data(source: str | Path) -> tuple[str, bool]:
     HumanEva-I the published window counts.
 
     Raises:
-        FileNotFoundError, MotionFormatError: there is no such path, or no motion in it.
+        FileNotFoundError: there is no such path.
     """
     groups: dict[str, list[Motion]] = {}
     differing: dict[str, list[str]] = {}
     broken = []
-    for file in [None] if source == "synthetic" else motion_files(find_source(source)):
+    try:
+        files = [None] if source == "synthetic" else motion_files(find_source(source))
+    except MotionFormatError as error:
+        return str(error), False
+    for file in files:
         try:
             motions = read_motion_file(file) if file else synthetic_motions()
         except MotionFormatError as error:
@@ -112,11 +117,14 @@ def _window_count(motion: Motion) -> int:
 
 def _frames_differ(file: Path, motion: Motion) -> list[str]:
     """Empty if clips.csv lists no such file; else "" or what differs."""
-    row, _ = clips_row(file)
+    row, table = clips_row(file)
     listed = row.get("frames") or row.get("rows")
     if listed is None:
         return []
-    expected = int(listed) - int(row.get("tpose_frame0") or "rows" in row)
+    added = row.get("tpose_frame0") or str(int("rows" in row))
+    if not re.fullmatch(r"\d{1,12}", listed) or added not in ("0", "1"):
+        return [f"{motion.name} has {len(motion)}, {table.name} says {listed[:40]!r} less {added[:40]!r}"]
+    expected = int(listed) - int(added)
     return ["" if len(motion) == expected else f"{motion.name} has {len(motion)}, clips.csv says {expected}"]
 
 

@@ -1,4 +1,4 @@
-"""The one error a motion reader raises."""
+"""The one error a motion reader raises, and the one warning of a folder with files that raise it."""
 
 
 class MotionFormatError(ValueError):
@@ -14,3 +14,7 @@ class MotionFormatError(ValueError):
     def __init__(self, file: object, place: str, found: str, expected: str) -> None:
         super().__init__(f"{file}, {place}: found {found}; expected {expected}")
         self.file, self.place, self.found, self.expected = str(file), place, found, expected
+
+
+class BrokenFilesWarning(UserWarning):
+    """Some motion files of a folder cannot be read and are left out; the message gives the reasons."""

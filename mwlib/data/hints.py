@@ -6,16 +6,19 @@ import csv
 import re
 from dataclasses import dataclass, replace
 from functools import lru_cache
+from itertools import islice
 from pathlib import Path
 from typing import TypedDict, Unpack
 
 from mwlib.body.motion import Motion
 from mwlib.body.skeleton import Skeleton
 from mwlib.data.errors import MotionFormatError
-from mwlib.data.reading import PACKED, bare_name, number, read_text
+from mwlib.data.opening import PACKED, bare_name
+from mwlib.data.reading import SMALL_TEXT, number, read_text
 
 LEVELS_UP = 4  # folders above a file in which its clips.csv or skeleton.json may lie
-SLOWEST, FASTEST = 0.1, 10_000.0  # frames per second
+SLOWEST, FASTEST = 1.0, 10_000.0  # frames per second; a rate below looks like milliseconds taken for seconds
+MOST_COLUMNS, MOST_ROWS = 100, 100_000  # of clips.csv; all of CMU are 2435 rows
 
 # What file names of the known collections say: "05_12.amc", "walk4_subject1.bvh", "dataset-1_bow_normal_001.bvh".
 NAMES = (
@@ -107,9 +110,14 @@ def _key(parts: tuple[str, ...]) -> str:
 def _clips(table: Path, changed: int) -> dict[str, dict[str, str]]:
     """Rows of one clips.csv by file; `changed` makes an edited file be read again."""
     try:
-        rows = list(csv.DictReader(read_text(table).splitlines()))
+        reader = csv.DictReader(read_text(table, SMALL_TEXT).splitlines())
+        if len(columns := reader.fieldnames or ()) > MOST_COLUMNS:
+            raise MotionFormatError(table, "header", f"{len(columns)} columns", f"at most {MOST_COLUMNS}")
+        rows = list(islice(reader, MOST_ROWS + 1))
     except csv.Error as error:
         raise MotionFormatError(table, "table", str(error), "comma-separated values with a header line") from error
+    if len(rows) > MOST_ROWS:
+        raise MotionFormatError(table, "table", f"more than {MOST_ROWS} rows", "at most that")
     if rows and "file" not in rows[0]:
-        raise MotionFormatError(table, "header", f"columns {', '.join(map(str, rows[0]))}", "a column named file")
+        raise MotionFormatError(table, "header", f"columns {', '.join(map(str, rows[0]))[:200]}", "a column named file")
     return {_key(tuple(row["file"].replace("\\", "/").split("/"))): row for row in rows if row["file"]}

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import os
+import re
 import sys
+import warnings
 from collections.abc import Callable
 from io import BytesIO
 from pathlib import Path
@@ -13,7 +15,8 @@ from tqdm import tqdm
 
 from mwlib.body.motion import Motion
 from mwlib.body.skeleton import SKELETONS, Skeleton
-from mwlib.data.errors import MotionFormatError
+from mwlib.data.archives import archive_names, array_header, read_archive, read_array
+from mwlib.data.errors import BrokenFilesWarning, MotionFormatError
 from mwlib.data.formats.amc import read_amc
 from mwlib.data.formats.arrays import read_npy, read_positions
 from mwlib.data.formats.bvh import read_bvh
@@ -21,22 +24,34 @@ from mwlib.data.formats.cmu_benchmark import COLUMNS, read_benchmark
 from mwlib.data.formats.h36m import read_positions_3d
 from mwlib.data.hints import Given, Hints, hints
 from mwlib.data.known import NAMED_SOURCES
-from mwlib.data.reading import ARRAY_LIMIT, archive_names, array_header, bare_suffix, read_archive, read_array, read_bytes
+from mwlib.data.opening import MOST_BYTES, allowed, bare_suffix, open_regular, read_bytes, read_head, without_twins
 from mwlib.data.synthetic.script import synthetic_motions
 from mwlib.data.units import metres_per_unit
 
 MANY_FILES = 20  # from here on a progress bar is worth its line
+CONTENT = "content"  # the place of a failure that its reader did not foresee
+MOST_REASONS = 12  # of a report on broken files
+HEAD = 2**16  # bytes that say what a text or an array is
+MOTION_ENTRY = re.compile(rb"PK\x03\x04.{26}positions(_3d)?\.npy", re.DOTALL)  # where the entry of an archive begins
+# What a reader may raise on a bad file. Anything else is a fault of the reader, and must be seen.
+FAILURES = (ValueError, ArithmeticError, LookupError, EOFError, RecursionError, MemoryError, OSError)
 
 
 def load_motions(
-    source: str | Path, *, fps: float | None = None, skeleton: Skeleton | str | None = None, unit: float | str | None = None
+    source: str | Path,
+    *,
+    fps: float | None = None,
+    skeleton: Skeleton | str | None = None,
+    unit: float | str | None = None,
+    strict: bool = False,
 ) -> list[Motion]:
     """Read motions from a file, a folder or the built-in generator; positions in metres.
 
     Reads BVH, AMC (with the ASF beside it), the CMU benchmark's texts, Human3.6M and HumanEva-I as VideoPose3D stores them,
     and .npy/.npz arrays of one's own (see `arrays.read_positions`); .xz and .gz are read as they are. A folder is
-    read whole, recursively, in the order of its paths; files of other kinds are passed over. A clips.csv beside the files
-    or above supplies true frame rates, subjects and actions (see `hints.hints`).
+    read whole, recursively, in the order of its paths; files of other kinds are passed over, and motions that cannot be read
+    are left out with a warning that says why. Of walk.bvh beside walk.bvh.xz the plain one is taken. A clips.csv beside the
+    files or above supplies true frame rates, subjects and actions (see `hints.hints`).
 
     Args:
         source: "synthetic", the name of a preset (its data at its frame rate), or a path; a relative one is looked up in the
@@ -45,10 +60,11 @@ def load_motions(
         skeleton: carry over to this skeleton; the skeleton itself of an array that states none.
         unit: metres per unit of the files, or "m", "cm", "mm", "inch", "cmu"; None: as the format says, or inferred from
             the body's size.
+        strict: refuse a folder if any of its motion files cannot be read.
 
     Raises:
         FileNotFoundError: there is no such path; the message says where it was looked for.
-        MotionFormatError: a file cannot be read, or the folder holds no motion.
+        MotionFormatError: the file cannot be read; or the folder holds no motion that can be, or, if strict, any that cannot.
         ValueError: an argument makes no sense, or no way to `skeleton` is known.
     """
     if isinstance(source, str) and source in NAMED_SOURCES:
@@ -61,7 +77,7 @@ def load_motions(
     if fps is not None and not 0 < fps < float("inf"):
         raise ValueError(f"fps is {fps}; expected a positive number")
     given: Given = {"unit": None if unit is None else metres_per_unit(unit), "fallback_fps": fps, "fallback_skeleton": skeleton}
-    motions = synthetic_motions() if source == "synthetic" else _read(find_source(source), given)
+    motions = synthetic_motions() if source == "synthetic" else _read(find_source(source), given, strict)
     motions = motions if skeleton is None else [m.retarget(skeleton) for m in motions]
     return motions if fps is None else [m.resample(fps) for m in motions]
 
@@ -80,7 +96,7 @@ def find_source(source: str | Path) -> Path:
     path = Path(source).expanduser()
     places = [path] if path.is_absolute() else [Path.cwd() / path, data_folder().resolve() / path]
     for place in places:
-        if place.exists():
+        if os.path.lexists(place):  # a broken link is there, and its reader says what is wrong with it
             return place
     where = " nor ".join(map(str, dict.fromkeys(places)))
     hint = "" if "MWLIB_DATA" in os.environ or path.is_absolute() else "; MWLIB_DATA, the folder of your data, is not set"
@@ -90,24 +106,49 @@ def find_source(source: str | Path) -> Path:
 def motion_files(path: Path) -> list[Path]:
     """The motion files of a folder, recursively, sorted; or the file itself.
 
+    Texts and arrays belong by how they begin, so that broken files of other kinds are passed over; BVH and AMC by their names.
+    Of a plain and a packed file of one name only the plain one is taken. Folders that cannot be listed are among the files.
+
     Raises:
         MotionFormatError: the folder holds none.
     """
     if not path.is_dir():
         return [path]
-    files = sorted(Path(folder, name) for folder, _, names in os.walk(path) for name in names if not name.startswith("."))
-    found = [file for file in files if _is_motion(file)]
+    unlisted: list[Path] = []
+    walk = os.walk(path, onerror=lambda error: unlisted.append(Path(error.filename)))
+    files = [Path(folder, name) for folder, _, names in walk for name in names if not name.startswith(".")]
+    found = without_twins([*unlisted, *(file for file in files if _is_motion(file))])
     if not found:
         expected = f"at least one file with motions ({', '.join(READERS)}, plain or as .xz or .gz)"
         raise MotionFormatError(path, "folder", f"{len(files)} files without motions", expected)
     return found
 
 
-def _read(path: Path, given: Given) -> list[Motion]:
+def _read(path: Path, given: Given, strict: bool) -> list[Motion]:
+    if not path.is_dir():
+        return read_motion_file(path, **given)
     files = motion_files(path)
     quiet = len(files) <= MANY_FILES or not sys.stderr.isatty()
-    files = tqdm(files, "reading motions", unit="file", disable=quiet)
-    return [motion for file in files for motion in read_motion_file(file, **given)]
+    motions: list[Motion] = []
+    broken: list[MotionFormatError] = []
+    for file in tqdm(files, "reading motions", unit="file", disable=quiet):
+        try:
+            motions += read_motion_file(file, **given)
+        except MotionFormatError as error:
+            if strict or len(files) == 1:
+                raise
+            broken.append(error)
+    if broken and not motions:
+        raise MotionFormatError(path, "folder", f"no file that can be read:{_reasons(broken)}", "at least one")
+    if broken:
+        found = f"{len(broken)} of {len(files)} files in {path} cannot be read and are left out (strict=True refuses them):"
+        warnings.warn(found + _reasons(broken), BrokenFilesWarning, stacklevel=3)
+    return motions
+
+
+def _reasons(broken: list[MotionFormatError]) -> str:
+    more = len(broken) - MOST_REASONS
+    return "".join(f"\n  {error}" for error in broken[:MOST_REASONS]) + (f"\n  and {more} more" if more > 0 else "")
 
 
 def read_motion_file(file: Path, **given: Unpack[Given]) -> list[Motion]:
@@ -117,51 +158,64 @@ def read_motion_file(file: Path, **given: Unpack[Given]) -> list[Motion]:
         given: what the caller knows of it: `unit`, `fallback_fps`, `fallback_skeleton` of `Hints`.
 
     Raises:
-        MotionFormatError: it cannot be read.
+        MotionFormatError: it cannot be read; the cause is chained.
     """
+    if file.is_dir():
+        raise MotionFormatError(file, "folder", "no list of its files", "a folder that may be listed")
     reader = READERS.get(bare_suffix(file))
     if reader is None:
         what = "a skeleton" if bare_suffix(file) == ".asf" else repr(file.name[-40:])
         raise MotionFormatError(file, "name", what, f"a motion file ({', '.join(READERS)})")
-    found = reader(file, hints(file, **given))
+    try:
+        with open_regular(file):
+            pass
+        found = reader(file, hints(file, **given))
+    except MotionFormatError:
+        raise
+    except FAILURES as error:
+        raise MotionFormatError(file, CONTENT, f"{type(error).__name__}: {str(error)[:200]}", "another content") from error
     return found if isinstance(found, list) else [found]
 
 
 def _is_motion(file: Path) -> bool:
     """Whether a file in a folder is meant to be a motion: by its name, and texts and arrays by how they begin."""
     kind = bare_suffix(file)
-    if kind == ".txt":
-        line = read_bytes(file, ARRAY_LIMIT).split(b"\n", 1)[0]
-        return line.count(b",") + 1 == COLUMNS
-    if kind == ".npy":
-        return _array_is_motion(file)
-    if kind == ".npz":
-        return bool({"positions", "positions_3d"} & archive_names(file))
+    try:
+        if kind == ".txt":
+            return read_head(file, HEAD).split(b"\n", 1)[0].count(b",") + 1 == COLUMNS
+        if kind == ".npy":
+            shape, _, _ = array_header(BytesIO(read_head(file, HEAD)), file, "array")
+            return len(shape) == 3 and shape[-1] == 3
+        if kind == ".npz":
+            return _archive_is_motion(file)
+    except MotionFormatError:  # nothing says that it is one
+        return False
     return kind in READERS
 
 
-def _array_is_motion(file: Path) -> bool:
-    shape, _, _ = array_header(BytesIO(read_bytes(file, ARRAY_LIMIT)), file, "array")
-    return len(shape) == 3 and shape[-1] == 3
+def _archive_is_motion(file: Path) -> bool:
+    try:
+        return bool({"positions", "positions_3d"} & archive_names(file))
+    except MotionFormatError:  # without its list of contents, which stands at the end, it still has a beginning
+        return MOTION_ENTRY.search(read_head(file, HEAD)) is not None
 
 
 def _read_npy(file: Path, known: Hints) -> Motion:
-    return read_npy(BytesIO(read_bytes(file, ARRAY_LIMIT)), file, known)
+    return read_npy(BytesIO(read_bytes(file, allowed(MOST_BYTES, file))), file, known)
 
 
 def _read_npz(file: Path, known: Hints) -> list[Motion] | Motion:
     """positions_3d: the VideoPose3D layout; positions: an array of one's own."""
-    names = archive_names(file)
-    if "positions_3d" in names:
-        return read_positions_3d(read_archive(file, "positions_3d"), file, known)
-    if "positions" not in names:
-        found = f"entries {', '.join(sorted(names))[:120] or 'none'}"
+    streams = read_archive(file, ENTRIES)
+    if "positions_3d" in streams:
+        return read_positions_3d(streams["positions_3d"], file, known)
+    if "positions" not in streams:
+        found = f"entries {', '.join(sorted(archive_names(file)))[:120] or 'none'}"
         raise MotionFormatError(file, "archive", found, "positions (T, J, 3), or positions_3d (Human3.6M)")
-    arrays = {name: read_array(read_archive(file, name), file, name) for name in sorted(names & ENTRIES)}
-    return read_positions(arrays, file, known)
+    return read_positions({name: read_array(stream, file, name) for name, stream in streams.items()}, file, known)
 
 
-ENTRIES = {"positions", "fps", "unit", "up", "subject", "action", "skeleton"}
+ENTRIES = {"positions_3d", "positions", "fps", "unit", "up", "subject", "action", "skeleton"}
 READERS: dict[str, Callable[[Path, Hints], Motion | list[Motion]]] = {
     ".bvh": read_bvh,
     ".amc": read_amc,

@@ -1,104 +1,96 @@
-"""Reading bytes, text, number tables and plain arrays from files that nobody vouches for."""
+"""Text, numbers and number tables from files that nobody vouches for."""
 
 from __future__ import annotations
 
-import gzip
 import io
-import lzma
 import math
-import warnings
-import zipfile
-import zlib
-from collections.abc import Callable
+import re
+from collections.abc import Iterator
 from pathlib import Path
-from typing import BinaryIO, TypeVar
 
 import numpy as np
 from jaxtyping import Float, Shaped
 
 from mwlib.data.errors import MotionFormatError
+from mwlib.data.opening import MOST_BYTES, MOST_VALUES, allowed, read_bytes
 
-Answer = TypeVar("Answer")
-
-PACKED = (".xz", ".gz")
-TEXT_LIMIT = 2**28  # bytes; an hour of 120 Hz text is about 200 MB
-ARRAY_LIMIT = 2**31  # bytes; the whole of Human3.6M is about 0.2 GB
-UNPACK_MEMORY = 2**29  # bytes that an .xz dictionary may ask for
 LARGEST = 1e7  # no position (in any unit) or angle is larger
+MOST_JOINTS = 1000  # of one skeleton
+BLOCK = 2**20  # characters of text that are taken apart at a time
+LONGEST_WORD = 200  # characters of a number or of a joint's name
+SMALL_TEXT = 4_000_000  # bytes of a skeleton or of a list of clips; the longest at hand has 0.4 million
 
 
-def bare_name(path: Path) -> str:
-    """The file name without .xz or .gz."""
-    return path.stem if path.suffix.lower() in PACKED else path.name
-
-
-def bare_suffix(path: Path) -> str:
-    """The suffix in lower case, .xz or .gz left out: ".bvh" for "walk.BVH.xz"."""
-    return Path(bare_name(path)).suffix.lower()
-
-
-def read_bytes(path: Path, limit: int) -> bytes:
-    """The file's bytes, unpacked, but no more than `limit` of them.
-
-    Raises:
-        MotionFormatError: broken packing, or more bytes than that.
-    """
-    try:
-        if path.suffix.lower() == ".xz":
-            data = _unxz(path.read_bytes(), limit)
-        else:
-            with gzip.open(path) if path.suffix.lower() == ".gz" else path.open("rb") as stream:
-                data = stream.read(limit + 1)
-    except (lzma.LZMAError, EOFError, gzip.BadGzipFile, zlib.error) as error:
-        raise MotionFormatError(path, "packing", str(error) or "a truncated file", f"a whole {path.suffix} file") from error
-    if len(data) > limit:
-        raise MotionFormatError(path, "size", f"more than {limit} bytes", "at most that")
-    return data
-
-
-def _unxz(packed: bytes, limit: int) -> bytes:
-    """Like lzma.decompress, with bounds on the output and on the memory that the file may ask for."""
-    parts, size = [], 0
-    while packed and size <= limit:
-        unpacker = lzma.LZMADecompressor(memlimit=UNPACK_MEMORY)
-        parts.append(unpacker.decompress(packed, limit + 1 - size))
-        size += len(parts[-1])
-        if not unpacker.eof and size <= limit:
-            raise EOFError("a truncated file")
-        packed = unpacker.unused_data.lstrip(b"\0")
-    return b"".join(parts)
-
-
-def read_text(path: Path) -> str:
+def read_text(path: Path, limit: int | None = None) -> str:
     """The file as UTF-8 text, unpacked, line ends as they are.
+
+    Args:
+        limit: bytes, at most; None: what the file's size allows.
 
     Raises:
         MotionFormatError: not UTF-8, broken packing, or absurdly large.
     """
     try:
-        return read_bytes(path, TEXT_LIMIT).decode("utf-8-sig")
+        return read_bytes(path, allowed(MOST_BYTES, path) if limit is None else limit).decode("utf-8-sig")
     except UnicodeDecodeError as error:
         raise MotionFormatError(path, f"byte {error.start}", f"0x{error.object[error.start]:02x}", "UTF-8 text") from error
 
 
-def number_table(
-    text: str, columns: int, file: Path, place: str, delimiter: str | None = None
-) -> Float[np.ndarray, "rows {columns}"]:
-    """Lines of numbers as one array.
+def words_of(text: str, stop: int | None = None) -> Iterator[str]:
+    """Words one by one, so that a file of nothing but words is refused at the first wrong one."""
+    return (match[0] for match in re.compile(r"\S+").finditer(text, 0, len(text) if stop is None else stop))
+
+
+def lines_of(text: str, start: int = 0) -> Iterator[re.Match[str]]:
+    """Lines that are not empty, one by one, whichever way they end."""
+    return re.compile(r"[^\r\n]+").finditer(text, start)
+
+
+def blocks_of(text: str, start: int, breaks: str) -> Iterator[str]:
+    """The text from `start` on in pieces of about BLOCK characters, each cut after one of the characters `breaks`.
 
     Raises:
-        MotionFormatError: no line, a word that is no number, another number of columns, or a number out of bounds.
+        ValueError: there is none of them for BLOCK characters.
+    """
+    while start < len(text):
+        stop = start + BLOCK
+        if stop < len(text):
+            stop = 1 + max(text.rfind(character, start, stop) for character in breaks)
+            if stop <= start:
+                raise ValueError(f"more than {BLOCK} characters without a break")
+        yield text[start:stop]
+        start = stop
+
+
+def number_table(
+    text: str, columns: int, file: Path, place: str, delimiter: str | None = None, start: int = 0
+) -> Float[np.ndarray, "rows {columns}"]:
+    """Lines of numbers as one array; the text before `start` is left out.
+
+    Raises:
+        MotionFormatError: no line, a word that is no number, another number of columns, a number out of bounds, or more numbers
+            than the file's size allows.
     """
     expected = f"lines of {columns} numbers"
-    if not text.strip():
-        raise MotionFormatError(file, place, "no line", expected)
+    tables: list[np.ndarray] = []
+    rows, most = 0, allowed(MOST_VALUES, file)
     try:
-        table = np.loadtxt(io.StringIO(text), ndmin=2, comments=None, delimiter=delimiter)
+        for block in blocks_of(text, start, "\r\n"):
+            if not block.isspace():
+                tables.append(np.loadtxt(io.StringIO(block), ndmin=2, comments=None, delimiter=delimiter))
+                if tables[-1].shape[1] != columns:
+                    raise MotionFormatError(file, place, f"{tables[-1].shape[1]} columns", expected)
+                rows += len(tables[-1])
+            if rows * columns > most:
+                raise MotionFormatError(file, place, f"more than {most} numbers", "at most that in a file of this size")
     except (ValueError, OverflowError) as error:
-        raise MotionFormatError(file, place, str(error).split(";")[0], expected) from error
-    if table.shape[1] != columns:
-        raise MotionFormatError(file, place, f"{table.shape[1]} columns", expected)
-    return bounded(table, file, place)
+        if isinstance(error, MotionFormatError):
+            raise
+        found = re.sub(r"(?<=row )\d+", lambda row: str(rows + int(row[0])), str(error).split(";")[0])
+        raise MotionFormatError(file, place, found[:LONGEST_WORD], expected) from error
+    if not tables:
+        raise MotionFormatError(file, place, "no line", expected)
+    return bounded(tables[0] if len(tables) == 1 else np.concatenate(tables), file, place)
 
 
 def bounded(values: Shaped[np.ndarray, "*shape"], file: Path, place: str) -> Shaped[np.ndarray, "*shape"]:
@@ -109,7 +101,7 @@ def bounded(values: Shaped[np.ndarray, "*shape"], file: Path, place: str) -> Sha
     """
     good = (values >= -LARGEST) & (values <= LARGEST)  # False for nan
     if not good.all():
-        at = tuple(int(i) for i in np.argwhere(~good)[0])
+        at = tuple(int(i) for i in np.unravel_index(np.argmin(good), good.shape))
         raise MotionFormatError(file, f"{place}, entry {at}", str(values[at]), f"a finite number up to {LARGEST:g}")
     return values
 
@@ -121,7 +113,7 @@ def number(word: str, file: Path, place: str) -> float:
         MotionFormatError: it is none.
     """
     try:
-        value = float(word)
+        value = float(word) if len(word) <= LONGEST_WORD else math.nan
     except ValueError:
         value = math.nan
     if not abs(value) <= LARGEST:
@@ -129,66 +121,12 @@ def number(word: str, file: Path, place: str) -> float:
     return value
 
 
-def archive_names(file: Path) -> set[str]:
-    """Names of the arrays in an .npz file.
+def label(word: object, file: Path, place: str) -> str:
+    """A name that can be written, printed and hashed.
 
     Raises:
-        MotionFormatError: it is no archive.
+        MotionFormatError: no text, one of absurd length, or half of a surrogate pair.
     """
-    return set(_archive(file, lambda archive: [name.removesuffix(".npy") for name in archive.namelist()]))
-
-
-def read_archive(file: Path, name: str) -> BinaryIO:
-    """One array of an .npz file, as an .npy stream.
-
-    Raises:
-        MotionFormatError: it is no archive, has no such entry, or the entry is broken or too large.
-    """
-    data = _archive(file, lambda archive: archive.open(f"{name}.npy").read(ARRAY_LIMIT + 1))
-    if len(data) > ARRAY_LIMIT:
-        raise MotionFormatError(file, name, f"more than {ARRAY_LIMIT} bytes", "at most that")
-    return io.BytesIO(data)
-
-
-def _archive(file: Path, ask: Callable[[zipfile.ZipFile], Answer]) -> Answer:
-    data = io.BytesIO(read_bytes(file, ARRAY_LIMIT))
-    try:
-        with zipfile.ZipFile(data) as archive:
-            return ask(archive)
-    except Exception as error:  # on broken bytes zipfile raises nearly any
-        raise MotionFormatError(file, "archive", str(error)[:80] or type(error).__name__, "NumPy's .npz format") from error
-
-
-def read_array(stream: BinaryIO, file: Path, place: str) -> Shaped[np.ndarray, "*shape"]:
-    """One array in .npy format, numbers or strings; never unpickles, never allocates more than the file holds.
-
-    Raises:
-        MotionFormatError: another format, Python objects, or a size that does not fit the header.
-    """
-    shape, fortran, dtype = array_header(stream, file, place)
-    if dtype.kind not in "biufU":
-        raise MotionFormatError(file, place, f"an array of dtype {dtype}", "numbers or strings")
-    data = stream.read(ARRAY_LIMIT + 1)
-    wanted = math.prod(shape) * dtype.itemsize
-    if len(data) != wanted or wanted > ARRAY_LIMIT:
-        raise MotionFormatError(file, place, f"{len(data)} bytes", f"{wanted} bytes for shape {shape}, at most {ARRAY_LIMIT}")
-    array = np.frombuffer(data, dtype) if wanted else np.empty(0, dtype)
-    return array.reshape(shape, order="F" if fortran else "C")
-
-
-def array_header(stream: BinaryIO, file: Path, place: str) -> tuple[tuple[int, ...], bool, np.dtype]:
-    """Shape, Fortran order and dtype from the head of an .npy stream.
-
-    Raises:
-        MotionFormatError: it is no .npy header.
-    """
-    readers = {(1, 0): np.lib.format.read_array_header_1_0, (2, 0): np.lib.format.read_array_header_2_0}
-    try:
-        with warnings.catch_warnings(action="ignore"):  # headers that Python 2 wrote are fine
-            version = np.lib.format.read_magic(stream)
-            shape, fortran, dtype = readers[version](stream)
-    except Exception as error:  # on broken bytes NumPy's parser raises nearly any
-        raise MotionFormatError(file, place, f"no array header ({error})", "an array in NumPy's .npy format") from error
-    if any(n < 0 for n in shape):
-        raise MotionFormatError(file, place, f"shape {shape}", "no negative length")
-    return shape, fortran, dtype
+    if not isinstance(word, str) or len(word) > LONGEST_WORD or any("\ud800" <= character <= "\udfff" for character in word):
+        raise MotionFormatError(file, place, repr(word)[:60], f"a name of at most {LONGEST_WORD} characters")
+    return word

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from itertools import islice
 from pathlib import Path
 
 import numpy as np
@@ -12,15 +14,16 @@ from mwlib.body.motion import Motion
 from mwlib.body.rotation import euler_matrices
 from mwlib.body.skeleton import CMU, Skeleton
 from mwlib.data.errors import MotionFormatError
-from mwlib.data.formats.asf import CMU_BONES, TURNS, Body, read_asf
+from mwlib.data.formats.asf import CMU_BONES, ROOT_ORDER, TURNS, Body, read_asf
 from mwlib.data.formats.asf_rig import Tracks, asf_rig, root_path
+from mwlib.data.formats.blocks import in_blocks
 from mwlib.data.hints import Hints
 from mwlib.data.naming import own_skeleton
-from mwlib.data.reading import bare_name, bare_suffix, bounded, read_text
+from mwlib.data.opening import MOST_POINTS, MOST_VALUES, allowed, bare_name, bare_suffix, without_twins
+from mwlib.data.reading import blocks_of, bounded, lines_of, read_text
 from mwlib.data.units import infer_unit
 
 CMU_FPS = 120.0  # neither file says
-MOST_POINTS = 20_000_000  # frames times bones
 
 
 def read_amc(file: Path, hints: Hints) -> Motion:
@@ -38,10 +41,9 @@ def read_amc(file: Path, hints: Hints) -> Motion:
     names = _parents_first(body)
     parents = tuple(names.index(body.bones[name].parent) for name in names[1:])
     skeleton = tree = own_skeleton(tuple(names), (-1, *parents))
-    positions = _positions(tracks, body, tree)
     if set(names) == set(CMU_BONES) and [body.bones[n].parent for n in CMU_BONES[1:]] == [CMU_BONES[p] for p in CMU.parents[1:]]:
         skeleton, names = CMU, list(CMU_BONES)
-        positions = positions[:, [tree.joints.index(name) for name in names]]
+    positions = _positions(tracks, body, tree, [tree.joints.index(name) for name in names])
     metres = hints.unit or body.metres or infer_unit(positions, skeleton, asf)
     positions *= metres
     rig = asf_rig(tracks, body, tree, names, metres)
@@ -54,7 +56,7 @@ def find_asf(file: Path) -> Path:
     Raises:
         MotionFormatError: there is none, or it is not clear which.
     """
-    there = sorted(f for f in file.parent.iterdir() if bare_suffix(f) == ".asf")
+    there = without_twins([f for f in file.parent.iterdir() if bare_suffix(f) == ".asf"])
     stem = Path(bare_name(file)).stem
     named = [f for f in there if Path(bare_name(f)).stem in (stem, stem.split("_")[0])]
     for candidates in (named, there):
@@ -66,59 +68,46 @@ def find_asf(file: Path) -> Path:
 
 def _parents_first(body: Body) -> list[str]:
     """Root and bones, in file order as far as parents allow."""
-    names, waiting = ["root"], list(body.bones)
+    names, there, waiting = ["root"], {"root"}, list(body.bones)
     while waiting:
-        ready = [name for name in waiting if body.bones[name].parent in names]
+        ready = [name for name in waiting if body.bones[name].parent in there]
         names += ready
-        waiting = [name for name in waiting if name not in ready]
+        there |= set(ready)
+        waiting = [name for name in waiting if name not in there]
     return names
 
 
 def _tracks(text: str, body: Body, file: Path) -> Tracks:
     """All channels over time, in radians and file units."""
-    head, lines = _header(text, file)
-    degrees = ":radians" not in head
-    first = _first_frame(lines, body, file)
-    words = " ".join(lines).split()
-    stride = 1 + sum(1 + len(dof) for dof in first.values())
-    frames = len(words) // stride
-    if len(words) % stride or frames * len(body.bones) > MOST_POINTS:
-        found = f"{len(words)} words, not a multiple of the {stride} of frame 1" if len(words) % stride else f"{frames} frames"
-        raise MotionFormatError(file, "frames", found, f"whole frames, at most {MOST_POINTS // len(body.bones)}")
-    numbers = _column(words[::stride], file, "frame numbers")
-    if np.any(np.diff(numbers) != 1):
-        at = int(np.argmax(np.diff(numbers) != 1))
-        raise MotionFormatError(file, f"after frame {numbers[at]:g}", f"frame {numbers[at + 1]:g}", "the next one")
+    degrees, start = _header(text, file)
+    first = _first_frame(text, start, body, file)
+    table = _table(text, start, first, body, file)
     tracks: Tracks = {}
-    start = 1
+    column = 0
     for name, dof in first.items():
-        others = set(words[start::stride]) - {name}
-        if others:
-            raise MotionFormatError(file, f"line of {name}", repr(sorted(others)[0][:40]), f"{name}, as in frame 1")
-        columns = {d: _column(words[start + i :: stride], file, f"{name} {d}") for i, d in enumerate(dof, 1)}
+        columns = {d: table[:, column + i] for i, d in enumerate(dof)}
         tracks[name] = {d: np.deg2rad(c) if degrees and d in TURNS else c for d, c in columns.items()}
-        start += 1 + len(dof)
+        column += len(dof)
     return tracks
 
 
-def _header(text: str, file: Path) -> tuple[set[str], list[str]]:
-    """Keywords before the first frame, and the lines from there on."""
-    lines = text.splitlines()
-    keywords = set()
-    for i, line in enumerate(lines):
-        word = line.strip().lower()
+def _header(text: str, file: Path) -> tuple[bool, int]:
+    """Whether angles are in degrees, and where the first frame begins."""
+    degrees = True
+    for line in lines_of(text):
+        word = line[0].strip().lower()
         if word and not word.startswith(("#", ":")):
-            return keywords, lines[i:]
-        keywords.add(word)
+            return degrees, line.start()
+        degrees = degrees and word != ":radians"
     raise MotionFormatError(file, "end of file", "no frame", "at least one frame")
 
 
-def _first_frame(lines: list[str], body: Body, file: Path) -> dict[str, tuple[str, ...]]:
+def _first_frame(text: str, start: int, body: Body, file: Path) -> dict[str, tuple[str, ...]]:
     """Bone -> degrees of freedom, in the order of the first frame."""
     dofs = {"root": body.root_order} | {name: bone.dof for name, bone in body.bones.items() if bone.dof}
     order: dict[str, tuple[str, ...]] = {}
-    for line in lines[1:]:
-        words = line.split()
+    for line in islice(lines_of(text, start), 1, None):
+        words = line[0].split(maxsplit=len(ROOT_ORDER) + 1)
         if len(words) == 1:  # the next frame's number
             break
         if not words:
@@ -135,26 +124,78 @@ def _first_frame(lines: list[str], body: Body, file: Path) -> dict[str, tuple[st
     return order
 
 
-def _column(words: list[str], file: Path, place: str) -> Float[np.ndarray, " T"]:
+def _table(text: str, start: int, first: dict[str, tuple[str, ...]], body: Body, file: Path) -> Float[np.ndarray, "T channels"]:
+    """The numbers of all frames, bone after bone as in the first one."""
+    stride = 1 + sum(1 + len(dof) for dof in first.values())
+    most = min(allowed(MOST_POINTS, file) // len(body.bones), allowed(MOST_VALUES, file) // stride)
+    tables: list[np.ndarray] = []
+    frames, words = 0, []
+    for block in _text_blocks(text, start, file):
+        words += block.split()
+        whole = len(words) // stride * stride
+        tables += [_block(words[:whole], first, tables, file)] if whole else []
+        words = words[whole:]
+        frames += whole // stride
+        if frames > most:
+            found = f"more than {most} frames"
+            raise MotionFormatError(file, "frames", found, f"at most that for {len(body.bones)} bones in a file of this size")
+    if words:
+        found = f"{frames * stride + len(words)} words, not a multiple of the {stride} of frame 1"
+        raise MotionFormatError(file, "frames", found, "whole frames")
+    return np.concatenate(tables)[:, 1:]
+
+
+def _text_blocks(text: str, start: int, file: Path) -> Iterator[str]:
+    try:
+        yield from blocks_of(text, start, " \t\r\n")
+    except ValueError as error:
+        raise MotionFormatError(file, "frames", str(error), "words") from error
+
+
+def _block(
+    words: list[str], first: dict[str, tuple[str, ...]], before: list[np.ndarray], file: Path
+) -> Float[np.ndarray, "n columns"]:
+    """Frame numbers, then the numbers of every bone, of some frames that follow those `before`."""
+    stride = 1 + sum(1 + len(dof) for dof in first.values())
+    columns = [_column(words[::stride], file, "frame numbers")]
+    numbers = np.concatenate([before[-1][-1:, 0], columns[0]]) if before else columns[0]
+    if np.any(np.diff(numbers) != 1):
+        at = int(np.argmax(np.diff(numbers) != 1))
+        raise MotionFormatError(file, f"after frame {numbers[at]:g}", f"frame {numbers[at + 1]:g}", "the next one")
+    start = 1
+    for name, dof in first.items():
+        others = set(words[start::stride]) - {name}
+        if others:
+            raise MotionFormatError(file, f"line of {name}", repr(sorted(others)[0][:40]), f"{name}, as in frame 1")
+        columns += [_column(words[start + i :: stride], file, f"{name} {d}") for i, d in enumerate(dof, 1)]
+        start += 1 + len(dof)
+    return np.stack(columns, axis=-1)
+
+
+def _column(words: list[str], file: Path, place: str) -> Float[np.ndarray, " n"]:
     try:
         column = np.array(words, dtype=np.float64)
-    except ValueError as error:
+    except (ValueError, OverflowError) as error:
         raise MotionFormatError(file, place, str(error)[:80], "numbers") from error
     return bounded(column, file, place)
 
 
-def _positions(tracks: Tracks, body: Body, skeleton: Skeleton) -> Float[np.ndarray, "T joints 3"]:
-    """Far ends of the bones, file units."""
+def _positions(tracks: Tracks, body: Body, skeleton: Skeleton, picked: list[int]) -> Float[np.ndarray, "T joints 3"]:
+    """Where the picked bones end, file units."""
     place = root_path(tracks, body)
-    rotations = np.broadcast_to(np.eye(3), (len(place), len(skeleton), 3, 3)).copy()
-    offsets = np.zeros((len(place), len(skeleton), 3))
-    for joint, name in enumerate(skeleton.joints):
-        bone = body.bones.get(name)
-        axis = bone.axis if bone else body.root_axis
-        turns = [dof for dof in reversed(TURNS) if dof in tracks.get(name, {})]  # z, y, x: Rz Ry Rx
-        if turns:
-            angles = np.stack([tracks[name][dof] for dof in turns], axis=-1)
-            rotations[:, joint] = axis @ euler_matrices("".join(dof[1] for dof in turns), angles) @ axis.T
-        if bone:
-            offsets[:, joint] = rotations[:, joint] @ bone.offset  # a bone's own turn moves its far end
-    return forward_kinematics(rotations, offsets, place, skeleton)
+
+    def positions(part: slice) -> Float[np.ndarray, "n joints 3"]:
+        rotations = np.broadcast_to(np.eye(3), (part.stop - part.start, len(skeleton), 3, 3)).copy()
+        offsets = np.zeros((len(rotations), len(skeleton), 3))
+        for joint, name in enumerate(skeleton.joints):
+            bone = body.bones.get(name)
+            axis = bone.axis if bone else body.root_axis
+            turns = [dof for dof in reversed(TURNS) if dof in tracks.get(name, {})]  # z, y, x: Rz Ry Rx
+            if turns:
+                angles = np.stack([tracks[name][dof][part] for dof in turns], axis=-1)
+                rotations[:, joint] = axis @ euler_matrices("".join(dof[1] for dof in turns), angles) @ axis.T
+            if bone:
+                offsets[:, joint] = rotations[:, joint] @ bone.offset  # a bone's own turn moves its far end
+        return forward_kinematics(rotations, offsets, place[part], skeleton)[:, picked]
+
+    return in_blocks(positions, len(place), len(skeleton))

@@ -13,9 +13,10 @@ from jaxtyping import Shaped
 from mwlib.body.kinematics import AXES
 from mwlib.body.motion import Motion
 from mwlib.body.skeleton import HUMANML22, SKELETONS, Skeleton
+from mwlib.data.archives import read_array, single
 from mwlib.data.errors import MotionFormatError
 from mwlib.data.hints import LEVELS_UP, Hints, frame_rate
-from mwlib.data.reading import bounded, read_array, read_text
+from mwlib.data.reading import MOST_JOINTS, SMALL_TEXT, bounded, label, read_text
 from mwlib.data.units import infer_unit, metres_per_unit
 
 SKELETON_FILE = "skeleton.json"
@@ -48,7 +49,7 @@ def read_positions(arrays: dict[str, Shaped[np.ndarray, "*shape"]], file: Path, 
         MotionFormatError: shapes, values or the skeleton do not fit, or nobody states the skeleton or the frame rate.
     """
     beside = _layout_beside(file)
-    said = {name: _single(array, file, name) for name, array in arrays.items() if name != "positions"}
+    said = {name: single(array, file, name) for name, array in arrays.items() if name != "positions"}
     inside = _layout(said, file)
     skeleton = inside.skeleton or beside.skeleton or hints.fallback_skeleton
     fps = hints.fps or inside.fps or beside.fps or hints.fallback_fps
@@ -61,15 +62,9 @@ def read_positions(arrays: dict[str, Shaped[np.ndarray, "*shape"]], file: Path, 
         raise MotionFormatError(file, "positions", f"{positions.dtype} of shape {positions.shape}", expected)
     positions = bounded(positions, file, "positions").astype(np.float64)
     positions *= hints.unit or inside.unit or beside.unit or infer_unit(positions, skeleton, file)
-    who, what = (str(said.get(name, "")) for name in ("subject", "action"))
+    who, what = (label(str(said.get(name, "")), file, name) for name in ("subject", "action"))
     motion = Motion(positions.astype(np.float32), fps, skeleton, who, what, up=inside.up or beside.up or "z")
     return hints.label(motion, file)
-
-
-def _single(array: Shaped[np.ndarray, "*shape"], file: Path, name: str) -> object:
-    if array.size != 1:
-        raise MotionFormatError(file, name, f"shape {array.shape}", "a single value")
-    return array.item()
 
 
 def _layout_beside(file: Path) -> Layout:
@@ -94,13 +89,14 @@ def read_skeleton_file(file: Path) -> Layout:
         MotionFormatError: not JSON, a field of the wrong kind, or a skeleton that is no tree.
     """
     try:
-        tree = json.loads(read_text(file))
+        tree = json.loads(read_text(file, SMALL_TEXT))
     except (ValueError, RecursionError) as error:
         if isinstance(error, MotionFormatError):
             raise
         raise MotionFormatError(file, "text", str(error)[:80], "JSON") from error
     if not isinstance(tree, dict) or not isinstance(tree.get("name"), str):
         raise MotionFormatError(file, "top", "no name", "an object with a name")
+    label(tree["name"], file, "name")
     if "joints" in tree or tree["name"] not in SKELETONS:
         tree["skeleton"] = _skeleton(tree, file)
     else:
@@ -111,11 +107,15 @@ def read_skeleton_file(file: Path) -> Layout:
 def _skeleton(tree: dict, file: Path) -> Skeleton:
     names, parents = tree.get("joints"), tree.get("parents")
     if (
-        not isinstance(names, list) or len(names) < 2 or not all(isinstance(name, str) for name in names)
+        not isinstance(names, list) or not 2 <= len(names) <= MOST_JOINTS or not all(isinstance(name, str) for name in names)
         or not isinstance(parents, list) or not all(type(p) is int for p in parents)
     ):  # fmt: skip
         found = f"joints {str(names)[:60]}, parents {str(parents)[:60]}"
-        raise MotionFormatError(file, "joints, parents", found, "a list of two or more names, a list of indices")
+        raise MotionFormatError(
+            file, "joints, parents", found, f"a list of two or more names up to {MOST_JOINTS}, a list of indices"
+        )
+    for name in names:
+        label(name, file, "joints")
     parts = tree.get("parts", {})
     if not isinstance(parts, dict):
         raise MotionFormatError(file, "parts", repr(parts)[:60], "an object")
@@ -133,16 +133,20 @@ def _skeleton(tree: dict, file: Path) -> Skeleton:
 def _layout(said: dict, file: Path) -> Layout:
     """Check what a file says about an array; `skeleton` is a Skeleton or the name of a known one."""
     skeleton, unit, up = said.get("skeleton"), said.get("unit"), said.get("up")
-    if isinstance(skeleton, str):
-        if skeleton not in SKELETONS:
-            raise MotionFormatError(file, "skeleton", repr(skeleton[:40]), f"one of {', '.join(sorted(SKELETONS))}")
+    if skeleton is not None and not isinstance(skeleton, Skeleton):
+        if not isinstance(skeleton, str) or skeleton not in SKELETONS:
+            raise MotionFormatError(file, "skeleton", repr(skeleton)[:40], f"one of {', '.join(sorted(SKELETONS))}")
         skeleton = SKELETONS[skeleton]
-    if up is not None and up not in AXES:
+    if up is not None and (not isinstance(up, str) or up not in AXES):
         raise MotionFormatError(file, "up", repr(up)[:40], " or ".join(map(repr, AXES)))
     if unit is not None:
         try:
             unit = metres_per_unit(unit)
         except (ValueError, TypeError) as error:
             raise MotionFormatError(file, "unit", repr(unit)[:40], str(error).split("expected ")[-1]) from error
-    fps = None if said.get("fps") is None else frame_rate(str(said["fps"]), file, "fps")
+    fps = said.get("fps")
+    if fps is not None:
+        if not isinstance(fps, str | int | float):
+            raise MotionFormatError(file, "fps", type(fps).__name__, "a number")
+        fps = frame_rate(str(fps), file, "fps")
     return Layout(skeleton, fps, unit, up)

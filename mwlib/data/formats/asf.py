@@ -10,10 +10,9 @@ import numpy as np
 from mwlib.body.rotation import euler_matrices
 from mwlib.body.skeleton import CMU, Skeleton
 from mwlib.data.errors import MotionFormatError
-from mwlib.data.reading import number, read_text
+from mwlib.data.reading import MOST_JOINTS, SMALL_TEXT, label, lines_of, number, read_text
 
 INCH = 0.0254
-MOST_BONES = 1000
 ROOT_ORDER = ("tx", "ty", "tz", "rx", "ry", "rz")
 TURNS = ("rx", "ry", "rz")
 CMU_BONES = tuple(name.replace("left_", "l").replace("right_", "r") for name in CMU.joints)
@@ -46,7 +45,7 @@ def read_asf(file: Path) -> Body:
     Raises:
         MotionFormatError: it is malformed, or uses an axis order or a degree of freedom that nobody has checked here.
     """
-    sections = _sections(read_text(file), file)
+    sections = _sections(read_text(file, SMALL_TEXT), file)
     units = {words[0]: words[1] for words in sections.get("units", []) if len(words) == 2}
     degrees = _is_degrees(units.get("angle", "deg"), file)
     length = number(units["length"], file, ":units length") if "length" in units else None
@@ -80,8 +79,8 @@ def _sections(text: str, file: Path) -> dict[str, list[list[str]]]:
     """Lines of words under each :keyword."""
     sections: dict[str, list[list[str]]] = {}
     lines: list[list[str]] = []
-    for line in text.splitlines():
-        words = line.split()
+    for line in lines_of(text):
+        words = line[0].split()
         if not words or words[0].startswith(("#", "(")):  # a line of limits begins with "("
             continue
         if words[0].startswith(":"):
@@ -103,8 +102,8 @@ def _bones(lines: list[list[str]], degrees: bool, file: Path) -> dict[str, Bone]
             block = {}
         elif words == ["end"] and block is not None:
             name, bone = _bone(block, degrees, file)
-            if name in bones or name == "root" or len(bones) >= MOST_BONES:
-                raise MotionFormatError(file, f"bone {name}", "it twice, or too many", f"up to {MOST_BONES} different names")
+            if name in bones or name == "root" or len(bones) >= MOST_JOINTS:
+                raise MotionFormatError(file, f"bone {name}", "it twice, or too many", f"up to {MOST_JOINTS} different names")
             bones[name] = bone
             block = None
         elif block is not None and words[0] not in ("begin", "end"):
@@ -119,7 +118,7 @@ def _bones(lines: list[list[str]], degrees: bool, file: Path) -> dict[str, Bone]
 
 
 def _bone(block: dict[str, list[str]], degrees: bool, file: Path) -> tuple[str, Bone]:
-    name = " ".join(block.get("name", []))
+    name = label(" ".join(block.get("name", [])), file, "bone name")
     place = f"bone {name[:40]}"
     missing = [key for key in ("name", "direction", "length", "axis") if not block.get(key)]
     if missing:

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
-import torch
 from jaxtyping import Float
 
-from mwlib.body.rig import ANGLES, MOVES, ROTATION_DTYPE, Rig
-from mwlib.body.rotation import continuous, euler_quaternions
+from mwlib.body.rig import ANGLES, MOVES, Rig
+from mwlib.body.rotation import euler_quaternions
 from mwlib.body.skeleton import Skeleton
 from mwlib.data.formats.asf import ROOT_ORDER, TURNS, Body, far_ends
+from mwlib.data.formats.blocks import rotation_track
 from mwlib.data.naming import rig_skeleton
 
 Tracks = dict[str, dict[str, Float[np.ndarray, " T"]]]  # bone -> degree of freedom -> values, radians or file units
@@ -34,19 +34,23 @@ def asf_rig(tracks: Tracks, body: Body, tree: Skeleton, bones: list[str], metres
     names, parents = _depth_first(tree)
     skeleton = rig_skeleton(names, parents)
     vectors = np.array([body.bones[name].offset if name in body.bones else np.zeros(3) for name in names])
-    rotations = np.zeros((len(tracks["root"]["tx"]), len(names), 4))
-    rotations[..., 0] = 1.0
-    for joint, name in enumerate(names):
-        turns = [dof for dof in reversed(TURNS) if dof in tracks.get(name, {})]  # z, y, x: Rz Ry Rx
-        if turns:
-            angles = np.stack([tracks[name][dof] for dof in turns], axis=-1)
-            rotations[:, joint] = euler_quaternions("".join(dof[1] for dof in turns), angles)
-            rotations[:, joint, 1:] @= _axis(body, name).T  # C R C^-1: R about the turned axis
+
+    def rotations(part: slice) -> Float[np.ndarray, "n rig 4"]:
+        found = np.zeros((part.stop - part.start, len(names), 4))
+        found[..., 0] = 1.0
+        for joint, name in enumerate(names):
+            turns = [dof for dof in reversed(TURNS) if dof in tracks.get(name, {})]  # z, y, x: Rz Ry Rx
+            if turns:
+                angles = np.stack([tracks[name][dof][part] for dof in turns], axis=-1)
+                found[:, joint] = euler_quaternions("".join(dof[1] for dof in turns), angles)
+                found[:, joint, 1:] @= _axis(body, name).T  # C R C^-1: R about the turned axis
+        return found
+
     ends = far_ends(skeleton)
     return Rig(
         skeleton,
         np.concatenate([body.position[None], vectors[list(parents[1:])]]) * metres,
-        continuous(torch.from_numpy(rotations)).numpy().astype(ROTATION_DTYPE),
+        rotation_track(rotations, len(tracks["root"]["tx"]), len(names)),
         root_path(tracks, body) * metres,
         tuple(ends[names.index(bone)] for bone in bones),
         tuple(None if name.endswith("/End") else (MOVES if joint == 0 else ()) + ANGLES for joint, name in enumerate(names)),

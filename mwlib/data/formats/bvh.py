@@ -5,7 +5,6 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float
@@ -16,15 +15,16 @@ from mwlib.body.rig import ANGLES, MOVES
 from mwlib.body.rotation import euler_matrices
 from mwlib.body.skeleton import Skeleton
 from mwlib.data.errors import MotionFormatError
-from mwlib.data.formats.bvh_rig import Node, bvh_rig, bvh_skeleton
+from mwlib.data.formats.blocks import in_blocks
+from mwlib.data.formats.bvh_rig import Node, bvh_rig, bvh_skeleton, frame_offsets
 from mwlib.data.formats.tpose import starts_in_tpose
-from mwlib.data.hints import Hints
-from mwlib.data.reading import number, number_table, read_text
+from mwlib.data.hints import FASTEST, SLOWEST, Hints
+from mwlib.data.opening import MOST_POINTS, allowed
+from mwlib.data.reading import LONGEST_WORD, MOST_JOINTS, number, number_table, read_text, words_of
 from mwlib.data.units import infer_unit
 
-MOST_JOINTS = 1000
 DEEPEST = 200
-MOST_POINTS = 20_000_000  # frames times joints: about 2 GB while reading
+COMMON_RATES = (24, 25, 30, 48, 50, 60, 72, 75, 90, 100, 120, 144, 150, 180, 200, 240)  # hertz
 
 
 def read_bvh(file: Path, hints: Hints) -> Motion:
@@ -41,28 +41,29 @@ def read_bvh(file: Path, hints: Hints) -> Motion:
     split = re.search(r"^[ \t]*MOTION\b", text, re.MULTILINE)
     if split is None:
         raise MotionFormatError(file, "end of HIERARCHY", "no MOTION section", "a line MOTION")
-    nodes = _hierarchy(text[: split.start()].split(), file)
-    table, fps = _motion(text[split.end() :], nodes, file)
-    everything = Skeleton("file", tuple(n.name for n in nodes), tuple(n.parent for n in nodes))
-    channels = _channels(nodes, table)
-    positions = forward_kinematics(channels.rotations, channels.offsets, channels.offsets[:, 0], everything)
+    nodes = _hierarchy(words_of(text, split.start()), file)
+    table, fps = _motion(text, split.end(), nodes, file)
+    del text  # the clip needs its memory
     skeleton, picked = bvh_skeleton(nodes)
-    positions = positions[:, picked]
+    if len(skeleton) < 2:
+        raise MotionFormatError(file, "HIERARCHY", "one joint", "at least two")
+    positions = _positions(nodes, table, picked)
     metres = hints.unit or infer_unit(positions, skeleton, file)
     positions *= metres
-    first = int(starts_in_tpose(channels.turn, positions))
-    rig = bvh_rig(nodes, table[first:], channels.offsets[first:], picked, metres)
+    turns = [i for i, name in enumerate(nodes[0].channels or ()) if name in ANGLES]
+    first = int(starts_in_tpose(table[:, turns], positions))
+    rig = bvh_rig(nodes, table[first:], picked, metres)
     motion = Motion(positions[first:].astype(np.float32), hints.fps or fps, skeleton, up="y", rig=rig)
     return hints.label(motion, file)
 
 
-def _hierarchy(words: list[str], file: Path) -> list[Node]:
+def _hierarchy(rest: Iterator[str], file: Path) -> list[Node]:
     """The nodes in file order: parents before children."""
-    if words[:1] != ["HIERARCHY"]:
-        raise MotionFormatError(file, "start", repr(" ".join(words[:1])[:40]), "HIERARCHY")
+    first = next(rest, "")
+    if first != "HIERARCHY":
+        raise MotionFormatError(file, "start", repr(first[:40]), "HIERARCHY")
     nodes: list[Node] = []
     stack: list[int] = []
-    rest = iter(words[1:])
     for word in rest:
         place = f"joint {nodes[stack[-1]].name}" if stack else "HIERARCHY"
         if word in ("ROOT", "JOINT", "End"):
@@ -91,6 +92,8 @@ def _open(word: str, rest: Iterator[str], nodes: list[Node], stack: list[int], f
     name = []
     while (part := _next(rest, file, place)) != "{":
         name.append(part)
+        if len(" ".join(name)) > LONGEST_WORD:
+            raise MotionFormatError(file, place, " ".join(name)[:40], f"a name of at most {LONGEST_WORD} characters, then {{")
     parent = stack[-1] if stack else -1
     is_end = word == "End"
     if len(name) == 0 or (is_end and (name != ["Site"] or nodes[parent].is_end)) or (stack and nodes[parent].is_end):
@@ -126,56 +129,63 @@ def _check_node(node: Node, file: Path) -> None:
         raise MotionFormatError(file, f"joint {node.name}", f"no {' and no '.join(missing)}", "both")
 
 
-def _motion(text: str, nodes: list[Node], file: Path) -> tuple[Float[np.ndarray, "T channels"], float]:
+def _motion(text: str, start: int, nodes: list[Node], file: Path) -> tuple[Float[np.ndarray, "T channels"], float]:
     """The number table and the frame rate."""
-    head = re.match(r"\s*Frames:\s*(\S+)\s+Frame[ \t]+Time:\s*(\S+)[^\n]*", text)
+    head = re.compile(r"\s*Frames:\s*(\S+)\s+Frame[ \t]+Time:\s*(\S+)[^\n]*").match(text, start)
     if head is None:
-        raise MotionFormatError(file, "MOTION", repr(text.strip()[:40]), "Frames: and Frame Time:")
+        raise MotionFormatError(file, "MOTION", repr(text[start : start + 80].strip()[:40]), "Frames: and Frame Time:")
     count, step = head.groups()
     width = sum(len(n.channels or ()) for n in nodes)
-    if not re.fullmatch(r"\d{1,12}", count) or not 0 < int(count) * len(nodes) <= MOST_POINTS:
-        expected = f"a positive number of frames, at most {MOST_POINTS // len(nodes)} for {len(nodes)} joints"
+    most = allowed(MOST_POINTS, file)
+    if not re.fullmatch(r"\d{1,12}", count) or not 0 < int(count) * len(nodes) <= most:
+        expected = f"a positive number of frames, at most {most // len(nodes)} for {len(nodes)} joints in a file of this size"
         raise MotionFormatError(file, "Frames", repr(count[:40]), expected)
-    table = number_table(text[head.end() :], width, file, "MOTION")
+    table = number_table(text, width, file, "MOTION", start=head.end())
     if len(table) != int(count):
         raise MotionFormatError(file, "MOTION", f"{len(table)} rows", f"{count}, as Frames: says")
     return table, _frames_per_second(step, file)
 
 
 def _frames_per_second(word: str, file: Path) -> float:
-    """The rate that a Frame Time stands for; a whole number if the digits written allow it (.0083333 is 120 Hz)."""
+    """The rate that a Frame Time stands for; a whole number if the digits written allow it (.0083333 is 120 Hz).
+
+    Own choice: where so few digits allow several whole rates, it is the one that 1 / step is, else the nearest common one
+    (0.03 is 30 Hz, 0.04 is 25).
+    """
     step = number(word, file, "Frame Time")
-    if not 1e-4 <= step <= 10:
-        raise MotionFormatError(file, "Frame Time", word[:40], "seconds, 0.0001 to 10")
-    whole = max(round(1 / step), 1)
+    if not 1 / FASTEST <= step <= 1 / SLOWEST:
+        found = f"{word[:40]}, which looks like milliseconds" if step > 1 else word[:40]
+        raise MotionFormatError(file, "Frame Time", found, f"seconds, {1 / FASTEST:g} to {1 / SLOWEST:g}")
     decimals = re.fullmatch(r"\d*\.?(\d*)", word)
-    is_whole = decimals is not None and abs(1 / whole - step) < 10.0 ** -len(decimals[1])
-    return float(whole) if is_whole else 1 / step
+    off = 0.0 if decimals is None else 10.0 ** -len(decimals[1])
+    whole = round(1 / step)
+    is_vague = abs(1 / whole - step) > 1e-9 and abs(1 / (whole + 1) - step) < off
+    fitting = [rate for rate in COMMON_RATES if abs(1 / rate - step) < off]
+    if is_vague and fitting:
+        return float(min(fitting, key=lambda rate: abs(1 / rate - step)))
+    return float(whole) if abs(1 / whole - step) < off else 1 / step
 
 
-class Channels(NamedTuple):
-    """What the channels say: local rotations (T, joints, 3, 3), offsets (T, joints, 3), and the root's angles (T, angles)."""
+def _positions(nodes: list[Node], table: Float[np.ndarray, "T channels"], picked: list[int]) -> Float[np.ndarray, "T joints 3"]:
+    """Where the picked nodes stand, the file's unit."""
+    everything = Skeleton("file", tuple(n.name for n in nodes), tuple(n.parent for n in nodes))
 
-    rotations: Float[np.ndarray, "T joints 3 3"]
-    offsets: Float[np.ndarray, "T joints 3"]
-    turn: Float[np.ndarray, "T angles"]
+    def positions(part: slice) -> Float[np.ndarray, "n joints 3"]:
+        offsets = frame_offsets(nodes, table[part])
+        return forward_kinematics(_rotations(nodes, table[part]), offsets, offsets[:, 0], everything)[:, picked]
+
+    return in_blocks(positions, len(table), len(nodes))
 
 
-def _channels(nodes: list[Node], table: Float[np.ndarray, "T channels"]) -> Channels:
-    """Position channels replace the offset."""
+def _rotations(nodes: list[Node], table: Float[np.ndarray, "T channels"]) -> Float[np.ndarray, "T joints 3 3"]:
+    """Local rotations."""
     rotations = np.broadcast_to(np.eye(3), (len(table), len(nodes), 3, 3)).copy()
-    offsets = np.tile(np.array([n.offset for n in nodes]), (len(table), 1, 1))
-    turn, start = table[:, :0], 0
+    start = 0
     for joint, node in enumerate(nodes):
         names = node.channels or []
-        columns = table[:, start : start + len(names)]
-        start += len(names)
-        angles = [i for i, name in enumerate(names) if name.endswith("rotation")]
-        for i, name in enumerate(names):
-            if name.endswith("position"):
-                offsets[:, joint, "xyz".index(name[0])] = columns[:, i]
+        angles = [i for i, name in enumerate(names) if name in ANGLES]
         if angles:
+            columns = table[:, start : start + len(names)]
             rotations[:, joint] = euler_matrices("".join(names[i][0] for i in angles), np.deg2rad(columns[:, angles]))
-        if joint == 0:
-            turn = columns[:, angles]
-    return Channels(rotations, offsets, turn)
+        start += len(names)
+    return rotations

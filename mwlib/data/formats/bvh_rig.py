@@ -6,13 +6,13 @@ from collections import defaultdict
 from dataclasses import dataclass, replace
 
 import numpy as np
-import torch
 from jaxtyping import Float
 
-from mwlib.body.rig import ROTATION_DTYPE, Rig
-from mwlib.body.rotation import continuous, euler_quaternions
+from mwlib.body.rig import MOVES, Rig
+from mwlib.body.rotation import euler_quaternions
 from mwlib.body.skeleton import BANDAI21, CMU, SKELETONS, Skeleton
 from mwlib.data.formats.asf import CMU_BONES, far_ends
+from mwlib.data.formats.blocks import in_blocks, rotation_track
 from mwlib.data.naming import own_skeleton, rig_skeleton
 
 # The parents of the 31 cgspeed joints, and the node that stands at each point of CMU. The file has no length for the
@@ -65,18 +65,23 @@ def _under(root: str, skeleton: Skeleton) -> Skeleton:
     return Skeleton("", (root, *skeleton.joints), (-1, *(parent + 1 for parent in skeleton.parents)))
 
 
-def bvh_rig(
-    nodes: list[Node],
-    table: Float[np.ndarray, "T channels"],
-    offsets: Float[np.ndarray, "T nodes 3"],
-    points: list[int],
-    metres: float,
-) -> Rig:
+def frame_offsets(nodes: list[Node], table: Float[np.ndarray, "T channels"]) -> Float[np.ndarray, "T nodes 3"]:
+    """Offsets in every frame, the file's unit: position channels replace those of the hierarchy."""
+    offsets = np.tile(np.array([n.offset for n in nodes]), (len(table), 1, 1))
+    column = 0
+    for joint, node in enumerate(nodes):
+        for name in node.channels or ():
+            if name in MOVES:
+                offsets[:, joint, MOVES.index(name)] = table[:, column]
+            column += 1
+    return offsets
+
+
+def bvh_rig(nodes: list[Node], table: Float[np.ndarray, "T channels"], points: list[int], metres: float) -> Rig:
     """The rig of a file: every node, End Sites among them.
 
     Args:
         table: the rows of MOTION, degrees and the file's unit.
-        offsets: of every frame, the file's unit, position channels put in.
         points: which node stands at each joint of the motion.
         metres: per unit of the file.
     """
@@ -87,17 +92,24 @@ def bvh_rig(
         angles = [i for i, name in enumerate(names) if name.endswith("rotation")]
         columns["".join(names[i][0] for i in angles)].append((joint, [start + i for i in angles]))
         start += len(names)
-    rotations = np.empty((len(table), len(nodes), 4))
-    for axes, joints in columns.items():
-        angles = table[:, np.array([c for _, c in joints], dtype=int).reshape(len(joints), len(axes))]
-        rotations[:, [joint for joint, _ in joints]] = euler_quaternions(axes, np.deg2rad(angles))
-    moving = any(name.endswith("position") for node in nodes[1:] for name in node.channels or ())
+
+    def rotations(part: slice) -> Float[np.ndarray, "n nodes 4"]:
+        found = np.empty((part.stop - part.start, len(nodes), 4))
+        for axes, joints in columns.items():
+            angles = table[part, np.array([c for _, c in joints], dtype=int).reshape(len(joints), len(axes))]
+            found[:, [joint for joint, _ in joints]] = euler_quaternions(axes, np.deg2rad(angles))
+        return found
+
+    def moves(part: slice) -> Float[np.ndarray, "n nodes 3"]:
+        return frame_offsets(nodes, table[part]) * metres
+
+    is_moving = any(name in MOVES for node in nodes[1:] for name in node.channels or ())
     return Rig(
         rig_skeleton(tuple(n.name for n in nodes), tuple(n.parent for n in nodes)),
         np.array([n.offset for n in nodes]) * metres,
-        continuous(torch.from_numpy(rotations)).numpy().astype(ROTATION_DTYPE),
-        offsets[:, 0] * metres,
+        rotation_track(rotations, len(table), len(nodes)),
+        frame_offsets(nodes[:1], table)[:, 0] * metres,
         tuple(points),
         tuple(None if n.is_end else tuple(n.channels or ()) for n in nodes),
-        offsets * metres if moving else None,
+        in_blocks(moves, len(table), len(nodes)) if is_moving else None,
     )

@@ -9,11 +9,13 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
+from jaxtyping import Float
 from scipy.spatial.transform import Rotation
 
 from mwlib.body.kinematics import forward_kinematics
 from mwlib.body.motion import Motion
 from mwlib.body.skeleton import CMU, Skeleton
+from mwlib.data.formats.blocks import in_blocks
 from mwlib.data.formats.tpose import starts_in_tpose
 from mwlib.data.hints import Hints
 from mwlib.data.reading import number_table, read_text
@@ -50,10 +52,14 @@ def read_benchmark(file: Path, hints: Hints) -> Motion:
         MotionFormatError: not lines of 117 finite numbers.
     """
     table = number_table(read_text(file), COLUMNS, file, "table", delimiter=",")
-    turns = table[:, 3:].reshape(len(table), 38, 3)
-    rotations = Rotation.from_rotvec(-turns.reshape(-1, 3)).as_matrix().reshape(len(table), 38, 3, 3)
-    positions = forward_kinematics(rotations, TREE[:, 1:], table[:, :3], SKELETON)[:, PICKED]
+    positions = in_blocks(lambda part: _positions(table[part]), len(table), len(SKELETON))
     positions *= hints.unit or UNITS["cmu"]
-    first = int(starts_in_tpose(turns[:, 0], positions))
+    first = int(starts_in_tpose(table[:, 3:6], positions))
     motion = Motion(positions[first:].astype(np.float32), hints.fps or FPS, CMU, action=file.parent.name, up="y")
     return hints.label(motion, file)
+
+
+def _positions(table: Float[np.ndarray, "n 117"]) -> Float[np.ndarray, "n joints 3"]:
+    """Where the points of CMU are, CMU units."""
+    turns = Rotation.from_rotvec(-table[:, 3:].reshape(-1, 3)).as_matrix().reshape(len(table), 38, 3, 3)
+    return forward_kinematics(turns, TREE[:, 1:], table[:, :3], SKELETON)[:, PICKED]

@@ -16,10 +16,11 @@ from jaxtyping import Float
 
 from mwlib.body.motion import Motion
 from mwlib.body.skeleton import H36M17, HUMANEVA15
+from mwlib.data.archives import array_header
 from mwlib.data.errors import MotionFormatError
 from mwlib.data.formats.pickles import unpickle
 from mwlib.data.hints import Hints
-from mwlib.data.reading import ARRAY_LIMIT, array_header, bounded
+from mwlib.data.reading import bounded, label
 
 FPS = {17: 50.0, 15: 60.0}
 PARENTS_32 = [int(p) for p in "-1 0 1 2 3 4 0 6 7 8 9 0 11 12 13 14 12 16 17 18 19 20 19 22 12 24 25 26 27 28 27 30".split()]
@@ -46,10 +47,7 @@ def read_positions_3d(stream: BinaryIO, file: Path, hints: Hints) -> list[Motion
     shape, _, dtype = array_header(stream, file, place)
     if shape != () or dtype.kind != "O":
         raise MotionFormatError(file, place, f"{dtype} of shape {shape}", "one pickled dictionary (dtype object, shape ())")
-    data = stream.read(ARRAY_LIMIT + 1)
-    if len(data) > ARRAY_LIMIT:
-        raise MotionFormatError(file, place, f"more than {ARRAY_LIMIT} bytes", "at most that")
-    subjects = unpickle(data, file, place)
+    subjects = unpickle(stream.read(), file, place)
     if not isinstance(subjects, dict) or not all(isinstance(actions, dict) for actions in subjects.values()):
         raise MotionFormatError(file, place, "no two levels of dictionaries", "subject -> action -> array")
     motions = [
@@ -64,6 +62,8 @@ def read_positions_3d(stream: BinaryIO, file: Path, hints: Hints) -> list[Motion
 
 
 def _motion(array: object, subject: str, action: str, file: Path, hints: Hints) -> Motion:
+    for word in (subject, action):
+        label(word, file, "positions_3d")
     place = f"positions_3d, {subject[:40]} {action[:60]}"
     expected = "floats (frames, 32 or 17 or 15, 3)"
     if not isinstance(array, np.ndarray):

@@ -1,111 +1,89 @@
-"""Nested dictionaries of arrays out of a pickle, and nothing else: no code of the file's choosing runs."""
+"""Nested dictionaries of arrays out of a pickle, and nothing else: no code of the file's choosing runs.
+
+A pickle is a program. This is an interpreter of the few instructions that NumPy needs for dictionaries of arrays, protocols 2 to
+5, from Python 2 or 3: it calls nothing that a file names, and every other instruction is refused.
+"""
 
 from __future__ import annotations
 
-import io
 import math
-import pickle
 import pickletools
 import re
+import warnings
 from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Any, NamedTuple
 
 import numpy as np
 
+from mwlib.data.archives import MOST_DIMENSIONS
 from mwlib.data.errors import MotionFormatError
+from mwlib.data.opening import MOST_VALUES, allowed
 
 EXPECTED = "a pickle of dictionaries and NumPy arrays of numbers"
-MOST_MEMO = 1_000_000  # memo slots; pickle allocates the highest one named
-MOST_TUPLES = 20_000  # a few per array; hashing very deeply nested ones would overflow the stack
-FORBIDDEN = {"EXT1", "EXT2", "EXT4", "PERSID", "BINPERSID", "INST", "OBJ", "NEWOBJ", "NEWOBJ_EX"}
+MOST_STEPS = 250_000  # instructions in a file of up to 10 MB; an array takes about 25, all of Human3.6M about 6000
+LONGEST_TUPLE = 9  # what NumPy says about a dtype
 NUMBER = re.compile(r"(f[248]|[iu][1248]|b1)")
+NAMES = {
+    ("numpy", "ndarray"), ("numpy", "dtype"), ("_codecs", "encode"),
+    *((f"numpy.{core}.multiarray", "_reconstruct") for core in ("core", "_core")),
+    *((f"numpy.{core}.numeric", "_frombuffer") for core in ("core", "_core")),
+}  # fmt: skip
+TEXTS = "SHORT_BINUNICODE BINUNICODE SHORT_BINSTRING BINSTRING SHORT_BINBYTES BINBYTES BYTEARRAY8".split()
+PUSHED = {*TEXTS, "BININT", "BININT1", "BININT2", "LONG1", "INT"}
+CONSTANTS = {"NONE": None, "NEWTRUE": True, "NEWFALSE": False}
+TUPLES = {"EMPTY_TUPLE": 0, "TUPLE1": 1, "TUPLE2": 2, "TUPLE3": 3}
 
 
-class _Call:
-    """One permitted name of a pickle; it can be called and nothing else."""
-
-    __slots__ = ("make",)
-
-    def __init__(self, make: Callable[..., object]) -> None:
-        self.make = make
-
-    def __call__(self, *args: object) -> object:
-        return self.make(*args)
-
-    def __setstate__(self, state: object) -> None:
-        raise pickle.UnpicklingError("it sets the state of a function")
+class _Refused(ValueError):
+    """The pickle does something else; the message says what."""
 
 
+class _Mark:
+    """Where the items of a tuple, list or dictionary begin."""
+
+
+class _Name(NamedTuple):
+    """A name that NumPy's pickles contain. It stands for itself; nothing can call it."""
+
+    module: str
+    name: str
+
+
+@dataclass
 class _Dtype:
-    """Stands for numpy.dtype until its byte order is known."""
+    """Stands for numpy.dtype."""
 
-    def __init__(self, code: str, *flags: object) -> None:
-        if not isinstance(code, str) or not (NUMBER.fullmatch(code) or code in ("O", "O8")):
-            raise pickle.UnpicklingError(f"dtype {str(code)[:20]!r}")
-        self.code, self.order = code, "|"
-
-    def __setstate__(self, state: tuple) -> None:
-        if state[1] not in ("<", ">", "|", "="):
-            raise pickle.UnpicklingError(f"byte order {str(state[1])[:20]!r}")
-        self.order = state[1]
+    code: str
+    order: str = "|"
 
 
+@dataclass
 class _Array:
-    """Stands for numpy.ndarray until shape, dtype and data are known."""
+    """Stands for numpy.ndarray: the array, or what an object array of one element holds."""
 
-    def __setstate__(self, state: tuple) -> None:
-        _, shape, dtype, fortran, data = state
-        if not isinstance(dtype, _Dtype) or not isinstance(shape, tuple) or not all(type(n) is int and n >= 0 for n in shape):
-            raise pickle.UnpicklingError("an array without a plain shape and dtype")
-        if dtype.code.startswith("O"):
-            if shape != () or not isinstance(data, list) or len(data) != 1:
-                raise pickle.UnpicklingError(f"an object array of shape {shape}")
-            self.value = data[0]
-            return
-        kind = np.dtype(dtype.order + dtype.code)
-        raw = data.encode("latin1") if isinstance(data, str) else data  # Python 2 wrote text
-        if not isinstance(raw, bytes) or len(raw) != math.prod(shape) * kind.itemsize:
-            raise pickle.UnpicklingError(f"an array whose data do not fill shape {shape}")
-        self.value = np.frombuffer(raw, kind).reshape(shape, order="F" if fortran else "C")
-
-
-class _Unpickler(pickle.Unpickler):
-    """Knows the names with which NumPy pickles an array, under their old and new modules."""
-
-    def find_class(self, module: str, name: str) -> object:
-        if module in ("numpy.core.multiarray", "numpy._core.multiarray") and name == "_reconstruct":
-            return _Call(lambda kind, shape, code: _Array())
-        if (module, name) == ("numpy", "ndarray"):
-            return _Call(_refuse)  # only ever an argument of _reconstruct
-        if (module, name) == ("numpy", "dtype"):
-            return _Call(_Dtype)
-        if (module, name) == ("_codecs", "encode"):
-            return _Call(_latin1)
-        raise pickle.UnpicklingError(f"the name {module[:60]}.{name[:60]}")
+    value: object = None
 
 
 def unpickle(data: bytes, file: Path, place: str) -> object:
     """What a pickled dictionary of dictionaries of arrays holds; arrays are read-only.
 
     Raises:
-        MotionFormatError: anything else is in it, and nothing of it has run.
+        MotionFormatError: anything else is in it, and nothing of it has run; or more than the file's size allows.
     """
+    machine = _Machine(allowed(MOST_VALUES, file))
+    most = allowed(MOST_STEPS, file)
     try:
-        _inspect(data)
-        tree = _Unpickler(io.BytesIO(data), encoding="latin1").load()
+        with warnings.catch_warnings(action="ignore"):  # of broken names
+            for count, (opcode, argument, _) in enumerate(pickletools.genops(data)):
+                if count > most:
+                    raise _Refused(f"more than {most} instructions")
+                machine.step(opcode.name, argument)
+        (tree,) = machine.stack
         return _plain(tree, depth=3)
-    except Exception as error:  # a hostile pickle can provoke nearly any
+    except (ValueError, LookupError, TypeError, RecursionError) as error:  # any instruction may meet any operand
         raise MotionFormatError(file, place, str(error)[:200] or type(error).__name__, EXPECTED) from error
-
-
-def _inspect(data: bytes) -> None:
-    """Refuse instructions that arrays do not need, and those that would exhaust memory or stack."""
-    tuples = 0
-    for opcode, argument, _ in pickletools.genops(data):
-        tuples += "TUPLE" in opcode.name
-        is_far = opcode.name.endswith("PUT") and (argument is None or int(argument) > MOST_MEMO)
-        if opcode.name in FORBIDDEN or is_far or tuples > MOST_TUPLES:
-            raise pickle.UnpicklingError(f"an instruction {opcode.name}, or too many of them")
 
 
 def _plain(tree: object, depth: int) -> object:
@@ -114,16 +92,160 @@ def _plain(tree: object, depth: int) -> object:
         tree = tree.value
     if isinstance(tree, np.ndarray):
         return tree
-    if not isinstance(tree, dict) or depth == 0 or not all(isinstance(key, str) for key in tree):
-        raise pickle.UnpicklingError(f"{type(tree).__name__} among the dictionaries")
+    if not isinstance(tree, dict) or depth == 0:
+        raise _Refused(f"{type(tree).__name__} among the dictionaries")
     return {key: _plain(value, depth - 1) for key, value in tree.items()}
 
 
-def _refuse(*args: object) -> None:
-    raise pickle.UnpicklingError("it builds an array by itself")
+class _Machine:
+    """Stack and memo."""
+
+    def __init__(self, values: int) -> None:
+        self.stack: list[Any] = []
+        self.memo: dict[int, Any] = {}
+        self.values_left = values
+
+    def step(self, name: str, argument: Any) -> None:
+        """One instruction.
+
+        Raises:
+            _Refused, ValueError, LookupError, TypeError: it is none that NumPy needs, or its operands are not.
+        """
+        if name in PUSHED:
+            self.stack.append(argument)
+        elif name in CONSTANTS:
+            self.stack.append(CONSTANTS[name])
+        elif name in TUPLES:
+            self._push_tuple(self._pop(TUPLES[name]))
+        elif name in STEPS:
+            STEPS[name](self, argument)
+        else:
+            raise _Refused(f"an instruction {name}")
+
+    def _pop(self, count: int) -> list[Any]:
+        """The top items, in the order in which they came."""
+        at = len(self.stack) - count
+        items = self.stack[max(at, 0) :]
+        if at < 0 or any(isinstance(item, _Mark) for item in items):
+            raise _Refused("an instruction without operands")
+        del self.stack[at:]
+        return items
+
+    def _pop_to_mark(self) -> list[Any]:
+        items = []
+        while not isinstance(item := self.stack.pop(), _Mark):
+            items.append(item)
+        return items[::-1]
+
+    def _push_tuple(self, items: list[Any]) -> None:
+        if len(items) > LONGEST_TUPLE:
+            raise _Refused(f"a tuple of {len(items)}")
+        self.stack.append(tuple(items))
+
+    def remember(self, slot: int | None) -> None:
+        """PUT: the top of the stack can be had again."""
+        self.memo[len(self.memo) if slot is None else slot] = self.stack[-1]
+
+    def recall(self, slot: int) -> None:
+        """GET: only what NumPy uses twice, so that nothing small stands for something vast."""
+        item = self.memo[slot]
+        if not isinstance(item, str | bytes | _Name | _Dtype):
+            raise _Refused(f"{type(item).__name__.strip('_')} twice")
+        self.stack.append(item)
+
+    def put_items(self, items: list[Any]) -> None:
+        """SETITEMS: keys are text, so that no chosen ones collide."""
+        keys, values = items[::2], items[1::2]
+        if len(keys) != len(values) or not isinstance(self.stack[-1], dict) or not all(type(key) is str for key in keys):
+            raise _Refused("a key that is no text among the dictionaries")
+        self.stack[-1].update(zip(keys, values, strict=True))
+
+    def append(self, items: list[Any]) -> None:
+        """APPENDS: a list is only ever the one element of an object array."""
+        if not isinstance(self.stack[-1], list) or len(self.stack[-1]) + len(items) > 1:
+            raise _Refused("list among the dictionaries")
+        self.stack[-1] += items
+
+    def name(self, module: object, name: object) -> None:
+        """GLOBAL: one of the names that NumPy writes."""
+        if not isinstance(module, str) or not isinstance(name, str) or (module, name) not in NAMES:
+            raise _Refused(f"the name {str(module)[:60]}.{str(name)[:60]}")
+        self.stack.append(_Name(module, name))
+
+    def reduce(self) -> None:
+        """REDUCE: what the call of a permitted name would give."""
+        name, arguments = self._pop(2)
+        if not isinstance(name, _Name) or not isinstance(arguments, tuple):
+            raise _Refused("a call of something without a name")
+        if name.name == "_reconstruct":
+            made: object = _Array()
+        elif name.name == "dtype":
+            made = _Dtype(_code(arguments[0]))
+        elif name.name == "encode" and isinstance(arguments[0], str) and arguments[1] in ("latin1", "latin-1"):
+            made = arguments[0].encode("latin1")
+        elif name.name == "_frombuffer":
+            content, dtype, shape, order = arguments
+            made = _Array(self._numbers(content, dtype, shape, order == "F"))
+        else:
+            raise _Refused(f"a call of {name.module}.{name.name}")
+        self.stack.append(made)
+
+    def build(self) -> None:
+        """BUILD: byte order of a dtype; shape, dtype and data of an array."""
+        made, state = self._pop(2)
+        if isinstance(made, _Dtype) and isinstance(state, tuple) and state[1] in ("<", ">", "|", "="):
+            made.order = state[1]
+        elif isinstance(made, _Array) and isinstance(state, tuple) and len(state) == 5:
+            _, shape, dtype, fortran, data = state
+            if isinstance(dtype, _Dtype) and dtype.code.startswith("O"):
+                if shape != () or not isinstance(data, list):
+                    raise _Refused(f"an object array of shape {str(shape)[:40]}")
+                (made.value,) = data
+            else:
+                made.value = self._numbers(data, dtype, shape, fortran)
+        else:
+            raise _Refused("the state of something that has none")
+        self.stack.append(made)
+
+    def _numbers(self, content: object, dtype: object, shape: object, fortran: bool) -> np.ndarray:
+        is_shape = isinstance(shape, tuple) and len(shape) <= MOST_DIMENSIONS and all(type(n) is int and n >= 0 for n in shape)
+        if not isinstance(dtype, _Dtype) or dtype.code.startswith("O") or not is_shape:
+            raise _Refused("an array without a plain shape and dtype")
+        count, kind = math.prod(shape), np.dtype(dtype.order + dtype.code)
+        raw = content.encode("latin1") if isinstance(content, str) else content  # Python 2 wrote text
+        if not isinstance(raw, bytes | bytearray) or len(raw) != count * kind.itemsize:
+            raise _Refused(f"an array whose data do not fill shape {str(shape)[:60]}")
+        self.values_left -= count
+        if self.values_left < 0:
+            raise _Refused("more numbers than a file of this size may hold")
+        return np.frombuffer(bytes(raw), kind).reshape(shape, order="F" if fortran else "C")
 
 
-def _latin1(text: str, encoding: str) -> bytes:
-    if encoding not in ("latin1", "latin-1"):
-        raise pickle.UnpicklingError(f"the encoding {encoding[:20]!r}")
-    return text.encode("latin1")
+def _code(word: object) -> str:
+    if not isinstance(word, str) or not (NUMBER.fullmatch(word) or word in ("O", "O8")):
+        raise _Refused(f"dtype {str(word)[:20]!r}")
+    return word
+
+
+STEPS: dict[str, Callable[[_Machine, Any], object]] = {
+    "PROTO": lambda machine, _: None,
+    "FRAME": lambda machine, _: None,
+    "STOP": lambda machine, _: None,
+    "MARK": lambda machine, _: machine.stack.append(_Mark()),
+    "TUPLE": lambda machine, _: machine._push_tuple(machine._pop_to_mark()),
+    "EMPTY_DICT": lambda machine, _: machine.stack.append({}),
+    "EMPTY_LIST": lambda machine, _: machine.stack.append([]),
+    "SETITEM": lambda machine, _: machine.put_items(machine._pop(2)),
+    "SETITEMS": lambda machine, _: machine.put_items(machine._pop_to_mark()),
+    "APPEND": lambda machine, _: machine.append(machine._pop(1)),
+    "APPENDS": lambda machine, _: machine.append(machine._pop_to_mark()),
+    "GLOBAL": lambda machine, argument: machine.name(*argument.split(" ")),
+    "STACK_GLOBAL": lambda machine, _: machine.name(*machine._pop(2)),
+    "REDUCE": lambda machine, _: machine.reduce(),
+    "BUILD": lambda machine, _: machine.build(),
+    "MEMOIZE": lambda machine, _: machine.remember(None),
+    "BINPUT": lambda machine, argument: machine.remember(argument),
+    "LONG_BINPUT": lambda machine, argument: machine.remember(argument),
+    "BINGET": lambda machine, argument: machine.recall(argument),
+    "LONG_BINGET": lambda machine, argument: machine.recall(argument),
+}  # fmt: skip

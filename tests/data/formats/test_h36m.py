@@ -104,7 +104,7 @@ def test_writing_carries_over_skeleton_axis_and_rate(tmp_path, rng):
         ({"S1": np.zeros((4, 17, 3), "f4")}, "two levels"),
         ({"S1": {"a": np.zeros((4, 17, 3), "f4"), "b": np.zeros((4, 15, 3), "f4")}}, "all with the same joints"),
         ({}, "0 sequences"),
-        ({"S1": {1: np.zeros((4, 17, 3), "f4")}}, "dict among the dictionaries"),
+        ({"S1": {1: np.zeros((4, 17, 3), "f4")}}, "a key that is no text"),
         ({"S1": {"Walking": [1, 2]}}, "list among the dictionaries"),
     ],
 )

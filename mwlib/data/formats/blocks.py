@@ -1,0 +1,47 @@
+"""Long clips in blocks of frames, so that only what is kept takes memory for all of them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+
+import numpy as np
+import torch
+from jaxtyping import Float
+
+from mwlib.body.rig import ROTATION_DTYPE
+from mwlib.body.rotation import continuous
+
+POINTS_AT_ONCE = 2**15  # frames times joints: what a block computes stays within a processor's cache
+
+
+def blocks(frames: int, joints: int) -> Iterator[slice]:
+    """Slices of frames that together are all of them."""
+    step = max(1, POINTS_AT_ONCE // joints)
+    return (slice(start, min(start + step, frames)) for start in range(0, frames, step))
+
+
+def in_blocks(
+    compute: Callable[[slice], Float[np.ndarray, "n points 3"]], frames: int, joints: int
+) -> Float[np.ndarray, "frames points 3"]:
+    """What `compute` gives for each block of frames, as one array."""
+    whole = np.empty(0)
+    for part in blocks(frames, joints):
+        found = compute(part)
+        whole = np.empty((frames, *found.shape[1:])) if part.start == 0 else whole
+        whole[part] = found
+    return whole
+
+
+def rotation_track(
+    compute: Callable[[slice], Float[np.ndarray, "n joints 4"]], frames: int, joints: int
+) -> Float[np.ndarray, "frames joints 4"]:
+    """The unit quaternions that `compute` gives for each block of frames, without a sign jump, as a rig keeps them."""
+    track = np.empty((frames, joints, 4), ROTATION_DTYPE)
+    before, signs = np.empty((0, joints, 4)), np.ones((joints, 1))
+    for part in blocks(frames, joints):
+        turns = compute(part)
+        signed = continuous(torch.from_numpy(np.concatenate([before, turns]))).numpy()[len(before) :] * signs
+        signs = np.where(np.sum(signed[-1] * turns[-1], axis=-1, keepdims=True) < 0, -1.0, 1.0)
+        before = turns[-1:]
+        track[part] = signed
+    return track
