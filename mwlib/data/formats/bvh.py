@@ -20,6 +20,7 @@ from mwlib.data.formats.bvh_rig import Node, bvh_rig, bvh_skeleton
 from mwlib.data.formats.tpose import starts_in_tpose
 from mwlib.data.hints import Hints
 from mwlib.data.reading import number, number_table, read_text
+from mwlib.data.stated import FILE, FORMAT, Reading, Stated
 from mwlib.data.units import infer_unit
 
 MOST_JOINTS = 1000
@@ -27,8 +28,8 @@ DEEPEST = 200
 MOST_POINTS = 20_000_000  # frames times joints: about 2 GB while reading
 
 
-def read_bvh(file: Path, hints: Hints) -> Motion:
-    """Read one BVH file: joint positions in metres, y up, and the rotations behind them.
+def read_bvh(file: Path, hints: Hints) -> Reading:
+    """Read one BVH file: joint positions in metres, y up unless `hints` say otherwise, and the rotations behind them.
 
     Position channels replace the offset. An added T-pose row is dropped. The cgspeed skeleton becomes CMU's 31 points, and so
     does an ASF skeleton that `write_bvh` wrote; one with the joints of a known skeleton becomes that one (Bandai-Namco's
@@ -48,12 +49,13 @@ def read_bvh(file: Path, hints: Hints) -> Motion:
     positions = forward_kinematics(channels.rotations, channels.offsets, channels.offsets[:, 0], everything)
     skeleton, picked = bvh_skeleton(nodes)
     positions = positions[:, picked]
-    metres = hints.unit or infer_unit(positions, skeleton, file)
-    positions *= metres
-    first = int(starts_in_tpose(channels.turn, positions))
-    rig = bvh_rig(nodes, table[first:], channels.offsets[first:], picked, metres)
-    motion = Motion(positions[first:].astype(np.float32), hints.fps or fps, skeleton, up="y", rig=rig)
-    return hints.label(motion, file)
+    unit = hints.unit or infer_unit(positions, skeleton, file)
+    up, rate = hints.up or Stated("y", FORMAT), hints.fps or Stated(fps, FILE)
+    positions *= unit.value
+    first = int(starts_in_tpose(channels.turn, positions, up.value))
+    rig = bvh_rig(nodes, table[first:], channels.offsets[first:], picked, unit.value)
+    motion = Motion(positions[first:].astype(np.float32), rate.value, skeleton, up=up.value, rig=rig)
+    return Reading(hints.label(motion, file), unit, up, rate)
 
 
 def _hierarchy(words: list[str], file: Path) -> list[Node]:
