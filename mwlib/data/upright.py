@@ -19,7 +19,7 @@ LOWER = [re.compile(words, re.I) for words in ("foot|feet|toe|ankle|heel|tibia|s
 MOST_FRAMES = 200
 UPRIGHT = 0.5  # share of the way from feet to head along an axis, median over frames; people who stand or bend have 0.69 and more
 OTHERWISE = 0.75  # along another axis; people who lie and roll have 0.42 at most
-STEADY = 0.35  # how far the lowest joint wanders along it, by the body's length: on a floor little, in crawling far
+STEADY = 0.8  # how far the lowest joint wanders along it, by the body's length: over steps and boxes 0.6, in crawling far
 HOW = "(of load_motions, as a setting or an option; or a column up in clips.csv, or up in skeleton.json)"
 LONGER = 2.0  # without names of joints: how much longer than along both others the body is
 
