@@ -7,9 +7,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Float
 
+from mwlib.body.correspondence import KNOWN, to_h36m17
 from mwlib.body.kinematics import AXES, horizontal
 from mwlib.body.rig import Rig
-from mwlib.body.skeleton import H36M17, TO_H36M17, Skeleton
+from mwlib.body.skeleton import H36M17, Skeleton
 
 RIG_SLACK = 1e-3, 1e-6  # metres, and share of the largest coordinate, between a position and its rig: more is another pose
 
@@ -149,10 +150,10 @@ class Motion:
         """
         if skeleton == self.skeleton:
             return self
-        if skeleton != H36M17 or self.skeleton.name not in TO_H36M17:
-            raise ValueError(f"cannot carry {self.skeleton.name} over to {skeleton.name}; known: {sorted(TO_H36M17)} to H36M17")
-        names = TO_H36M17[self.skeleton.name].split()
-        picked = [self.skeleton.joints.index(name) for name in names]
+        picked = to_h36m17(self.skeleton) if skeleton == H36M17 else None
+        if picked is None:
+            ways = f"{', '.join(sorted(s.name for s in KNOWN))}, and CMU's tree under its other names, to H36M17"
+            raise ValueError(f"cannot carry {self.skeleton.name} over to {skeleton.name}; known: {ways}")
         return replace(self, positions=self.positions[:, picked], skeleton=skeleton, rig=None)
 
     def cut(self, start: int, stop: int) -> Motion:

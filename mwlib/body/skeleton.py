@@ -142,15 +142,3 @@ HUMANML22 = _tree(
 )
 
 SKELETONS = {s.name: s for s in (H36M17, HUMANEVA15, CMU, LAFAN1, BANDAI21, HUMANML22)}
-
-# Which joint stands for which when a motion is carried over to H36M17, in H36M17's order. Left stays left.
-TO_H36M17 = {
-    "CMU": "root right_hipjoint right_femur right_tibia left_hipjoint left_femur left_tibia upperback thorax upperneck head "
-    "left_clavicle left_humerus left_radius right_clavicle right_humerus right_radius",
-    "LAFAN1": "Hips RightUpLeg RightLeg RightFoot LeftUpLeg LeftLeg LeftFoot Spine1 Spine2 Neck Head "
-    "LeftArm LeftForeArm LeftHand RightArm RightForeArm RightHand",
-    "BANDAI21": "Hips UpperLeg_R LowerLeg_R Foot_R UpperLeg_L LowerLeg_L Foot_L Spine Chest Neck Head "
-    "UpperArm_L LowerArm_L Hand_L UpperArm_R LowerArm_R Hand_R",
-    "HUMANML22": "pelvis right_hip right_knee right_ankle left_hip left_knee left_ankle spine2 spine3 neck head "
-    "left_shoulder left_elbow left_wrist right_shoulder right_elbow right_wrist",
-}

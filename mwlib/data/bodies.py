@@ -6,8 +6,9 @@ import json
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 
+from mwlib.body.correspondence import to_h36m17
 from mwlib.body.motion import Motion
-from mwlib.body.skeleton import H36M17, TO_H36M17, Skeleton
+from mwlib.body.skeleton import H36M17, Skeleton
 
 
 @dataclass(frozen=True)
@@ -53,7 +54,7 @@ class Bodies:
     def _fitted(self, motion: Motion) -> Motion:
         if motion.skeleton == self.skeleton:
             return motion
-        if self.skeleton == H36M17 and motion.skeleton.name in TO_H36M17:
+        if self.skeleton == H36M17 and to_h36m17(motion.skeleton) is not None:
             return motion.retarget(H36M17)
         name = f"{motion.name}: " if motion.name else ""
         raise ValueError(
@@ -78,7 +79,7 @@ class Bodies:
 def prepare(motions: Sequence[Motion], fps: float) -> list[Motion]:
     """Clips as a training takes them: z up, on the 17-joint skeleton wherever a correspondence is known, then at `fps`."""
     ready = [m.with_up("z") for m in motions]
-    return [(m.retarget(H36M17) if m.skeleton.name in TO_H36M17 else m).resample(fps) for m in ready]
+    return [(m if to_h36m17(m.skeleton) is None else m.retarget(H36M17)).resample(fps) for m in ready]
 
 
 def _said(value: object) -> str:

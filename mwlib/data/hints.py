@@ -10,11 +10,14 @@ from itertools import islice
 from pathlib import Path
 from typing import TypedDict, Unpack
 
+from mwlib.body.kinematics import AXES
 from mwlib.body.motion import Motion
 from mwlib.body.skeleton import Skeleton
 from mwlib.data.errors import MotionFormatError
 from mwlib.data.opening import PACKED, bare_name
 from mwlib.data.reading import SMALL_TEXT, number, read_text
+from mwlib.data.stated import CALLER, TABLE, Stated, stated
+from mwlib.data.units import metres_per_unit
 
 LEVELS_UP = 4  # folders above a file in which its clips.csv or skeleton.json may lie
 SLOWEST, FASTEST = 1.0, 10_000.0  # frames per second; a rate below looks like milliseconds taken for seconds
@@ -32,18 +35,23 @@ NAMES = (
 class Hints:
     """What a reader may use beyond the file itself.
 
+    One order holds for unit, up-axis and frame rate: what the caller says, else the file's row in clips.csv, else the file
+    or the skeleton.json beside it, else what its format or skeleton implies; a unit that is still open is told from the
+    body's size (`infer_unit`).
+
     Args:
-        unit: metres per unit, wins over the file; None: the file's own, or inferred.
-        fps: true frame rate, wins over the file (cgspeed writes 120 Hz into 60 Hz files); None: the file's own.
+        unit: metres per unit; None: neither caller nor clips.csv say.
+        up: "y" or "z".
+        fps: the true frame rate (cgspeed writes 120 Hz into 60 Hz files).
         subject, action: who and what, "" if unknown.
-        fallback_fps, fallback_skeleton: used where the file states none.
+        fallback_skeleton: used where the file states none.
     """
 
-    unit: float | None = None
-    fps: float | None = None
+    unit: Stated[float] | None = None
+    up: Stated[str] | None = None
+    fps: Stated[float] | None = None
     subject: str = ""
     action: str = ""
-    fallback_fps: float | None = None
     fallback_skeleton: Skeleton | None = None
 
     def label(self, motion: Motion, file: Path) -> Motion:
@@ -55,25 +63,51 @@ class Hints:
 
 
 class Given(TypedDict, total=False):
-    """The fields of `Hints` that hold for all files of a source: what the caller says."""
+    """What the caller says of all files of a source: metres per unit, up-axis, rate, and a skeleton where none is stated."""
 
     unit: float | None
-    fallback_fps: float | None
+    up: str | None
+    fps: float | None
     fallback_skeleton: Skeleton | None
 
 
 def hints(file: Path, **given: Unpack[Given]) -> Hints:
     """Hints for a file: what the caller gave, and its row in the nearest clips.csv that lists it.
 
-    clips.csv has a column `file` (relative to its own folder or to one above) and any of fps, subject, action (or content).
+    clips.csv has a column `file` (relative to its own folder or to one above) and any of fps, unit, up, subject, action (or
+    content).
 
     Raises:
         MotionFormatError: clips.csv is malformed.
     """
     row, table = clips_row(file)
-    fps = frame_rate(row["fps"], table, f"row of {row['file']}") if row.get("fps") else None
-    action = row.get("action") or row.get("content") or ""
-    return Hints(fps=fps, subject=row.get("subject") or "", action=action, **given)
+    place = f"row of {row.get('file')}"
+    listed = {
+        "unit": _unit(row["unit"], table, place) if row.get("unit") else None,
+        "up": _up(row["up"], table, place) if row.get("up") else None,
+        "fps": frame_rate(row["fps"], table, place) if row.get("fps") else None,
+    }
+    return Hints(
+        unit=stated(given.get("unit"), CALLER) or stated(listed["unit"], TABLE),
+        up=stated(given.get("up"), CALLER) or stated(listed["up"], TABLE),
+        fps=stated(given.get("fps"), CALLER) or stated(listed["fps"], TABLE),
+        subject=row.get("subject") or "",
+        action=row.get("action") or row.get("content") or "",
+        fallback_skeleton=given.get("fallback_skeleton"),
+    )
+
+
+def _unit(word: str, table: Path, place: str) -> float:
+    try:
+        return metres_per_unit(word)
+    except ValueError as error:
+        raise MotionFormatError(table, place, f"unit {word[:40]!r}", str(error).split("expected ")[-1]) from error
+
+
+def _up(word: str, table: Path, place: str) -> str:
+    if word not in AXES:
+        raise MotionFormatError(table, place, f"up {word[:40]!r}", " or ".join(AXES))
+    return word
 
 
 def clips_row(file: Path) -> tuple[dict[str, str], Path]:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 # Sources by the names of the presets that use them: what load_motions reads, at which rate.
 NAMED_SOURCES = {
     "tiny": ("synthetic", 25.0),
@@ -47,6 +49,11 @@ ACKNOWLEDGEMENTS = {
 
 
 def acknowledgement(data: str) -> dict[str, str]:
-    """What the owners of a data source want said beside any result on it: one entry, or none."""
-    found = [text for name, text in ACKNOWLEDGEMENTS.items() if data.startswith(name)]
+    """What the owners of a data source want said beside any result on it: one entry, or none.
+
+    A source is theirs if it or any folder on its path begins with their name, in any case: "cmu", "/data/CMU/asfamc",
+    "my/cmu_benchmark".
+    """
+    folders = Path(data).expanduser().resolve().parts if Path(data).exists() else Path(data).parts
+    found = [text for name, text in ACKNOWLEDGEMENTS.items() if any(f.lower().startswith(name) for f in folders)]
     return {"acknowledgement": found[0]} if found else {}

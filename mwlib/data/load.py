@@ -13,6 +13,7 @@ from typing import Unpack
 
 from tqdm import tqdm
 
+from mwlib.body.kinematics import AXES
 from mwlib.body.motion import Motion
 from mwlib.body.skeleton import SKELETONS, Skeleton
 from mwlib.data.archives import archive_names, array_header, read_archive, read_array
@@ -25,8 +26,10 @@ from mwlib.data.formats.h36m import read_positions_3d
 from mwlib.data.hints import Given, Hints, hints
 from mwlib.data.known import NAMED_SOURCES
 from mwlib.data.opening import MOST_BYTES, allowed, bare_suffix, open_regular, read_bytes, read_head, without_twins
+from mwlib.data.stated import Reading
 from mwlib.data.synthetic.script import synthetic_motions
-from mwlib.data.units import metres_per_unit
+from mwlib.data.units import check_size, metres_per_unit
+from mwlib.data.upright import check_up
 
 MANY_FILES = 20  # from here on a progress bar is worth its line
 CONTENT = "content"  # the place of a failure that its reader did not foresee
@@ -44,6 +47,8 @@ def load_motions(
     skeleton: Skeleton | str | None = None,
     unit: float | str | None = None,
     strict: bool = False,
+    up: str | None = None,
+    file_fps: float | None = None,
 ) -> list[Motion]:
     """Read motions from a file, a folder or the built-in generator; positions in metres.
 
@@ -51,16 +56,21 @@ def load_motions(
     and .npy/.npz arrays of one's own (see `arrays.read_positions`); .xz and .gz are read as they are. A folder is
     read whole, recursively, in the order of its paths; files of other kinds are passed over, and motions that cannot be read
     are left out with a warning that says why. Of walk.bvh beside walk.bvh.xz the plain one is taken. A clips.csv beside the
-    files or above supplies true frame rates, subjects and actions (see `hints.hints`).
+    files or above supplies true frame rates, units, up-axes, subjects and actions (see `hints.hints`). What the caller says goes
+    before clips.csv, that before the file or a skeleton.json beside it, that before what is inferred (see `Hints`). A body of
+    no human's size, or one that stands along another axis than the one said to be up, is refused unless `unit` or `up` was
+    stated.
 
     Args:
         source: "synthetic", the name of a preset (its data at its frame rate), or a path; a relative one is looked up in the
             working folder, then under MWLIB_DATA.
-        fps: resample to this rate, hertz; the rate itself of an array that states none.
+        fps: resample to this rate, hertz.
         skeleton: carry over to this skeleton; the skeleton itself of an array that states none.
-        unit: metres per unit of the files, or "m", "cm", "mm", "inch", "cmu"; None: as the format says, or inferred from
+        unit: metres per unit of the files, or "m", "cm", "mm", "inch", "cmu"; None: as the file says, or inferred from
             the body's size.
         strict: refuse a folder if any of its motion files cannot be read.
+        up: the axis that points up in the files, "y" or "z"; None: as the file or its format says.
+        file_fps: the rate of the files themselves, hertz; None: as they say.
 
     Raises:
         FileNotFoundError: there is no such path; the message says where it was looked for.
@@ -74,12 +84,25 @@ def load_motions(
         if skeleton not in SKELETONS:
             raise ValueError(f"skeleton is {skeleton!r}; expected one of {', '.join(sorted(SKELETONS))}")
         skeleton = SKELETONS[skeleton]
-    if fps is not None and not 0 < fps < float("inf"):
-        raise ValueError(f"fps is {fps}; expected a positive number")
-    given: Given = {"unit": None if unit is None else metres_per_unit(unit), "fallback_fps": fps, "fallback_skeleton": skeleton}
+    for name, rate in (("fps", fps), ("file_fps", file_fps)):
+        if rate is not None and not 0 < rate < float("inf"):
+            raise ValueError(f"{name} is {rate}; expected a positive number")
+    given = caller_says(unit, up, file_fps, skeleton)
     motions = synthetic_motions() if source == "synthetic" else _read(find_source(source), given, strict)
     motions = motions if skeleton is None else [m.retarget(skeleton) for m in motions]
     return motions if fps is None else [m.resample(fps) for m in motions]
+
+
+def caller_says(unit: float | str | None, up: str | None, file_fps: float | None, skeleton: Skeleton | None) -> Given:
+    """What a caller says of all files, checked.
+
+    Raises:
+        ValueError: an unknown unit or axis.
+    """
+    if up is not None and up not in AXES:
+        raise ValueError(f"up is {up!r}; expected {' or '.join(AXES)}")
+    metres = None if unit is None else metres_per_unit(unit)
+    return {"unit": metres, "up": up, "fps": file_fps, "fallback_skeleton": skeleton}
 
 
 def data_folder() -> Path:
@@ -152,13 +175,19 @@ def _reasons(broken: list[MotionFormatError]) -> str:
 
 
 def read_motion_file(file: Path, **given: Unpack[Given]) -> list[Motion]:
-    """The motions of one file, at their own rate, on their own skeleton.
+    """The motions of one file, at their own rate, on their own skeleton; arguments and errors as in `readings`."""
+    return [reading.motion for reading in readings(file, **given)]
+
+
+def readings(file: Path, **given: Unpack[Given]) -> list[Reading]:
+    """The motions of one file, and who said what their numbers mean.
 
     Args:
-        given: what the caller knows of it: `unit`, `fallback_fps`, `fallback_skeleton` of `Hints`.
+        given: what the caller knows of it.
 
     Raises:
-        MotionFormatError: it cannot be read; the cause is chained.
+        MotionFormatError: it cannot be read (the cause is chained), the body is too large or too small for a human, or stands
+            along another axis than the one that is said to be up.
     """
     if file.is_dir():
         raise MotionFormatError(file, "folder", "no list of its files", "a folder that may be listed")
@@ -174,7 +203,12 @@ def read_motion_file(file: Path, **given: Unpack[Given]) -> list[Motion]:
         raise
     except FAILURES as error:
         raise MotionFormatError(file, CONTENT, f"{type(error).__name__}: {str(error)[:200]}", "another content") from error
-    return found if isinstance(found, list) else [found]
+    found = found if isinstance(found, list) else [found]
+    for reading in found:
+        motion = reading.motion
+        check_size(motion.positions, motion.skeleton, reading.unit, file)
+        check_up(motion.positions, motion.skeleton, reading.up, file)
+    return found
 
 
 def _is_motion(file: Path) -> bool:
@@ -200,11 +234,11 @@ def _archive_is_motion(file: Path) -> bool:
         return MOTION_ENTRY.search(read_head(file, HEAD)) is not None
 
 
-def _read_npy(file: Path, known: Hints) -> Motion:
+def _read_npy(file: Path, known: Hints) -> Reading:
     return read_npy(BytesIO(read_bytes(file, allowed(MOST_BYTES, file))), file, known)
 
 
-def _read_npz(file: Path, known: Hints) -> list[Motion] | Motion:
+def _read_npz(file: Path, known: Hints) -> list[Reading] | Reading:
     """positions_3d: the VideoPose3D layout; positions: an array of one's own."""
     streams = read_archive(file, ENTRIES)
     if "positions_3d" in streams:
@@ -216,7 +250,7 @@ def _read_npz(file: Path, known: Hints) -> list[Motion] | Motion:
 
 
 ENTRIES = {"positions_3d", "positions", "fps", "unit", "up", "subject", "action", "skeleton"}
-READERS: dict[str, Callable[[Path, Hints], Motion | list[Motion]]] = {
+READERS: dict[str, Callable[[Path, Hints], Reading | list[Reading]]] = {
     ".bvh": read_bvh,
     ".amc": read_amc,
     ".txt": read_benchmark,

@@ -3,33 +3,46 @@
 from __future__ import annotations
 
 import hashlib
+import re
+from collections.abc import Iterator
 from dataclasses import replace
 
 from mwlib.body.skeleton import Skeleton
 
+# What says "left" in a name: the word, or one letter where a word begins (lThigh, J_Bip_L_Arm, thigh.L, ik_hand_l).
+WORDS = {"left": "right", "Left": "Right", "LEFT": "RIGHT"}
+LETTER = re.compile(r"(?<![A-Za-z])[lL]|(?<=[a-z0-9])L(?![a-z])")
 
-def own_skeleton(joints: tuple[str, ...], parents: tuple[int, ...]) -> Skeleton:
-    """A skeleton made from a file; equal ones get equal names, different ones different names.
 
-    Left and right are paired by name: left/right anywhere, l/r before a word, _l/_r or .l/.r after it, in any case.
+def paired(joints: tuple[str, ...]) -> tuple[tuple[int, ...], tuple[int, ...]]:
+    """Left and right joints, position by position, told from their names.
+
+    A joint is left if its name says so and the same name with "right" or "r" in that place is a joint, too: so "lowerback" and
+    "lip" are neither. Mixamo, Biped, VRM, Rigify, Unreal, CMU, Daz, SMPL and HumanML3D name their joints so that this works.
     """
-    digest = hashlib.sha256(repr((joints, parents)).encode()).hexdigest()[:4]
     pairs: dict[str, str] = {}
     for name in joints:
         other = next((n for n in _counterparts(name) if n in joints and n not in pairs.values()), None)
         if other is not None and name not in pairs.values():
             pairs[name] = other
     left, right = (tuple(joints.index(name) for name in side) for side in (pairs.keys(), pairs.values()))
-    return Skeleton(f"{joints[0]}{len(joints)}_{digest}", joints, parents, left, right)
+    return left, right
 
 
-def _counterparts(name: str) -> list[str]:
+def own_skeleton(joints: tuple[str, ...], parents: tuple[int, ...]) -> Skeleton:
+    """A skeleton made from a file; equal ones get equal names, different ones different names; left and right are `paired`."""
+    digest = hashlib.sha256(repr((joints, parents)).encode()).hexdigest()[:4]
+    return Skeleton(f"{joints[0]}{len(joints)}_{digest}", joints, parents, *paired(joints))
+
+
+def _counterparts(name: str) -> Iterator[str]:
     """What the right-hand counterpart of a left joint may be called."""
-    names = [name.replace(a, b, 1) for a, b in (("left", "right"), ("Left", "Right"), ("LEFT", "RIGHT")) if a in name]
-    for a, b in ("lr", "LR"):
-        names += [b + name[1:]] if name.startswith(a) else []
-        names += [name[:-1] + b] if name.endswith((f"_{a}", f".{a}")) else []
-    return names
+    for left, right in WORDS.items():
+        if left in name:
+            yield name.replace(left, right)
+    for found in LETTER.finditer(name):
+        if not re.fullmatch(r"[lL]\d+", name):  # lumbar vertebrae
+            yield name[: found.start()] + ("r" if found[0] == "l" else "R") + name[found.end() :]
 
 
 def rig_skeleton(joints: tuple[str, ...], parents: tuple[int, ...]) -> Skeleton:

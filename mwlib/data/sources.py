@@ -5,14 +5,15 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Annotated, Literal, NamedTuple
 
 import numpy as np
 
 from mwlib.body.motion import Motion
 from mwlib.data.bodies import Bodies, prepare
 from mwlib.data.load import load_motions
-from mwlib.settings import Positive
+from mwlib.data.units import UNITS
+from mwlib.settings import NotNegative, OneOf, Positive
 
 
 @dataclass(frozen=True)
@@ -21,9 +22,18 @@ class SourceConfig:
 
     data: str = "synthetic"  # "synthetic", or a path that load_motions reads
     fps: Positive = 50.0  # frames per second after resampling
+    unit: Annotated[str, OneOf(("", *UNITS))] = ""  # of the files; empty: as clips.csv or the file says, or inferred
+    up: Literal["", "y", "z"] = ""  # the up-axis of the files; empty: as clips.csv or the file or its format says
+    file_fps: NotNegative = 0.0  # the rate of the files, where clips.csv and they do not say it or are wrong; 0: they say
     train_subjects: tuple[str, ...] = ()  # empty: everyone who is in neither other list
     validation_subjects: tuple[str, ...] = ()  # for the loss on people not trained on, and for choosing settings
     test_subjects: tuple[str, ...] = ()  # empty: the last quarter of the subjects; of the clips if there is one subject
+
+
+REMEDY = (
+    "at least two clips, and people left over for training and test. Add a clip, or cut a long one into two files; name other "
+    "people in train_subjects and test_subjects; give clips of several people their subject in clips.csv"
+)
 
 
 class Split(NamedTuple):
@@ -38,6 +48,12 @@ class Split(NamedTuple):
         return fingerprint(self.train), fingerprint(self.test)
 
 
+def load_source(source: SourceConfig) -> list[Motion]:
+    """The configured data as `load_motions` gives them, at their own rate; nobody is held out."""
+    unit, up, file_fps = source.unit or None, source.up or None, source.file_fps or None
+    return load_motions(source.data, unit=unit, up=up, file_fps=file_fps)
+
+
 def split_motions(source: SourceConfig) -> Split:
     """Load the configured data and part it by subject, so that nobody in the test set was ever trained on.
 
@@ -48,7 +64,7 @@ def split_motions(source: SourceConfig) -> Split:
         ValueError: a named subject does not occur or stands in two lists, the clips differ in skeleton, or nothing is left to
             train or to test on.
     """
-    motions = prepare(load_motions(source.data), source.fps)
+    motions = prepare(load_source(source), source.fps)
     Bodies.of(motions)
     present = sorted({m.subject for m in motions})
     lists = {name: getattr(source, name) for name in ("train_subjects", "validation_subjects", "test_subjects")}
@@ -65,7 +81,7 @@ def split_motions(source: SourceConfig) -> Split:
     for name, part in (("training", parts.train), ("test", parts.test)):
         if not part:
             found = f"{source.data} has {len(motions)} clips of the subjects {', '.join(map(repr, present))}"
-            raise ValueError(f"no {name} clips: {found}; expected at least two clips, and people left over for training and test")
+            raise ValueError(f"no {name} clips: {found}; expected {REMEDY}")
     return parts
 
 

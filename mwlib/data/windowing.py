@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -13,6 +14,10 @@ from torch import Tensor
 
 from mwlib.body.kinematics import AXES
 from mwlib.body.motion import Motion
+from mwlib.data.bodies import Bodies
+from mwlib.data.sides import unmirrored
+
+PAIRS = 'Names like left_hand and right_hand, or "left" and "right" in skeleton.json, pair them'
 
 
 @dataclass(frozen=True)
@@ -84,22 +89,28 @@ def windows(motions: Sequence[Motion], history: int, future: int, stride: int) -
     clip = np.repeat(np.arange(len(motions)), [len(s) for s in starts])
     start = np.concatenate(starts)
     if len(start) == 0:
-        raise ValueError(f"no clip is longer than {frames} frames (history + future); the longest has {max(lengths)}")
+        raise ValueError(_none_longer("clip", motions, frames))
     index = (offset[clip] + start)[:, None] + np.arange(frames)
     return Windows(flat[torch.from_numpy(index)], torch.from_numpy(clip), torch.from_numpy(start), history, motions)
 
 
 def _flatten(motions: Sequence[Motion]) -> tuple[Tensor, np.ndarray, list[int]]:
     """All frames of all clips in one (frames, C) tensor, and where each clip begins."""
-    if not motions:
-        raise ValueError("there are no motions")
-    for name in ("skeleton", "up", "fps"):
-        kinds = {getattr(m, name).name if name == "skeleton" else getattr(m, name) for m in motions}
-        if len(kinds) > 1:
-            raise ValueError(f"the motions differ in {name}: {sorted(kinds, key=str)}; expected one and the same")
+    Bodies.of(motions)
     lengths = [len(m) for m in motions]
     flat = torch.from_numpy(np.concatenate([m.root_relative() for m in motions]).astype(np.float32))
     return flat, np.concatenate([[0], np.cumsum(lengths)[:-1]]), lengths
+
+
+def too_short(motions: Sequence[Motion], frames: int) -> list[Motion]:
+    """Clips that give no window of this many frames (see `windows`)."""
+    return [m for m in motions if len(m) <= frames]
+
+
+def _none_longer(what: str, motions: Sequence[Motion], frames: int) -> str:
+    longest = max(map(len, motions), default=0)
+    remedy = "longer clips, a smaller history or future, or a smaller fps would do"
+    return f"no {what} is longer than {frames} frames (history + future); the longest has {longest}; {remedy}"
 
 
 class TrainingWindows:
@@ -113,6 +124,7 @@ class TrainingWindows:
         augment: "none"; "humanmac" (three coins per batch: turn about the up-axis, negate each horizontal axis,
             labels not swapped); "heading" (each window turned by its own angle); "heading_mirror" (also mirrored with
             probability 1/2, left and right joints exchanged). The latter two are our own choice: they keep bodies bodies.
+            Where left and right joints do not pair up, "heading_mirror" warns and does what "heading" does.
 
     Raises:
         ValueError: no clip is longer than `frames`, or the clips do not match each other.
@@ -125,9 +137,12 @@ class TrainingWindows:
     def __init__(self, motions: Sequence[Motion], frames: int, sampling: str, augment: str) -> None:
         long_enough = [m for m in motions if len(m) > frames]
         if not long_enough:
-            raise ValueError(f"no training clip is longer than {frames} frames (history + future)")
+            raise ValueError(_none_longer("training clip", motions, frames))
         flat, offset, lengths = _flatten(long_enough)
         self.frames, self.augment = frames, augment
+        if augment == "heading_mirror" and (reason := unmirrored(long_enough)):
+            warnings.warn(f"training does not mirror: {reason}. {PAIRS}", stacklevel=2)
+            self.augment = "heading"
         self.flat = flat
         skeleton = long_enough[0].skeleton
         self.mirror = torch.from_numpy(skeleton.mirror[1:] - 1)

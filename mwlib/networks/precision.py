@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from typing import Literal
 
 import torch
@@ -28,7 +28,7 @@ def products_in(precision: Precision, device: torch.device) -> Iterator[None]:
     try:
         if precision == "tf32":
             torch.set_float32_matmul_precision("high")
-        with torch.autocast(device.type, torch.bfloat16, enabled=precision == "bf16"):
+        with torch.autocast(device.type, torch.bfloat16) if precision == "bf16" else nullcontext():
             yield
     finally:
         torch.set_float32_matmul_precision(before)

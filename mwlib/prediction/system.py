@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable, Mapping
 from typing import Any
 
@@ -9,16 +10,19 @@ import torch
 from torch import Tensor
 
 from mwlib.data.sources import Split, split_motions
+from mwlib.data.windowing import too_short
 from mwlib.prediction.config import Config
 from mwlib.prediction.evaluation import METRICS, evaluate, make_predict, test_windows
 from mwlib.prediction.objective import PredictionObjective
 from mwlib.prediction.predictor import Predictor
 
+MOST_NAMES = 12
+
 __all__ = ["METRICS", "Config", "evaluate", "load_data", "make_objective", "open_model", "preview"]
 
 
 def load_data(cfg: Config) -> Split:
-    """Clips for training, validation and test.
+    """Clips for training, validation and test; a warning names those too short to give any window.
 
     Raises:
         ValueError: as in `split_motions`, or no clip of a part is longer than a window.
@@ -29,8 +33,13 @@ def load_data(cfg: Config) -> Split:
             longest = max(part, key=len)
             raise ValueError(
                 f"no {name} clip is longer than {frames} frames (history + future) at {cfg.data.fps:g} Hz; the longest, "
-                f"{longest.name!r}, has {len(longest)}. Other clips, a smaller history or future, or a smaller fps would do"
+                f"{longest.name!r}, has {len(longest)}. Longer clips, a smaller history or future, or a smaller fps would do"
             )
+    for name, part in split._asdict().items():
+        if short := [m.name or "a clip without a name" for m in too_short(part, frames)]:
+            names = ", ".join(short[:MOST_NAMES]) + " ..." * (len(short) > MOST_NAMES)
+            at = f"{frames} frames (history + future) at {cfg.data.fps:g} Hz"
+            warnings.warn(f"{len(short)} of {len(part)} {name} clips are left out, no longer than {at}: {names}", stacklevel=2)
     return split
 
 

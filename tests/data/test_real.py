@@ -13,6 +13,8 @@ from mwlib import load_motions
 from mwlib.body.kinematics import AXES, bone_lengths
 from mwlib.data.check import GLITCH, check_data, fastest
 from mwlib.data.load import motion_files, read_motion_file
+from mwlib.data.units import ADULT, height
+from mwlib.data.upright import UPRIGHT, standing
 
 FOLDERS = ("cmu/asfamc", "cmu/bvh", "cmu_benchmark", "lafan1", "bandai_namco")
 TABLES = ("cmu", "cmu_benchmark", "lafan1", "bandai_namco")
@@ -55,6 +57,20 @@ def test_everyone_is_as_tall_as_a_human_with_bones_that_keep_their_length(clips)
         assert np.ptp(bone_lengths(motion.positions, motion.skeleton), axis=0).max() < 2e-4, name
     lowest = {n: np.median(m.positions[..., 1].min(axis=1)) for n, m in clips.items() if n.startswith("lafan1")}
     assert all(abs(height) < 0.2 for height in lowest.values()), lowest  # on the floor, not twice as high
+
+
+def test_size_and_up_axis_are_never_in_doubt(clips):
+    """Also where people fall, turn cartwheels or roll on the ground: those are not upright, but nor are they by another axis."""
+    lying = set()
+    for name, motion in clips.items():
+        found = standing(motion.positions, motion.skeleton, motion.up)
+        assert ADULT[0] < height(motion.positions, motion.skeleton) < ADULT[1] and not found.is_clear, name
+        assert all(standing(motion.positions, motion.skeleton, up).axis in ("y", found.axis) for up in "yz"), name
+        if found.share < UPRIGHT:
+            lying.add(Path(name).name)
+        elif found.share > 0.8:
+            assert standing(motion.positions, motion.skeleton, "z").is_clear, f"{name} called z up"
+    assert lying == {"ground1_subject5.bvh.xz"}
 
 
 SIDES = {  # skeleton -> left hip, ankles and toes

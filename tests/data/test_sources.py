@@ -10,9 +10,12 @@ import pytest
 from mwlib import Motion
 from mwlib.body.skeleton import CMU, H36M17
 from mwlib.data import sources
-from mwlib.data.bodies import prepare
+from mwlib.data.bodies import Bodies, prepare
+from mwlib.data.known import acknowledgement
 from mwlib.data.sources import SourceConfig, Split, fingerprint, split_motions
 from mwlib.data.synthetic.script import synthetic_motions
+from mwlib.data.windowing import windows
+from mwlib.prediction.config import Config
 
 
 def clip(subject: str, frames: int = 60) -> Motion:
@@ -21,7 +24,7 @@ def clip(subject: str, frames: int = 60) -> Motion:
 
 
 def split_of(monkeypatch, motions, **changes) -> Split:
-    monkeypatch.setattr(sources, "load_motions", lambda source: motions)
+    monkeypatch.setattr(sources, "load_motions", lambda source, **stated: motions)
     return split_motions(SourceConfig(data="somewhere", **changes))
 
 
@@ -39,7 +42,7 @@ def test_people_are_kept_apart(monkeypatch):
 def test_one_person_is_split_by_clips(monkeypatch):
     split = split_of(monkeypatch, [clip("A", 60 + i) for i in range(8)])
     assert [m.name for m in split.test] == ["A_66", "A_67"] and len(split.train) == 6
-    with pytest.raises(ValueError, match="no training clips"):
+    with pytest.raises(ValueError, match="no training clips: somewhere has 1 clips .* two files; .* clips.csv"):
         split_of(monkeypatch, [clip("A")])
     with pytest.raises(ValueError, match=r"test_subjects has \['Z'\]"):
         split_of(monkeypatch, [clip("A"), clip("B")], test_subjects=("Z",))
@@ -71,3 +74,52 @@ def test_nobody_stands_in_two_lists(monkeypatch):
         split_of(monkeypatch, people, train_subjects=["A", "B"], test_subjects=["B"])
     split = split_of(monkeypatch, people, train_subjects=["E", "F", "H"])
     assert not {m.subject for m in split.train} & {m.subject for m in split.test}
+
+
+def test_unit_axis_and_rate_of_the_files_are_settings(tmp_path):
+    walks = [m.with_up("y") for m in synthetic_motions(subjects=2, seconds=1.0)]
+    (tmp_path / "skeleton.json").write_text('{"name": "H36M17"}')
+    for number, walk in enumerate(walks[:3] + walks[-3:]):
+        np.save(tmp_path / f"{number % 2 + 1}_{number:02}.npy", walk.positions / 0.0254)
+    said = {"unit": "inch", "up": "y", "file_fps": 50.0}
+    split = split_motions(SourceConfig(data=str(tmp_path), fps=25.0, **said))
+    assert {(m.fps, m.up, m.skeleton) for m in (*split.train, *split.test)} == {(25.0, "z", H36M17)}
+    np.testing.assert_allclose(split.train[0].positions, walks[0].with_up("z").resample(25.0).positions, atol=1e-5)
+    for left_out, word in (("unit", "body size"), ("up", "up-axis"), ("file_fps", "frame rate")):
+        given = {name: value for name, value in said.items() if name != left_out}
+        with pytest.raises(ValueError, match=f"1_00.npy, {word}"):
+            split_motions(SourceConfig(data=str(tmp_path), **given))
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"unit": "inches"}, "unit is 'inches'; expected one of .*inch.*did you mean 'inch'"),
+        ({"up": "x"}, "up is 'x'; expected one of"),
+        ({"unti": "cm"}, "did you mean 'unit'"),
+        ({"file_fps": -1}, "file_fps is -1"),
+    ],
+)
+def test_a_misspelt_statement_is_refused(changes, message):
+    with pytest.raises(ValueError, match=message):
+        Config.preset("tiny", **changes)
+    assert "unit: ''" in Config.preset("tiny").to_yaml()
+
+
+def test_clips_that_differ_are_named():
+    other = replace(clip("B"), up="y")
+    for made in (lambda: Bodies.of([clip("A"), other]), lambda: windows([clip("A"), other], 10, 10, 5)):
+        with pytest.raises(ValueError, match="B_60 has up y, A_60 has z; expected one and the same"):
+            made()
+
+
+@pytest.mark.parametrize("path", ["cmu", "cmu/asfamc", "CMU", "/home/me/data/cmu/asfamc", "data/cmu_benchmark/train"])
+def test_cmu_is_acknowledged_wherever_it_lies(path):
+    assert "NSF EIA-0196217" in acknowledgement(path)["acknowledgement"]
+
+
+def test_others_and_links_are_acknowledged_as_what_they_are(tmp_path, monkeypatch):
+    assert acknowledgement("synthetic") == acknowledgement("/home/acmu/lafan1") == {}
+    (tmp_path / "cmu" / "asfamc").mkdir(parents=True)
+    monkeypatch.chdir(tmp_path / "cmu" / "asfamc")
+    assert acknowledgement(".")

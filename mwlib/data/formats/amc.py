@@ -21,16 +21,18 @@ from mwlib.data.hints import Hints
 from mwlib.data.naming import own_skeleton
 from mwlib.data.opening import MOST_POINTS, MOST_VALUES, allowed, bare_name, bare_suffix, without_twins
 from mwlib.data.reading import blocks_of, bounded, lines_of, read_text
+from mwlib.data.stated import FILE, FORMAT, Reading, Stated, stated
 from mwlib.data.units import infer_unit
 
 CMU_FPS = 120.0  # neither file says
 
 
-def read_amc(file: Path, hints: Hints) -> Motion:
-    """Read one AMC file and the ASF beside it: far ends of the bones in metres, y up, and the rotations behind them.
+def read_amc(file: Path, hints: Hints) -> Reading:
+    """Read one AMC file and the ASF beside it: far ends of the bones in metres, and the rotations behind them.
 
     The transform of a bone is G = G_parent C Rz Ry Rx C^-1, with C from its `axis`; it ends at its parent's end plus
-    G direction length. One unit is 1/length inches, `length` from the ASF's :units (CMU: 0.45).
+    G direction length. One unit is 1/length inches, `length` from the ASF's :units (CMU: 0.45). Up is y unless `hints` say
+    otherwise.
 
     Raises:
         MotionFormatError: either file is malformed, or they do not fit each other.
@@ -44,10 +46,12 @@ def read_amc(file: Path, hints: Hints) -> Motion:
     if set(names) == set(CMU_BONES) and [body.bones[n].parent for n in CMU_BONES[1:]] == [CMU_BONES[p] for p in CMU.parents[1:]]:
         skeleton, names = CMU, list(CMU_BONES)
     positions = _positions(tracks, body, tree, [tree.joints.index(name) for name in names])
-    metres = hints.unit or body.metres or infer_unit(positions, skeleton, asf)
-    positions *= metres
-    rig = asf_rig(tracks, body, tree, names, metres)
-    return hints.label(Motion(positions.astype(np.float32), hints.fps or CMU_FPS, skeleton, up="y", rig=rig), file)
+    unit = hints.unit or stated(body.metres, FILE) or infer_unit(positions, skeleton, asf, usual="cmu")
+    up, fps = hints.up or Stated("y", FORMAT), hints.fps or Stated(CMU_FPS, FORMAT)
+    positions *= unit.value
+    rig = asf_rig(tracks, body, tree, names, unit.value)
+    motion = Motion(positions.astype(np.float32), fps.value, skeleton, up=up.value, rig=rig)
+    return Reading(hints.label(motion, file), unit, up, fps)
 
 
 def find_asf(file: Path) -> Path:

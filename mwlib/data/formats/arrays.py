@@ -16,7 +16,9 @@ from mwlib.body.skeleton import HUMANML22, SKELETONS, Skeleton
 from mwlib.data.archives import read_array, single
 from mwlib.data.errors import MotionFormatError
 from mwlib.data.hints import LEVELS_UP, Hints, frame_rate
+from mwlib.data.naming import paired
 from mwlib.data.reading import MOST_JOINTS, SMALL_TEXT, bounded, label, read_text
+from mwlib.data.stated import BESIDE, DEFAULT, ENTRY, FORMAT, Reading, Stated, stated
 from mwlib.data.units import infer_unit, metres_per_unit
 
 SKELETON_FILE = "skeleton.json"
@@ -28,43 +30,47 @@ class Layout:
     """What an array means: whose joints, how fast, how long a unit is, which axis is up. None: not stated."""
 
     skeleton: Skeleton | None = None
-    fps: float | None = None
-    unit: float | None = None
-    up: str | None = None
+    fps: Stated[float] | None = None
+    unit: Stated[float] | None = None
+    up: Stated[str] | None = None
 
 
-def read_npy(stream: BinaryIO, file: Path, hints: Hints) -> Motion:
+def read_npy(stream: BinaryIO, file: Path, hints: Hints) -> Reading:
     """Read joint positions (T, J, 3) from an .npy file; see `read_positions` for what they mean."""
     return read_positions({"positions": read_array(stream, file, "array")}, file, hints)
 
 
-def read_positions(arrays: dict[str, Shaped[np.ndarray, "*shape"]], file: Path, hints: Hints) -> Motion:
+def read_positions(arrays: dict[str, Shaped[np.ndarray, "*shape"]], file: Path, hints: Hints) -> Reading:
     """Make a motion of the entries of an .npz file.
 
     `positions` (T, J, 3) is needed; `fps`, `unit`, `up`, `subject`, `action` and `skeleton` (the name of a known skeleton)
-    may be there. What is not comes from skeleton.json beside the file or above it, then from the caller; a unit that nobody
-    states is inferred from the body's size, and the axis up is z.
+    may be there; what is not comes from skeleton.json beside the file or above it. `Hints` says who is believed first; an axis
+    up that nobody states is z.
 
     Raises:
         MotionFormatError: shapes, values or the skeleton do not fit, or nobody states the skeleton or the frame rate.
     """
     beside = _layout_beside(file)
     said = {name: single(array, file, name) for name, array in arrays.items() if name != "positions"}
-    inside = _layout(said, file)
+    inside = _layout(said, file, ENTRY)
     skeleton = inside.skeleton or beside.skeleton or hints.fallback_skeleton
-    fps = hints.fps or inside.fps or beside.fps or hints.fallback_fps
+    fps = hints.fps or inside.fps or beside.fps
     if skeleton is None or fps is None:
-        missing, argument = ("skeleton", "skeleton=") if skeleton is None else ("frame rate", "fps=")
-        raise MotionFormatError(file, missing, "none", f"a {SKELETON_FILE} beside the file, or {argument}")
+        missing, ways = (
+            ("skeleton", "skeleton=") if skeleton is None else ("frame rate", "a column fps in clips.csv, or file_fps=")
+        )
+        raise MotionFormatError(file, missing, "none", f"a {SKELETON_FILE} beside the file that says it, or {ways}")
     positions = arrays["positions"]
     if positions.dtype.kind not in "fiu" or positions.shape[1:] != (len(skeleton), 3) or len(positions) == 0:
         expected = f"numbers of shape (T, {len(skeleton)}, 3) with T > 0 for {skeleton.name}"
         raise MotionFormatError(file, "positions", f"{positions.dtype} of shape {positions.shape}", expected)
     positions = bounded(positions, file, "positions").astype(np.float64)
-    positions *= hints.unit or inside.unit or beside.unit or infer_unit(positions, skeleton, file)
+    unit = hints.unit or inside.unit or beside.unit or infer_unit(positions, skeleton, file)
+    up = hints.up or inside.up or beside.up or Stated("z", DEFAULT)
+    positions *= unit.value
     who, what = (label(str(said.get(name, "")), file, name) for name in ("subject", "action"))
-    motion = Motion(positions.astype(np.float32), fps, skeleton, who, what, up=inside.up or beside.up or "z")
-    return hints.label(motion, file)
+    motion = Motion(positions.astype(np.float32), fps.value, skeleton, who, what, up=up.value)
+    return Reading(hints.label(motion, file), unit, up, fps)
 
 
 def _layout_beside(file: Path) -> Layout:
@@ -74,7 +80,7 @@ def _layout_beside(file: Path) -> Layout:
         if (folder / SKELETON_FILE).is_file():
             return read_skeleton_file(folder / SKELETON_FILE)
     if path.parent.name == HUMANML3D_FOLDER:
-        return Layout(HUMANML22, 20.0, 1.0, "y")
+        return Layout(HUMANML22, Stated(20.0, FORMAT), Stated(1.0, FORMAT), Stated("y", FORMAT))
     return Layout()
 
 
@@ -82,7 +88,8 @@ def read_skeleton_file(file: Path) -> Layout:
     """Read a skeleton.json.
 
     An object with "name", and for a skeleton that mwlib does not know "joints" (names, the root first), "parents" (joint
-    indices, -1 for the root) and optionally "left", "right" (joint indices, paired) and "parts" (name -> joint indices);
+    indices, -1 for the root) and optionally "left", "right" (joint indices, paired; left out, they are told from the names) and
+    "parts" (name -> joint indices);
     optionally "fps", "unit" (metres, or a name such as "cm") and "up" ("y" or "z").
 
     Raises:
@@ -101,7 +108,7 @@ def read_skeleton_file(file: Path) -> Layout:
         tree["skeleton"] = _skeleton(tree, file)
     else:
         tree["skeleton"] = tree["name"]
-    return _layout(tree, file)
+    return _layout(tree, file, BESIDE)
 
 
 def _skeleton(tree: dict, file: Path) -> Skeleton:
@@ -122,7 +129,8 @@ def _skeleton(tree: dict, file: Path) -> Skeleton:
     for row in (tree.get("left", []), tree.get("right", []), *parts.values()):
         if not isinstance(row, list) or not all(type(i) is int and 0 <= i < len(names) for i in row):
             raise MotionFormatError(file, "left, right, parts", repr(row)[:60], f"lists of joint indices, 0 to {len(names) - 1}")
-    left, right = (tuple(tree.get(side, [])) for side in ("left", "right"))
+    by_name = {"left", "right"}.isdisjoint(tree)
+    left, right = paired(tuple(names)) if by_name else (tuple(tree.get(side, [])) for side in ("left", "right"))
     parts = {part: tuple(row) for part, row in parts.items()}
     try:
         return Skeleton(tree["name"], tuple(names), tuple(parents), left, right, parts)
@@ -130,7 +138,7 @@ def _skeleton(tree: dict, file: Path) -> Skeleton:
         raise MotionFormatError(file, "skeleton", str(error), "a tree") from error
 
 
-def _layout(said: dict, file: Path) -> Layout:
+def _layout(said: dict, file: Path, source: str) -> Layout:
     """Check what a file says about an array; `skeleton` is a Skeleton or the name of a known one."""
     skeleton, unit, up = said.get("skeleton"), said.get("unit"), said.get("up")
     if skeleton is not None and not isinstance(skeleton, Skeleton):
@@ -149,4 +157,4 @@ def _layout(said: dict, file: Path) -> Layout:
         if not isinstance(fps, str | int | float):
             raise MotionFormatError(file, "fps", type(fps).__name__, "a number")
         fps = frame_rate(str(fps), file, "fps")
-    return Layout(skeleton, fps, unit, up)
+    return Layout(skeleton, stated(fps, source), stated(unit, source), stated(up, source))

@@ -21,14 +21,15 @@ from mwlib.data.formats.tpose import starts_in_tpose
 from mwlib.data.hints import FASTEST, SLOWEST, Hints
 from mwlib.data.opening import MOST_POINTS, allowed
 from mwlib.data.reading import LONGEST_WORD, MOST_JOINTS, number, number_table, read_text, words_of
+from mwlib.data.stated import FILE, FORMAT, Reading, Stated
 from mwlib.data.units import infer_unit
 
 DEEPEST = 200
 COMMON_RATES = (24, 25, 30, 48, 50, 60, 72, 75, 90, 100, 120, 144, 150, 180, 200, 240)  # hertz
 
 
-def read_bvh(file: Path, hints: Hints) -> Motion:
-    """Read one BVH file: joint positions in metres, y up, and the rotations behind them.
+def read_bvh(file: Path, hints: Hints) -> Reading:
+    """Read one BVH file: joint positions in metres, y up unless `hints` say otherwise, and the rotations behind them.
 
     Position channels replace the offset. An added T-pose row is dropped. The cgspeed skeleton becomes CMU's 31 points, and so
     does an ASF skeleton that `write_bvh` wrote; one with the joints of a known skeleton becomes that one (Bandai-Namco's
@@ -48,13 +49,14 @@ def read_bvh(file: Path, hints: Hints) -> Motion:
     if len(skeleton) < 2:
         raise MotionFormatError(file, "HIERARCHY", "one joint", "at least two")
     positions = _positions(nodes, table, picked)
-    metres = hints.unit or infer_unit(positions, skeleton, file)
-    positions *= metres
+    unit = hints.unit or infer_unit(positions, skeleton, file)
+    up, rate = hints.up or Stated("y", FORMAT), hints.fps or Stated(fps, FILE)
+    positions *= unit.value
     turns = [i for i, name in enumerate(nodes[0].channels or ()) if name in ANGLES]
-    first = int(starts_in_tpose(table[:, turns], positions))
-    rig = bvh_rig(nodes, table[first:], picked, metres)
-    motion = Motion(positions[first:].astype(np.float32), hints.fps or fps, skeleton, up="y", rig=rig)
-    return hints.label(motion, file)
+    first = int(starts_in_tpose(table[:, turns], positions, up.value))
+    rig = bvh_rig(nodes, table[first:], picked, unit.value)
+    motion = Motion(positions[first:].astype(np.float32), rate.value, skeleton, up=up.value, rig=rig)
+    return Reading(hints.label(motion, file), unit, up, rate)
 
 
 def _hierarchy(rest: Iterator[str], file: Path) -> list[Node]:

@@ -32,7 +32,8 @@ def write_bvh(motion: Motion, file: str | Path, *, unit: float | str = "cm") -> 
     Args:
         file: a name that ends in .bvh; missing folders are made.
         unit: metres per unit of the file, or "cm", "m", "mm", "inch", "cmu". BVH has no place to state it. Own choice:
-            centimetres, as LaFAN1 and Bandai-Namco have them; `load_motions` tells any of the five from the size of a human.
+            centimetres, as LaFAN1 and Bandai-Namco have them; `load_motions` tells cm, m and mm from the size of a human,
+            any other unit has to be said to it again.
 
     Returns:
         Mean and largest distance, metres, of the joints in the file from `motion.positions`.

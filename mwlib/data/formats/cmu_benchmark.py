@@ -19,6 +19,7 @@ from mwlib.data.formats.blocks import in_blocks
 from mwlib.data.formats.tpose import starts_in_tpose
 from mwlib.data.hints import Hints
 from mwlib.data.reading import number_table, read_text
+from mwlib.data.stated import FORMAT, Reading, Stated
 from mwlib.data.units import UNITS
 
 COLUMNS = 117  # root translation, then 38 rotation vectors
@@ -42,7 +43,7 @@ SKELETON = Skeleton("CMU benchmark", tuple(f"point{i}" for i in range(38)), tupl
 PICKED = [0, 2, 3, 4, 5, 6, 8, 9, 10, 11, 12, 14, 15, 16, 17, 18, 19, 21, 22, 23, 24, 25, 26, 28, 30, 31, 32, 33, 34, 35, 37]
 
 
-def read_benchmark(file: Path, hints: Hints) -> Motion:
+def read_benchmark(file: Path, hints: Hints) -> Reading:
     """Read one text file: every row but an added T-pose, in metres, y up, on CMU's 31 points.
 
     The file's rotation vectors are for row vectors, so they are negated. The action is the folder's name. In some published
@@ -53,10 +54,12 @@ def read_benchmark(file: Path, hints: Hints) -> Motion:
     """
     table = number_table(read_text(file), COLUMNS, file, "table", delimiter=",")
     positions = in_blocks(lambda part: _positions(table[part]), len(table), len(SKELETON))
-    positions *= hints.unit or UNITS["cmu"]
-    first = int(starts_in_tpose(table[:, 3:6], positions))
-    motion = Motion(positions[first:].astype(np.float32), hints.fps or FPS, CMU, action=file.parent.name, up="y")
-    return hints.label(motion, file)
+    unit = hints.unit or Stated(UNITS["cmu"], FORMAT)
+    up, fps = hints.up or Stated("y", FORMAT), hints.fps or Stated(FPS, FORMAT)
+    positions *= unit.value
+    first = int(starts_in_tpose(table[:, 3:6], positions, up.value))
+    motion = Motion(positions[first:].astype(np.float32), fps.value, CMU, action=file.parent.name, up=up.value)
+    return Reading(hints.label(motion, file), unit, up, fps)
 
 
 def _positions(table: Float[np.ndarray, "n 117"]) -> Float[np.ndarray, "n joints 3"]:

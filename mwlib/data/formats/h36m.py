@@ -21,6 +21,7 @@ from mwlib.data.errors import MotionFormatError
 from mwlib.data.formats.pickles import unpickle
 from mwlib.data.hints import Hints
 from mwlib.data.reading import bounded, label
+from mwlib.data.stated import FORMAT, Reading, Stated
 
 FPS = {17: 50.0, 15: 60.0}
 PARENTS_32 = [int(p) for p in "-1 0 1 2 3 4 0 6 7 8 9 0 11 12 13 14 12 16 17 18 19 20 19 22 12 24 25 26 27 28 27 30".split()]
@@ -33,7 +34,7 @@ CORRUPT = {
 }
 
 
-def read_positions_3d(stream: BinaryIO, file: Path, hints: Hints) -> list[Motion]:
+def read_positions_3d(stream: BinaryIO, file: Path, hints: Hints) -> list[Reading]:
     """Motions out of the `positions_3d` entry of an npz file, in the file's order.
 
     32 joints are reduced to Human3.6M's 17, 17 are taken as they are, 15 are HumanEva-I's. Sequences known to be corrupt
@@ -50,18 +51,18 @@ def read_positions_3d(stream: BinaryIO, file: Path, hints: Hints) -> list[Motion
     subjects = unpickle(stream.read(), file, place)
     if not isinstance(subjects, dict) or not all(isinstance(actions, dict) for actions in subjects.values()):
         raise MotionFormatError(file, place, "no two levels of dictionaries", "subject -> action -> array")
-    motions = [
-        _motion(array, subject, action, file, hints)
+    readings = [
+        _reading(array, subject, action, file, hints)
         for subject, actions in subjects.items()
         for action, array in actions.items()
         if (subject, action) not in CORRUPT
     ]
-    if len({m.skeleton.name for m in motions}) != 1:
-        raise MotionFormatError(file, place, f"{len(motions)} sequences", "at least one, all with the same joints")
-    return motions
+    if len({r.motion.skeleton.name for r in readings}) != 1:
+        raise MotionFormatError(file, place, f"{len(readings)} sequences", "at least one, all with the same joints")
+    return readings
 
 
-def _motion(array: object, subject: str, action: str, file: Path, hints: Hints) -> Motion:
+def _reading(array: object, subject: str, action: str, file: Path, hints: Hints) -> Reading:
     for word in (subject, action):
         label(word, file, "positions_3d")
     place = f"positions_3d, {subject[:40]} {action[:60]}"
@@ -74,12 +75,14 @@ def _motion(array: object, subject: str, action: str, file: Path, hints: Hints) 
     positions = bounded(array, file, place).astype(np.float32)
     if positions.shape[1] == 32:
         positions = positions[:, KEPT]
-    if hints.unit is not None:
-        positions *= np.float32(hints.unit)
     joints = positions.shape[1]
+    unit, up = hints.unit or Stated(1.0, FORMAT), hints.up or Stated("z", FORMAT)
+    fps = hints.fps or Stated(FPS[joints], FORMAT)
+    positions *= np.float32(unit.value)
     skeleton = {17: H36M17, 15: HUMANEVA15}[joints]
     kind = re.sub(r"( \d+)?( chunk\d+)?$", "", action)
-    return Motion(positions, hints.fps or FPS[joints], skeleton, subject, kind, f"{subject} {action}")
+    motion = Motion(positions, fps.value, skeleton, subject, kind, f"{subject} {action}", up.value)
+    return Reading(motion, unit, up, fps)
 
 
 def write_h36m(path: str | Path, motions: Sequence[Motion]) -> None:

@@ -41,13 +41,18 @@ def test_the_skeleton_file_beside_says_everything(tmp_path):
 def test_the_caller_says_what_nobody_else_does(tmp_path):
     array = np.random.default_rng(0).normal(size=(3, 17, 3))
     np.save(tmp_path / "a.npy", array)
-    with pytest.raises(MotionFormatError, match="skeleton: found none; expected a skeleton.json beside the file, or skeleton="):
+    with pytest.raises(
+        MotionFormatError, match="skeleton: found none; expected a skeleton.json beside the file .*, or skeleton="
+    ):
         load_motions(tmp_path / "a.npy")
-    with pytest.raises(MotionFormatError, match="frame rate: found none.*fps="):
-        load_motions(tmp_path / "a.npy", skeleton="H36M17")
-    (motion,) = load_motions(tmp_path / "a.npy", skeleton="H36M17", fps=50, unit="m")
+    for said in ({}, {"fps": 50.0}):  # to resample something one has to know its rate
+        with pytest.raises(MotionFormatError, match="frame rate: found none.*clips.csv, or file_fps="):
+            load_motions(tmp_path / "a.npy", skeleton="H36M17", **said)
+    (motion,) = load_motions(tmp_path / "a.npy", skeleton="H36M17", file_fps=50, unit="m")
     np.testing.assert_allclose(motion.positions, array, rtol=1e-6)
     assert (motion.fps, motion.up, motion.skeleton) == (50, "z", H36M17)
+    (thin,) = load_motions(tmp_path / "a.npy", skeleton="H36M17", file_fps=50, fps=25, unit="m")
+    np.testing.assert_array_equal(thin.positions, motion.positions[::2])
 
 
 def test_a_known_skeleton_goes_by_its_name(tmp_path):
@@ -57,7 +62,7 @@ def test_a_known_skeleton_goes_by_its_name(tmp_path):
     np.testing.assert_allclose(motion.positions, array / 1000, rtol=1e-6)
     (tmp_path / "skeleton.json").write_text(json.dumps({"name": "H36M17", "fps": 50, "unit": 1.0}))
     np.save(tmp_path / "b.npy", array)
-    (motion,) = load_motions(tmp_path / "b.npy")
+    (motion,) = load_motions(tmp_path / "b.npy", up="z")
     assert motion.skeleton == H36M17
 
 

@@ -55,10 +55,9 @@ def test_joints_stand_where_a_frame_by_frame_calculation_puts_them(tmp_path):
     assert motion.positions.dtype == np.float32
 
 
-@pytest.mark.parametrize(("metres", "factor"), [(1, 0.01), (0.0254 / 0.45, 0.01), (0.0254, 0.01), (0.01, 0.01), (0.001, 0.01)])
-def test_the_unit_follows_from_the_size_of_the_body(tmp_path, metres, factor):
+def scaled(scale: float) -> str:
+    """The stick figure, every length times `scale`."""
     head, numbers = BVH.split("MOTION\n")
-    scale = factor / metres
     lines = [
         f"OFFSET {' '.join(str(float(w) * scale) for w in line.split()[1:])}" if "OFFSET" in line else line
         for line in head.split("\n")
@@ -67,8 +66,32 @@ def test_the_unit_follows_from_the_size_of_the_body(tmp_path, metres, factor):
     for row in rows:
         for i in (0, 1, 2, 16):
             row[i] = str(float(row[i]) * scale)
-    text = "\n".join(lines) + "MOTION\n" + "\n".join([*numbers.split("\n")[:2], *map(" ".join, rows)])
-    np.testing.assert_allclose(read(tmp_path, text).positions, read(tmp_path, BVH, unit=0.01).positions, rtol=1e-5)
+    return "\n".join(lines) + "MOTION\n" + "\n".join([*numbers.split("\n")[:2], *map(" ".join, rows)])
+
+
+@pytest.mark.parametrize("metres", [1, 0.01, 0.001])
+def test_a_metric_unit_follows_from_the_size_of_the_body(tmp_path, metres):
+    expected = read(tmp_path, BVH, unit=0.01).positions
+    np.testing.assert_allclose(read(tmp_path, scaled(0.01 / metres)).positions, expected, rtol=1e-5)
+
+
+@pytest.mark.parametrize(
+    ("metres", "one", "other"), [(0.0254 / 0.45, "1.60 m if the unit is cmu", "0.72 m if the unit is inch"),
+                                 (0.0254, "1.60 m if the unit is inch", "0.63 m if the unit is cm")]
+)  # fmt: skip
+def test_a_unit_is_never_chosen_out_of_two(tmp_path, metres, one, other):
+    text = scaled(0.01 / metres)
+    with pytest.raises(MotionFormatError, match=f"{one} or {other}; expected .* say unit="):
+        read(tmp_path, text)
+    np.testing.assert_allclose(read(tmp_path, text, unit=metres).positions, read(tmp_path, BVH).positions, rtol=1e-5)
+
+
+def test_a_child_in_centimetres_is_no_adult_in_inches_and_a_hand_nobody(tmp_path):
+    child = read(tmp_path, scaled(1.05 / 1.6))
+    np.testing.assert_allclose(child.positions, read(tmp_path, BVH).positions * 1.05 / 1.6, rtol=1e-5)
+    for small in (0.9 / 1.6, 0.18 / 1.6):  # 0.9 m, or 2.3 m in inches; a hand, or a child in CMU's units
+        with pytest.raises(MotionFormatError, match="body size.*if the unit is .*unit="):
+            read(tmp_path, scaled(small))
 
 
 def test_a_body_of_no_known_unit_needs_one(tmp_path):

@@ -54,13 +54,13 @@ def bvh(
 
 def read_text(folder: Path, text: str) -> Motion:
     (folder / "given.bvh").write_text(text)
-    return load_motions(folder / "given.bvh")[0]
+    return load_motions(folder / "given.bvh", unit="cm", up="y")[0]  # these bodies tumble
 
 
 def round_trip(motion: Motion, folder: Path, **arguments) -> Motion:
     """Write, read, and check what has to come back."""
     error = write_bvh(motion, folder / "out" / "written.bvh", **arguments)
-    (again,) = load_motions(folder / "out" / "written.bvh", unit=arguments.get("unit", "cm"))
+    (again,) = load_motions(folder / "out" / "written.bvh", unit=arguments.get("unit", "cm"), up="y")
     assert again.fps == pytest.approx(motion.fps, rel=1e-12)
     np.testing.assert_allclose(again.positions, motion.with_up("y").positions, atol=1e-5 + error.max)
     if motion.rig is not None:
@@ -96,11 +96,11 @@ def test_a_file_comes_back_with_its_rate_channels_and_names(tmp_path, kind, step
 
 
 @pytest.mark.parametrize("unit", ["m", "cm", "mm", "inch", "cmu", 0.05])
-def test_any_unit_can_be_written_and_the_named_ones_are_told_from_the_body(tmp_path, unit):
+def test_any_unit_can_be_written_and_the_metric_ones_are_told_from_the_body(tmp_path, unit):
     motion = read_text(tmp_path, bvh(KINDS["zyx"]))
     again = round_trip(motion, tmp_path, unit=unit)
-    if isinstance(unit, str):
-        (told,) = load_motions(tmp_path / "out" / "written.bvh")
+    if unit in ("m", "cm", "mm"):
+        (told,) = load_motions(tmp_path / "out" / "written.bvh", up="y")
         np.testing.assert_array_equal(told.positions, again.positions)
 
 
@@ -117,7 +117,7 @@ def test_what_was_done_to_a_motion_can_be_written(tmp_path, kind):
     between = motion.resample(47.0)
     if kind == "one or two turns":  # between two turns about the same two axes lies one about a third
         assert write_bvh(between, tmp_path / "a.bvh").max < 1e-6
-        np.testing.assert_allclose(load_motions(tmp_path / "a.bvh")[0].positions, between.positions, atol=1e-5)
+        np.testing.assert_allclose(load_motions(tmp_path / "a.bvh", up="y")[0].positions, between.positions, atol=1e-5)
     else:
         round_trip(between, tmp_path)
 
@@ -128,7 +128,7 @@ def test_channels_that_cannot_say_it_give_way_to_all_of_their_kind(tmp_path):
     assert round_trip(motion.turn(1.0), tmp_path).rig.channels[0] == ("yposition", "yrotation")
     tumbled = replace(motion.with_up("z"), up="y")  # lies on its back, so what was y is z
     write_bvh(tumbled, tmp_path / "a.bvh")
-    (again,) = load_motions(tmp_path / "a.bvh")
+    (again,) = load_motions(tmp_path / "a.bvh", up="y")
     assert again.rig.channels[0] == ("xposition", "yposition", "zposition", "zrotation", "yrotation", "xrotation")
     np.testing.assert_allclose(again.positions, tumbled.positions, atol=1e-5)
 
@@ -150,12 +150,11 @@ def test_positions_only_come_back_on_the_same_skeleton(tmp_path, skeleton):
         places[:, joint] = places[:, parent] + RNG.normal(0, 0.12, 3) + np.cumsum(RNG.normal(0, 0.002, (frames, 3)), axis=0)
     motion = Motion(places.astype(np.float32), 25.0, skeleton, up="z")
     error = write_bvh(motion, tmp_path / "a.bvh", unit="m")
-    (again,) = load_motions(tmp_path / "a.bvh", unit="m")
+    (again,) = load_motions(tmp_path / "a.bvh", unit="m", up="y")
     assert again.skeleton == skeleton and again.fps == 25.0
     fitted = fit_rig(motion)
-    assert (
-        tuple(error) == pytest.approx(tuple(fitted.error), abs=1e-8) and error.max > 1e-3
-    )  # these bones do not keep their lengths
+    assert tuple(error) == pytest.approx(tuple(fitted.error), abs=1e-7)
+    assert error.max > 1e-3  # these bones do not keep their lengths
     np.testing.assert_allclose(again.with_up("z").positions, fitted.rig.positions(), atol=1e-5)
     away = np.linalg.norm(again.with_up("z").positions - motion.positions, axis=-1)
     assert tuple(error) == pytest.approx((away.mean(), away.max()), abs=1e-6)
@@ -175,7 +174,7 @@ def test_asf_bones_written_as_bvh_become_the_points_of_cmu_again(tmp_path):
     offsets = [tuple(v) for v in RNG.normal(0, 20, (31, 3)).round(3)]
     text = bvh([MOVES + angles("ZYX")] + [angles("ZYX")] * 30, names=names, parents=parents, offsets=offsets)
     (tmp_path / "a.bvh").write_text(text)
-    (motion,) = load_motions(tmp_path / "a.bvh", unit="cm")
+    (motion,) = load_motions(tmp_path / "a.bvh", unit="cm", up="y")
     assert motion.skeleton == CMU
     knee, ends = CMU.joints.index("left_femur"), [i for i, c in enumerate(motion.rig.channels) if c is None]
     assert motion.rig.skeleton.joints[motion.rig.points[knee]] == "ltibia"
@@ -202,7 +201,7 @@ def point(name: str, parents=(-1, 0)) -> Skeleton:
         ({"file": "a.txt"}, r"file is 'a.txt'; expected a name that ends in .bvh"),
         ({"file": "a.bvh.xz"}, "expected a name that ends in .bvh"),
         ({"unit": "mile"}, "unit is 'mile'"),
-        ({"fps": 20_000.0}, "fps is 20000; expected 0.1 to 10000"),
+        ({"fps": 20_000.0}, "fps is 20000; expected 1 to 10000"),
         ({"skeleton": point("")}, "named ''"),
         ({"skeleton": point("two  spaces")}, "named 'two  spaces'"),
         ({"skeleton": point("brace {")}, "named 'brace {'"),
@@ -249,7 +248,7 @@ def test_bvhio_sees_the_same_joints(tmp_path, kind):
         text = re.sub("(Left|Right) ", r"\1", bvh(KINDS[kind], frames=10))  # bvhio takes one word of a name
         motion = read_text(tmp_path, text)
     write_bvh(motion, tmp_path / "a.bvh")
-    (ours,) = load_motions(tmp_path / "a.bvh")
+    (ours,) = load_motions(tmp_path / "a.bvh", up="y")
     container = bvhio.readAsBvh(str(tmp_path / "a.bvh"))
     assert (container.FrameCount, round(1 / container.FrameTime)) == (len(motion), round(motion.fps))
     joints = hierarchy(container.Root)

@@ -27,9 +27,14 @@ def clip(rng, joints: int, frames: int = 4) -> np.ndarray:
     return rng.normal(size=(frames, joints, 3)).astype(np.float32)
 
 
+def read(file) -> list[Motion]:
+    """What a file of no human bodies holds."""
+    return load_motions(file, unit="m", up="z")
+
+
 def test_32_joints_become_17_with_their_left_and_right(tmp_path, rng):
     array = clip(rng, 32)
-    (motion,) = load_motions(write_positions_3d(tmp_path / "h.npz", {"S9": {"Walking 1": array}}))
+    (motion,) = read(write_positions_3d(tmp_path / "h.npz", {"S9": {"Walking 1": array}}))
     assert motion.skeleton == H36M17
     for name, place in PLACES.items():
         np.testing.assert_array_equal(motion.positions[:, H36M17.joints.index(name)], array[:, place], err_msg=name)
@@ -50,21 +55,21 @@ def test_the_reduced_tree_is_that_of_h36m17():
 
 def test_17_joints_are_taken_as_they_are_in_the_order_of_the_file(tmp_path, rng):
     tree = {s: {a: clip(rng, 17) for a in ("Walking", "Eating 2")} for s in ("S9", "S11", "S1")}
-    motions = load_motions(write_positions_3d(tmp_path / "h.npz", tree))
+    motions = read(write_positions_3d(tmp_path / "h.npz", tree))
     assert [(m.subject, m.action) for m in motions] == [(s, a) for s in ("S9", "S11", "S1") for a in ("Walking", "Eating")]
     np.testing.assert_array_equal(motions[3].positions, tree["S11"]["Eating 2"])
 
 
 def test_the_corrupt_sequence_is_dropped(tmp_path, rng):
     tree = {s: {"Directions": clip(rng, 32), "Directions 1": clip(rng, 32)} for s in ("S9", "S11")}
-    names = [m.name for m in load_motions(write_positions_3d(tmp_path / "h.npz", tree))]
+    names = [m.name for m in read(write_positions_3d(tmp_path / "h.npz", tree))]
     assert names == ["S9 Directions", "S9 Directions 1", "S11 Directions 1"]
 
 
 def test_humaneva_has_15_joints_at_60_hz_and_three_bad_chunks(tmp_path, rng):
     chunks = [f"Walking 1 chunk{i}" for i in (0, 2, 4)]
     tree = {s: {c: clip(rng, 15) for c in chunks} for s in ("Train/S3", "Validate/S3", "Train/S1")}
-    motions = load_motions(write_positions_3d(tmp_path / "e.npz", tree))
+    motions = read(write_positions_3d(tmp_path / "e.npz", tree))
     assert [m.name for m in motions] == [
         "Train/S3 Walking 1 chunk4",
         *(f"Validate/S3 {c}" for c in chunks[:2]),
@@ -77,7 +82,7 @@ def test_humaneva_has_15_joints_at_60_hz_and_three_bad_chunks(tmp_path, rng):
 def test_what_is_written_is_read_back_exactly(tmp_path, rng):
     walks = [Motion(clip(rng, 17, n), 50.0, H36M17, s, "walk") for n, s in ((5, "P1"), (6, "P1"), (7, "P2"))]
     write_h36m(tmp_path / "w.npz", walks)
-    for motion, back in zip(walks, load_motions(tmp_path / "w.npz"), strict=True):
+    for motion, back in zip(walks, read(tmp_path / "w.npz"), strict=True):
         np.testing.assert_array_equal(back.positions, motion.positions)
         assert (back.subject, back.action, back.fps, back.up) == (motion.subject, motion.action, 50.0, "z")
 
@@ -85,7 +90,7 @@ def test_what_is_written_is_read_back_exactly(tmp_path, rng):
 def test_writing_carries_over_skeleton_axis_and_rate(tmp_path, rng):
     motion = Motion(clip(rng, 31, 13), 100.0, CMU, "1", "walk", up="y")
     write_h36m(tmp_path / "w.npz", [motion])
-    (back,) = load_motions(tmp_path / "w.npz")
+    (back,) = read(tmp_path / "w.npz")
     expected = motion.retarget(H36M17).with_up("z").resample(50.0)
     np.testing.assert_array_equal(back.positions, expected.positions)
     with pytest.raises(ValueError, match="S11 Directions"):
@@ -110,7 +115,7 @@ def test_writing_carries_over_skeleton_axis_and_rate(tmp_path, rng):
 )
 def test_anything_else_is_refused_by_name_and_place(tmp_path, tree, message):
     with pytest.raises(MotionFormatError, match=message) as caught:
-        load_motions(write_positions_3d(tmp_path / "h.npz", tree))
+        read(write_positions_3d(tmp_path / "h.npz", tree))
     assert "h.npz, positions_3d" in str(caught.value)
 
 

@@ -1,0 +1,73 @@
+"""Motions carried over to Human3.6M's 17 joints: known skeletons, and CMU's tree under each of its names."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from mwlib.body.correspondence import KNOWN, SCHEMES, to_h36m17
+from mwlib.body.motion import Motion
+from mwlib.body.skeleton import CMU, H36M17, HUMANEVA15, Skeleton
+from mwlib.data.bodies import Bodies, prepare
+from mwlib.data.load import read_motion_file
+from mwlib.data.naming import own_skeleton
+
+SIDES = {"right": ("right", "r", "R"), "left": ("left", "l", "L")}
+
+
+def tree(above: dict[str, str], extra: dict[str, str] | None = None) -> Skeleton:
+    """A skeleton of these joints, parents first."""
+    above = above | (extra or {})
+    (root,) = set(above.values()) - set(above)
+    names = [root]
+    while len(names) <= len(above):
+        names += [joint for joint, parent in above.items() if parent in names and joint not in names]
+    return own_skeleton(tuple(names), (-1, *(names.index(above[name]) for name in names[1:])))
+
+
+@pytest.mark.parametrize("scheme", SCHEMES, ids=["asf", "cgspeed", "daz"])
+def test_each_scheme_of_cmu_is_carried_over(scheme):
+    plain = tree(scheme.above)
+    fingers = tree(scheme.above, {"rIndex1": scheme.joints[-1], "extra toe": scheme.joints[3]})
+    for skeleton in (plain, fingers):
+        picked = to_h36m17(skeleton)
+        assert picked is not None and [skeleton.joints[i] for i in picked] == scheme.joints
+        for (parent, child), own in zip(H36M17.bones, H36M17.joints[1:], strict=True):  # ancestors stay ancestors
+            above, seen = picked[child], []
+            while above >= 0:
+                seen.append(above)
+                above = skeleton.parents[above]
+            assert picked[parent] in seen or own == "neck", own
+            side = next((side for side in SIDES if own.startswith(side)), None)
+            assert side is None or skeleton.joints[picked[child]].startswith(SIDES[side]), own
+        clip = Motion(np.random.default_rng(0).normal(size=(5, len(skeleton), 3)), 50.0, skeleton)
+        (ready,) = prepare([clip], 50.0)
+        assert ready.skeleton == H36M17
+        np.testing.assert_array_equal(ready.positions, clip.positions[:, picked])
+        (fitted,) = Bodies(H36M17, 50.0, "z").prepare([clip])
+        np.testing.assert_array_equal(fitted.positions, ready.positions)
+
+
+def test_names_of_another_tree_are_not_carried_over():
+    scheme = SCHEMES[1]
+    assert to_h36m17(tree(scheme.above | {"LeftArm": "Head"})) is None
+    assert to_h36m17(Skeleton("CMU", ("root", "left_hipjoint"), (-1, 0))) is None  # a known name, but not its joints
+    with pytest.raises(ValueError, match="cannot carry HUMANEVA15 over to H36M17; known: BANDAI21, CMU, .*CMU's tree"):
+        Motion(np.zeros((2, 15, 3)), 50.0, HUMANEVA15).retarget(H36M17)
+    assert set(KNOWN) & {H36M17, HUMANEVA15} == set()
+
+
+def test_the_three_publications_of_one_body_agree(data_folder):
+    """Hips, knees and ankles of one trial in ASF/AMC and BVH; Daz's proportions are another body's."""
+    amc, bvh, daz = (
+        read_motion_file(data_folder / "cmu" / name)[0].retarget(H36M17)
+        for name in ("asfamc/01/01_01.amc.xz", "bvh/01_01.bvh.xz", "bvh/10_01.bvh.xz")
+    )
+    legs = [H36M17.joints.index(f"{side}_{joint}") for side in ("left", "right") for joint in ("hip", "knee", "foot")]
+    np.testing.assert_allclose(amc.positions[:, legs], bvh.positions[:, legs], atol=1e-4)
+    up = daz.with_up("z").positions[..., 2].mean(axis=0)
+    order = ["left_foot", "left_knee", "left_hip", "spine", "thorax", "neck", "head"]
+    assert np.all(np.diff([up[H36M17.joints.index(name)] for name in order]) > 0)
+    away = np.linalg.norm(daz.positions[:, [4, 11]] - daz.positions[:, [1, 14]], axis=-1).mean(axis=0)
+    assert np.all((0.1 < away) & (away < 0.5))  # hips and shoulders are apart
+    assert CMU in KNOWN
