@@ -46,9 +46,9 @@ def load_motions(
     fps: float | None = None,
     skeleton: Skeleton | str | None = None,
     unit: float | str | None = None,
-    strict: bool = False,
     up: str | None = None,
     file_fps: float | None = None,
+    strict: bool = False,
 ) -> list[Motion]:
     """Read motions from a file, a folder or the built-in generator; positions in metres.
 
@@ -68,9 +68,9 @@ def load_motions(
         skeleton: carry over to this skeleton; the skeleton itself of an array that states none.
         unit: metres per unit of the files, or "m", "cm", "mm", "inch", "cmu"; None: as the file says, or inferred from
             the body's size.
-        strict: refuse a folder if any of its motion files cannot be read.
         up: the axis that points up in the files, "y" or "z"; None: as the file or its format says.
         file_fps: the rate of the files themselves, hertz; None: as they say.
+        strict: refuse a folder if any of its motion files cannot be read.
 
     Raises:
         FileNotFoundError: there is no such path; the message says where it was looked for.
@@ -80,29 +80,39 @@ def load_motions(
     if isinstance(source, str) and source in NAMED_SOURCES:
         source, own_fps = NAMED_SOURCES[source]
         fps = fps or own_fps
+    _check_rate("fps", fps)
+    given = caller_says(unit, up, file_fps, skeleton)
+    wanted = given.get("fallback_skeleton")
+    motions = synthetic_motions() if source == "synthetic" else _read(find_source(source), given, strict)
+    motions = motions if wanted is None else [m.retarget(wanted) for m in motions]
+    return motions if fps is None else [m.resample(fps) for m in motions]
+
+
+def caller_says(
+    unit: float | str | None = None,
+    up: str | None = None,
+    file_fps: float | None = None,
+    skeleton: Skeleton | str | None = None,
+) -> Given:
+    """What a caller says of all files, checked; arguments as in `load_motions`.
+
+    Raises:
+        ValueError: an unknown unit, axis or skeleton, or no rate.
+    """
+    _check_rate("file_fps", file_fps)
     if isinstance(skeleton, str):
         if skeleton not in SKELETONS:
             raise ValueError(f"skeleton is {skeleton!r}; expected one of {', '.join(sorted(SKELETONS))}")
         skeleton = SKELETONS[skeleton]
-    for name, rate in (("fps", fps), ("file_fps", file_fps)):
-        if rate is not None and not 0 < rate < float("inf"):
-            raise ValueError(f"{name} is {rate}; expected a positive number")
-    given = caller_says(unit, up, file_fps, skeleton)
-    motions = synthetic_motions() if source == "synthetic" else _read(find_source(source), given, strict)
-    motions = motions if skeleton is None else [m.retarget(skeleton) for m in motions]
-    return motions if fps is None else [m.resample(fps) for m in motions]
-
-
-def caller_says(unit: float | str | None, up: str | None, file_fps: float | None, skeleton: Skeleton | None) -> Given:
-    """What a caller says of all files, checked.
-
-    Raises:
-        ValueError: an unknown unit or axis.
-    """
     if up is not None and up not in AXES:
         raise ValueError(f"up is {up!r}; expected {' or '.join(AXES)}")
     metres = None if unit is None else metres_per_unit(unit)
     return {"unit": metres, "up": up, "fps": file_fps, "fallback_skeleton": skeleton}
+
+
+def _check_rate(name: str, rate: float | None) -> None:
+    if rate is not None and not 0 < rate < float("inf"):
+        raise ValueError(f"{name} is {rate}; expected a positive number")
 
 
 def data_folder() -> Path:

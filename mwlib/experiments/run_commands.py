@@ -13,6 +13,7 @@ from tqdm import tqdm
 from mwlib.body.motion import Motion
 from mwlib.data import load_motions
 from mwlib.data.formats.bvh_writing import write_bvh
+from mwlib.experiments.data_commands import add_statements, statements
 from mwlib.experiments.runs import load_run
 from mwlib.files import write_atomic
 from mwlib.prediction.continuation import continued
@@ -48,6 +49,7 @@ _BVH = (
 def _options(parser: ArgumentParser) -> None:
     parser.add_argument("run_folder", type=Path, metavar="RUN", help="folder of a finished training run, as train prints it")
     parser.add_argument("source", metavar="SOURCE", help="motions to continue: 'synthetic', a file or a folder")
+    add_statements(parser)
     parser.add_argument("--samples", type=int, default=3, help="futures of each clip (default 3)")
     parser.add_argument("--seed", type=int, default=0, help="of the sampling (default 0)")
     parser.add_argument("--clips", type=int, default=0, metavar="N", help="only the first N clips (default: all)")
@@ -59,7 +61,7 @@ def _continuations(args: Namespace) -> tuple[Predictor, list[list[Motion]], list
     predictor = load_run(args.run_folder)
     if not isinstance(predictor, Predictor):
         raise ValueError(f"{args.run_folder} is a run of another system; expected one of prediction")
-    motions = load_motions(args.source)
+    motions = load_motions(args.source, **statements(args))
     motions = motions[: args.clips] if args.clips else motions
     found = continued(predictor, motions, args.samples, args.seed, progress=sys.stderr.isatty())
     return predictor, found, _names(motions)

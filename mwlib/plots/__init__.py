@@ -8,6 +8,7 @@ from mwlib.plots.curves import curves, histograms, sampling_paths
 from mwlib.plots.diagrams import overview, tabg_diagram
 from mwlib.plots.diffusion import band_snr, ddim_path, loss_curves, noising, schedules
 from mwlib.plots.evaluation import bars_per_action, trajectories
+from mwlib.plots.filmstrip import filmstrip
 from mwlib.plots.guidance import claimed_and_measured, noised_rows, pose_grid
 from mwlib.plots.look import CYCLE, STYLE, style, use_style
 from mwlib.plots.metric_picture import metric_picture
@@ -38,6 +39,7 @@ __all__ = [
     "energy_bars",
     "error_by_size",
     "film",
+    "filmstrip",
     "filters",
     "histograms",
     "loss_curves",

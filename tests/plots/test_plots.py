@@ -45,6 +45,8 @@ NORMAL = (np.linspace(-3, 3, 50), np.exp(-(np.linspace(-3, 3, 50) ** 2) / 2) / n
 STILL = {"truth": X, "sample": FUTURE[0]}
 
 PICTURES = {
+    "filmstrip": partial(plots.filmstrip, WALK),
+    "filmstrip of a single frame": partial(plots.filmstrip, WALK.with_up("y").cut(0, 1)),
     "storyboard": partial(plots.storyboard, STILL, H36M17, fps=FPS, history=HISTORY),
     "storyboard of one motion in the world": partial(plots.storyboard, WALK.positions, H36M17, fps=FPS, frames=[0, 5, -1]),
     "overlay_futures": partial(plots.overlay_futures, FUTURE, H36M17, fps=FPS, truth=X[HISTORY:], last=X[HISTORY - 1]),
