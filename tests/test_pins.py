@@ -7,25 +7,21 @@ before the library was laid out in rooms. Where behaviour changes on purpose, wr
 
 from __future__ import annotations
 
-import hashlib
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-import numpy as np
 import pytest
 import torch
 from safetensors.torch import load_file, save_file
 from torch import Tensor
 
-from mwlib.body.motion import Motion
 from mwlib.body.skeleton import H36M17
-from mwlib.data import load_motions, windows
-from mwlib.data.sources import split_motions
+from mwlib.data import windows
 from mwlib.experiments import load_run, train_run
 from mwlib.prediction import baselines
-from mwlib.prediction.config import Config, EvaluationConfig
+from mwlib.prediction.config import EvaluationConfig
 from mwlib.prediction.control import controlled, feathered, frame_mask, joint_mask
 from mwlib.prediction.evaluation import score
 from mwlib.transforms import DCTTransform, WaveletTransform, fit_scale
@@ -65,14 +61,6 @@ SAMPLINGS = {
     "leading": dict(spacing="leading", ddim_steps=10),
     "complete": dict(complete_history=True),
     "all": dict(guidance_weight=0.3, tabg_scale=1.0, wmsg="every_step"),
-}
-CMU_SPLIT = ["31a7b0cc", "82e8490c", "07c6670e"]
-REAL = {
-    "cmu/asfamc": "58f63834",
-    "cmu/bvh": "ec90444f",
-    "cmu_benchmark": "601cea17",
-    "lafan1": "4eceab18",
-    "bandai_namco": "d6e4e141",
 }
 
 
@@ -193,24 +181,6 @@ def test_the_file_is_small_and_holds_nothing_that_is_not_looked_at():
     samples |= {"sample/dct/plain", "sample/phase/plain"}
     assert {name for name in pins() if name.startswith("sample/")} == samples
     assert {name.split("/")[1] for name in pins() if name.startswith("train/")} == set(TRAININGS)
-
-
-def content(motions: Sequence[Motion]) -> str:
-    """Eight hex digits over what clips say and hold. To the bit: another CPU may round the last digit of a sine otherwise."""
-    digest = hashlib.sha256()
-    for m in motions:
-        digest.update(f"{m.subject}/{m.action}/{m.fps}/{m.positions.shape}".encode())
-        digest.update(np.ascontiguousarray(m.positions, dtype=np.float32).tobytes())
-    return digest.hexdigest()[:8]
-
-
-@pytest.mark.parametrize("folder", REAL)
-def test_real_clips_are_read_as_they_were(folder, data_folder):
-    assert content(load_motions(data_folder / folder)) == REAL[folder]
-
-
-def test_the_split_of_real_people_is_what_it_was(data_folder):
-    assert [content(part) for part in split_motions(Config.preset("cmu").data)] == CMU_SPLIT
 
 
 def write() -> None:
