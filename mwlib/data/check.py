@@ -117,7 +117,7 @@ def _kind(clip: Clip) -> tuple:
 
 def _table(kinds: dict[tuple, list[Clip]]) -> list[str]:
     """Rows of words, each column as wide as its widest."""
-    rows = [COLUMNS]
+    rows: list[tuple[str, ...]] = [COLUMNS]
     for (files, skeleton, fps, up, unit), group in kinds.items():
         motions = [clip.reading.motion for clip in group]
         tall = [height(m.positions, m.skeleton) for m in motions]
