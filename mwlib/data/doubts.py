@@ -10,12 +10,11 @@ import numpy as np
 from mwlib.body.correspondence import to_h36m17
 from mwlib.body.motion import Motion
 from mwlib.body.skeleton import H36M17
-from mwlib.data.published import MOST_NAMES
+from mwlib.data.published import MOST_NAMES, frames_at
 from mwlib.data.sides import unmirrored
 from mwlib.data.stated import Reading
 from mwlib.data.units import ADULT, height
 from mwlib.data.upright import UPRIGHT, standing
-from mwlib.data.windowing import too_short
 
 GLITCH = 25.0  # metres per second; above it are the marker glitches of CMU, below it its good clips
 
@@ -34,7 +33,7 @@ def left_out(clips: Sequence[tuple[str, Motion]], cut: tuple[float, int, int, in
         cut: rate, history, future and stride of the windows.
     """
     fps, history, future, _ = cut
-    short = [name for name, motion in clips if too_short([motion.resample(fps)], history + future)]
+    short = [name for name, motion in clips if frames_at(motion, fps) <= history + future]
     return [f"{len(short)} clips no longer than {history} + {future} frames at {fps:g} Hz: {_some(short)}"] if short else []
 
 
@@ -44,13 +43,8 @@ def looks_wrong(clips: Sequence[tuple[str, Reading]]) -> list[str]:
     Args:
         clips: file or clip name, reading.
     """
-    found = [
-        *_bodies(clips),
-        *_copies(clips),
-        *_people([reading.motion for _, reading in clips]),
-        *_skeletons(clips),
-    ]
-    return found
+    motions = [reading.motion for _, reading in clips]
+    return [*_bodies(clips), *_copies(clips), *_people(motions), *_skeletons(clips)]
 
 
 def _bodies(clips: Sequence[tuple[str, Reading]]) -> list[str]:

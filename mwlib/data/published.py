@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -31,7 +32,12 @@ def protocol(motions: list[Motion]) -> tuple[float, int, int, int]:
 def window_count(motion: Motion, cut: tuple[float, int, int, int]) -> int:
     """How many windows a clip gives at this rate, history, future and stride."""
     fps, history, future, stride = cut
-    return len(range(0, len(motion.resample(fps)) - history - future, stride))
+    return len(range(0, frames_at(motion, fps) - history - future, stride))
+
+
+def frames_at(motion: Motion, fps: float) -> int:
+    """How many frames a clip has at another rate."""
+    return len(replace(motion, rig=None).resample(fps))  # rotations would take far longer
 
 
 def frames_differ(file: Path, motion: Motion) -> list[str]:

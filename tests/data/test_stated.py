@@ -168,3 +168,12 @@ def test_without_names_the_longest_side_of_a_body_tells(tmp_path):
     assert not standing(WALK.positions, numbered, "z").is_clear
     cube = np.random.default_rng(0).normal(size=(50, 17, 3))
     assert not any(standing(cube, numbered, up).is_clear for up in "yz")
+
+
+def test_a_single_joint_is_no_body(tmp_path):
+    (tmp_path / "a.bvh").write_text(
+        "HIERARCHY\nROOT a\n{\nOFFSET 0 0 0\nCHANNELS 3 Xposition Yposition Zposition\n}\n"
+        "MOTION\nFrames: 2\nFrame Time: 0.04\n1 2 3\n4 5 6\n"
+    )
+    with pytest.raises(MotionFormatError, match="a.bvh, body size: found 0 units along the bones"):
+        load_motions(tmp_path)
