@@ -12,13 +12,10 @@ from mwlib.course.manifest import read_manifest
 from mwlib.course.parameters import read_parameters
 from mwlib.course.worker import run_notebook
 
-# Beside the data, which every notebook gets by name here instead of by its preset: what else is worth another value.
-CHANGED: dict[str, dict] = {}
-
 
 @pytest.mark.parametrize("path", course(), ids=lambda path: path.stem)
 def test_notebook_runs_with_other_parameters(path, tmp_path):
-    given = {"data": "synthetic", **CHANGED.get(path.stem, {})}
+    given = {"data": "synthetic"}  # by name, not by the preset
     offered = read_parameters(json.loads(path.read_text(encoding="utf-8")))
     assert all(offered[name].default != value for name, value in given.items())
     folder = run_notebook(path, tmp_path, given)
@@ -35,7 +32,3 @@ def check_exhibit(files: dict[str, Path], seeded: bool) -> None:
     assert {"data", "preset"} <= about and (not seeded or {"seed", "seeds"} & about), files["json"]
     if "txt" in files:
         assert len(files["txt"].read_text()) > 20, files["txt"]
-
-
-def test_changed_parameters_are_of_notebooks_that_exist():
-    assert set(CHANGED) <= {path.stem for path in course()}
