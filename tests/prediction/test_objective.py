@@ -12,19 +12,6 @@ from mwlib.training import train
 from tests.sample_settings import small, two_people, untrained
 
 
-@pytest.mark.parametrize("prediction", ["eps", "y0", "v"])
-@pytest.mark.parametrize(
-    "changes", [dict(), dict(transform="dct", dct_rows=8), dict(representation="displacement", loss_weight="metric")]
-)
-def test_every_option_learns(prediction, changes):
-    cfg = small(
-        prediction=prediction, train_steps=80, lr=1e-2, lr_schedule="constant", dropout=0.0, attention_dropout=0.0, **changes
-    )
-    motions = [*two_people().train, *two_people().validation]
-    losses = [s.loss for s in train(lambda learnt: PredictionObjective(cfg, motions, (), learnt), cfg.training)]
-    assert sum(losses[-10:]) < 0.95 * sum(losses[:10])
-
-
 class Spy(torch.nn.Module):
     """Answers with what it is asked about, and remembers."""
 
@@ -108,3 +95,16 @@ def test_validation_is_the_same_every_time_and_leaves_the_network_evaluating():
     torch.nn.init.normal_(network.leave.weight, std=0.1)  # it starts at zero, and dropout would not show
     first = objective.validate(network)
     assert first is not None and objective.validate(network.train()) == first and not network.training
+
+
+@pytest.mark.parametrize("prediction", ["eps", "y0", "v"])
+@pytest.mark.parametrize(
+    "changes", [dict(), dict(transform="dct", dct_rows=8), dict(representation="displacement", loss_weight="metric")]
+)
+def test_every_option_learns(prediction, changes):
+    cfg = small(
+        prediction=prediction, train_steps=80, lr=1e-2, lr_schedule="constant", dropout=0.0, attention_dropout=0.0, **changes
+    )
+    motions = [*two_people().train, *two_people().validation]
+    losses = [s.loss for s in train(lambda learnt: PredictionObjective(cfg, motions, (), learnt), cfg.training)]
+    assert sum(losses[-10:]) < 0.95 * sum(losses[:10])

@@ -16,25 +16,15 @@ from mwlib.prediction.predictor import Predictor
 from tests.sample_settings import small, two_people, untrained
 
 
-@pytest.fixture
-def predictor(finished) -> Predictor:
-    return load_run(finished)
+@pytest.fixture(scope="module")
+def predictor() -> Predictor:
+    return untrained()
 
 
 @pytest.fixture
 def past() -> torch.Tensor:
     people = two_people()
     return windows([*people.train, *people.validation], 6, 14, 9).x_history[:5]
-
-
-def test_a_finished_run_predicts(predictor, past):
-    futures = predictor.predict(past, samples=3, seed=1)
-    assert futures.shape == (5, 3, 14, 48) and futures.isfinite().all()
-    torch.testing.assert_close(predictor.predict(past, 3, 1, chunk=2), futures, atol=1e-5, rtol=1e-5)
-    torch.testing.assert_close(predictor.predict(past[3:], 3, 1, window_ids=[3, 4]), futures[3:], atol=1e-5, rtol=1e-5)
-    assert not torch.allclose(predictor.predict(past, 3, 2), futures, atol=1e-3)
-    with pytest.raises(ValueError, match="6, 48"):
-        predictor.predict(past[:, :5])
 
 
 def test_samples_and_seed_are_the_settings_own_unless_given(predictor, past):
@@ -178,16 +168,27 @@ def test_complete_history_puts_the_history_back(past, kind):
     torch.testing.assert_close(whole[:, :, :6], past[:2, None].expand(-1, 2, -1, -1), atol=1e-4, rtol=1e-3)
 
 
+def test_the_indices_are_those_of_the_settings(predictor):
+    assert len(predictor.indices()) == small().sampling.ddim_steps == 5
+    assert predictor.indices()[0] == 49 and predictor.with_sampling(spacing="leading").indices()[0] == 41
+    acts = predictor.with_sampling(tabg_steps=0.4).tabg()
+    assert [acts.acts(t) for t in predictor.indices()] == [True, True, False, False, False]
+
+
+def test_a_finished_run_predicts(finished, past):
+    predictor = load_run(finished)
+    futures = predictor.predict(past, samples=3, seed=1)
+    assert futures.shape == (5, 3, 14, 48) and futures.isfinite().all()
+    torch.testing.assert_close(predictor.predict(past, 3, 1, chunk=2), futures, atol=1e-5, rtol=1e-5)
+    torch.testing.assert_close(predictor.predict(past[3:], 3, 1, window_ids=[3, 4]), futures[3:], atol=1e-5, rtol=1e-5)
+    assert not torch.allclose(predictor.predict(past, 3, 2), futures, atol=1e-3)
+    with pytest.raises(ValueError, match="6, 48"):
+        predictor.predict(past[:, :5])
+
+
 def test_loading_a_run_leaves_the_callers_randomness_alone(finished):
     torch.manual_seed(3)
     expected = torch.rand(1)
     torch.manual_seed(3)
     load_run(finished)
     assert torch.equal(torch.rand(1), expected)
-
-
-def test_the_indices_are_those_of_the_settings(predictor):
-    assert len(predictor.indices()) == small().sampling.ddim_steps == 5
-    assert predictor.indices()[0] == 49 and predictor.with_sampling(spacing="leading").indices()[0] == 41
-    acts = predictor.with_sampling(tabg_steps=0.4).tabg()
-    assert [acts.acts(t) for t in predictor.indices()] == [True, True, False, False, False]
