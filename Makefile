@@ -17,7 +17,7 @@ export OMP_NUM_THREADS ?= 1
 export MWLIB_RUNS ?= $(CURDIR)/runs
 
 .DEFAULT_GOAL := help
-.PHONY: help figures grids test types test-blender lab notebooks learner wheel
+.PHONY: help figures grids test types mutants test-blender lab notebooks learner wheel
 
 help: ## show this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-12s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -41,6 +41,9 @@ test: $(READY) ## lint, types, unit tests, and every notebook executed and compa
 
 types: $(READY) ## check the library's types
 	$(RUN) -m basedpyright
+
+mutants: $(READY) ## plant small mistakes in copies of the library; each must make a unit test fail: JOBS=2
+	$(RUN) -m tests.mutants --jobs $(JOBS)
 
 test-blender: $(READY) ## open written BVH files in Blender: installs bpy, 1 GB, outside the repository; needs Python 3.11
 	@test -x $(BLENDER_ENV)/bin/python || $(PYTHON) -m venv $(BLENDER_ENV)

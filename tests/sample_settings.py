@@ -4,10 +4,14 @@ from __future__ import annotations
 
 from functools import cache
 
+import torch
+
 from mwlib.data.bodies import prepare
 from mwlib.data.sources import Split
 from mwlib.data.synthetic.script import synthetic_motions
 from mwlib.prediction.config import Config
+from mwlib.prediction.objective import PredictionObjective
+from mwlib.prediction.predictor import Predictor
 
 SMALL = dict(
     fps=10.0, history=6, future=14, width=16, layers=2, heads=2, feedforward=16, dropout=0.1, attention_dropout=0.1,
@@ -26,3 +30,14 @@ def two_people() -> Split:
     """One synthetic person to train on, another for the validation loss."""
     motions = prepare(synthetic_motions(subjects=2), 10.0)
     return Split(motions[:12], motions[12:], [])
+
+
+def untrained(**changes) -> Predictor:
+    """A predictor that does something without a training: random weights also where a training starts from zero."""
+    cfg = small(**changes)
+    objective = PredictionObjective.of_split(cfg, two_people())
+    with torch.no_grad():
+        generator = torch.Generator().manual_seed(0)
+        for parameter in objective.network.parameters():
+            parameter.normal_(std=0.1, generator=generator)
+    return Predictor(objective.network, objective.representation, cfg.diffusion, cfg.sampling, objective.bodies)

@@ -123,3 +123,24 @@ def test_others_and_links_are_acknowledged_as_what_they_are(tmp_path, monkeypatc
     (tmp_path / "cmu" / "asfamc").mkdir(parents=True)
     monkeypatch.chdir(tmp_path / "cmu" / "asfamc")
     assert acknowledgement(".")
+
+
+def test_every_clip_is_in_one_part_at_most_and_none_is_lost(monkeypatch):
+    people = [clip(s, 60 + i) for i, s in enumerate("AABBCCDDEEFF")]
+    for changes in (
+        {},
+        dict(test_subjects=["A"]),
+        dict(validation_subjects=["F"]),
+        dict(validation_subjects=["B"], test_subjects=["C", "D"]),
+    ):
+        parts = [[m.name for m in part] for part in split_of(monkeypatch, people, **changes)]
+        assert sorted(name for part in parts for name in part) == sorted(m.name for m in people), changes
+    one = split_of(monkeypatch, [clip("A", 60 + i) for i in range(9)])
+    assert sorted(m.name for part in one for m in part) == sorted(f"A_{60 + i}" for i in range(9))
+    by_default = split_of(monkeypatch, people, validation_subjects=["F"])
+    assert {m.subject for m in by_default.test} == {"E"} and {m.subject for m in by_default.train} == set("ABCD")
+
+
+def test_fingerprints_are_those_of_training_and_of_test(monkeypatch):
+    split = split_of(monkeypatch, [clip(s) for s in "ABCD"])
+    assert split.fingerprints() == (fingerprint(split.train), fingerprint(split.test)) and len(set(split.fingerprints())) == 2

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 import torch
 
-from mwlib.diffusion import alpha_bar, ddim, ddim_indices, eps_of, posterior_mean
+from mwlib.diffusion import alpha_bar, ddim, ddim_indices, dpm_solver, eps_of, posterior_mean
 
 A_BAR = alpha_bar("cosine", 1000)
 
@@ -58,6 +58,32 @@ def test_ddpm_is_ddim_with_eta_one_over_all_steps(generator):
         *_, last = sampler(some_denoiser, start, a, list(range(59, -1, -1)), noise=lambda s=source: next(s), **options)
         ends.append(last.y)
     torch.testing.assert_close(*ends, atol=1e-8, rtol=1e-8)
+
+
+def test_one_step_of_eq_6_by_hand(generator):
+    """Over a skipped stretch: alpha is the ratio of the two alpha_bar; the last step has no noise left to add."""
+    y, z = torch.randn(2, 5, generator=generator, dtype=torch.float64)
+    a, before = float(A_BAR[700]), float(A_BAR[300])
+    eps, alpha = some_denoiser(y, 700), a / before
+    mean = (y - (1 - alpha) / (1 - a) ** 0.5 * eps) / alpha**0.5
+    first = next(posterior_mean(some_denoiser, y, A_BAR, [700, 300]))
+    torch.testing.assert_close(first.y, mean, atol=1e-12, rtol=0)
+    noisy = next(posterior_mean(some_denoiser, y, A_BAR, [700, 300], noise=lambda: z))
+    deviation = ((1 - before) / (1 - a) * (1 - alpha)) ** 0.5
+    torch.testing.assert_close(noisy.y, mean + deviation * z, atol=1e-12, rtol=0)
+    (last,) = posterior_mean(some_denoiser, y, A_BAR, [700], noise=lambda: pytest.fail("nothing is left to draw"))
+    torch.testing.assert_close(last.y, last.y0_hat, atol=1e-12, rtol=0)
+
+
+def test_after_a_bound_the_noise_is_what_leads_from_it_to_the_state(generator):
+    y = torch.randn(5, generator=generator, dtype=torch.float64)
+    for sampler in (ddim, dpm_solver, posterior_mean):
+        first = next(sampler(some_denoiser, y, A_BAR, [500, 200], on_y0_hat=lambda y: y.clamp(-0.1, 0.1)))
+        a, before = float(A_BAR[500]), float(A_BAR[200])
+        torch.testing.assert_close(a**0.5 * first.y0_hat + (1 - a) ** 0.5 * first.eps, y, atol=1e-12, rtol=0)
+        expected = before**0.5 * first.y0_hat + (1 - before) ** 0.5 * first.eps
+        if sampler is not posterior_mean:
+            torch.testing.assert_close(first.y, expected, atol=1e-12, rtol=0)
 
 
 def test_sampling_a_gaussian_gives_the_gaussian():

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import pytest
 import torch
 
@@ -27,9 +29,33 @@ def test_falls_from_signal_to_noise(kind, steps):
     assert a[0] > 0.65
 
 
+def test_schedules_by_hand():
+    """The formulas of their papers at every step, one by one."""
+
+    def logistic(v: float) -> float:
+        return 1 / (1 + math.exp(-v))
+
+    curves = {
+        "cosine": lambda u: math.cos((u + 0.008) / 1.008 * math.pi / 2) ** 2,
+        "sqrt": lambda u: 1 - (u + 1e-4) ** 0.5,
+        "sigmoid": lambda u: (logistic(3 / 0.7) - logistic((6 * u - 3) / 0.7)) / (logistic(3 / 0.7) - logistic(-3 / 0.7)),
+    }
+    for kind in KINDS:
+        left, expected = 1.0, []
+        for i in range(1, 51):
+            if kind == "linear":  # as many steps fewer, so many times the noise
+                beta = (1e-4 + (0.02 - 1e-4) * (i - 1) / 49) * 1000 / 50
+            else:
+                beta = 1 - curves[kind](i / 50) / curves[kind]((i - 1) / 50)
+            left *= 1 - min(max(beta, 0), 0.999)
+            expected.append(left)
+        torch.testing.assert_close(alpha_bar(kind, 50), torch.tensor(expected, dtype=torch.float64), rtol=1e-9, atol=1e-14)
+
+
 def test_indices():
     assert ddim_indices(1000, 100)[:2] == [991, 981] and ddim_indices(1000, 100)[-2:] == [11, 1]
     assert ddim_indices(200, 10, "trailing")[0] == 199
+    assert ddim_indices(1000, 3, "trailing") == [999, 666, 332] and ddim_indices(1000, 3) == [667, 334, 1]
     assert ddim_indices(50, 50) == list(range(49, -1, -1))
     for spacing in ("leading", "trailing"):
         for subset in (1, 7, 100, 199):

@@ -2,36 +2,24 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 import pytest
 import torch
 
 from mwlib.body.skeleton import H36M17
-from mwlib.data import load_motions
-from mwlib.data.bodies import Bodies, prepare
 from mwlib.data.windowing import windows
 from mwlib.prediction.control import constraint_error, controlled, feathered, frame_mask, joint_mask, seam
-from mwlib.prediction.network import make_network
 from mwlib.prediction.predictor import Predictor
-from mwlib.prediction.representation import fit_scales, make_representation, make_transform
-from tests.sample_settings import small
+from tests.sample_settings import two_people, untrained
 
 T, C = 20, 48
 
 
 @pytest.fixture(scope="module", params=["pose", "displacement"])
 def model(request):
-    """An untrained network that does something: random weights where training starts from zero."""
-    cfg = small(representation=request.param)
-    cut, model = cfg.windows, cfg.model
-    motions = prepare(load_motions("synthetic")[:4], cfg.data.fps)
-    x = windows(motions, cut.history, cut.future, 5).x
-    base = make_transform(model, cut.frames, C, cfg.data.fps)
-    torch.manual_seed(0)
-    net = make_network(model, base.shape)
-    for parameter in net.parameters():
-        torch.nn.init.normal_(parameter, std=0.02)
-    representation = make_representation(base, fit_scales(base, x, cut.history, model), cut, model)
-    return Predictor(net, representation, cfg.diffusion, cfg.sampling, Bodies.of(motions)), x[:3]
+    """A predictor, and three windows to follow."""
+    return untrained(representation=request.param), windows(two_people().train[:4], 6, 14, 5).x[:3]
 
 
 def test_masks_hold_what_they_say():
@@ -88,6 +76,62 @@ def test_without_a_mask_it_is_the_plain_prediction_on_the_manifold(model):
     torch.testing.assert_close(free[:, :, 6:], plain, atol=1e-4, rtol=1e-4)
     never = controlled(predictor, x, frame_mask(T, C, 0), 2, 5, active=0.0)
     assert torch.equal(never[:, :, 6:], predictor.predict(x[:, :6], 2, 5))
+
+
+@pytest.mark.parametrize("space", ["y_t", "y0_hat"])
+def test_the_mask_acts_in_the_first_steps_and_no_longer(model, space, monkeypatch):
+    """Of five steps, 0.6 are three; the target of each is seen where it is imposed."""
+    predictor, x = model
+    seen = []
+    steps = Predictor.steps
+
+    def watched(self, *args, after_step=None, on_y0_hat=None, **options):
+        def counted(function, y, *others):
+            out = function(y, *others)
+            seen.append(out is not y)
+            return out
+
+        hooks = {
+            "after_step": after_step and partial(counted, after_step),
+            "on_y0_hat": on_y0_hat and partial(counted, on_y0_hat),
+        }
+        yield from steps(self, *args, **hooks, **options)
+
+    monkeypatch.setattr(Predictor, "steps", watched)
+    controlled(predictor, x, frame_mask(T, C, 15), 2, active=0.6, space=space)
+    assert seen == [True, True, True, False, False]
+
+
+def test_the_masks_noise_is_not_the_samplers(model, monkeypatch):
+    predictor, x = model
+    seeds = []
+    noise = Predictor.noise
+
+    def watched(self, seed, *others):
+        seeds.append(seed)
+        return noise(self, seed, *others)
+
+    monkeypatch.setattr(Predictor, "noise", watched)
+    controlled(predictor, x, frame_mask(T, C, 15), 2, seed=3)
+    assert len(seeds) == len(set(seeds)) == 2 and 3 in seeds
+
+
+def test_what_is_imposed_is_not_bounded_again(model):
+    """A target outside of the bound is reached all the same."""
+    predictor, x = model
+    mask = frame_mask(T, C, 15)
+    target = x + 2 * mask
+    p = controlled(predictor.with_sampling(bound=0.5), target, mask, 2, x_history=x[:, :6], active=1.0, space="y0_hat")
+    assert constraint_error(p, target, mask).max() < 1e-4
+
+
+def test_the_constraint_error_counts_what_is_prescribed_alone():
+    x, mask = torch.zeros(1, T, C), frame_mask(T, C, 15)
+    p = x[:, None] + 3 * ~mask
+    p[:, :, 15:] += 0.2
+    soft = feathered(mask, 3)
+    for m in (mask, soft):
+        torch.testing.assert_close(constraint_error(p, x, m), torch.tensor([[0.2]]))
 
 
 def test_chunks_change_nothing(model):

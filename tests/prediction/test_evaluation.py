@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from itertools import combinations
+
+import numpy as np
 import pytest
 import torch
 
 from mwlib import metrics
 from mwlib.data.sources import Split
 from mwlib.prediction.config import EvaluationConfig
-from mwlib.prediction.evaluation import METRICS, baseline, evaluate, score, test_windows
+from mwlib.prediction.evaluation import METRICS, baseline, evaluate, score, test_windows, trained
+from mwlib.prediction.predictor import Predictor
 from tests.sample_settings import small, two_people
 
 BASELINES = ("zero_velocity", "constant_velocity", "nearest_history")
@@ -57,3 +62,85 @@ def test_every_column_is_measured_and_every_action_has_a_row(split):
     assert set(found["actions"]) == {m.action for m in split.test}
     assert set(METRICS) <= set(found["actions"]["walk"])
     assert METRICS["bone_length_jitter"].scale == 1000 and {column.better for column in METRICS.values()} == {"", "lower"}
+
+
+class Known(Predictor):
+    """A predictor that predicts as it is told."""
+
+    def __init__(self, predict):
+        self.predict = predict
+
+    def chunk(self, samples):
+        return 8
+
+
+def by_hand(p, g, near) -> list[float]:
+    """APD, ADE, FDE, MMADE, MMFDE of one window: samples (S, F, C), its future, the futures of its multimodal set."""
+    pairs = [np.linalg.norm(a - b) for a, b in combinations(p, 2)]
+    errors = [np.linalg.norm(p - future, axis=-1) for future in [g, *near]]  # (S, F) each
+    ade, fde = [e.mean(1).min() for e in errors], [e[:, -1].min() for e in errors]
+    return [np.mean(pairs), ade[0], fde[0], np.mean(ade[1:]), np.mean(fde[1:])]
+
+
+def drawn(samples: int, seed: int, window: int) -> torch.Tensor:
+    """Noise of one window."""
+    return torch.randn(samples, 14, 48, generator=torch.Generator().manual_seed(10_000 * seed + window))
+
+
+def test_evaluation_by_hand(split):
+    """Everything from the configuration to the table, in NumPy: two futures a window, drawn by seed and window number."""
+    cfg = small(test_windows=19, test_stride=11, samples=2, sampling_seed=5, mm_threshold=0.6)
+    asked = []
+
+    def predict(x_history, samples, seed, *, window_ids):
+        asked.extend(window_ids)
+        return x_history[:, None, -1:] + 0.1 * torch.stack([drawn(samples, seed, i) for i in window_ids])
+
+    found = evaluate(cfg, lambda: Known(predict), split)
+
+    clips = [m.root_relative().astype(np.float32) for m in split.test]
+    every = [
+        (clip[s : s + 20], m.action) for clip, m in zip(clips, split.test, strict=True) for s in range(0, len(clip) - 20, 11)
+    ]
+    ids = [round(i * (len(every) - 1) / 18) for i in range(19)]
+    assert asked == ids
+    rows = []
+    for i in ids:
+        x = every[i][0].astype(np.float64)
+        near = [other[6:] for other, _ in every if np.linalg.norm(other[5] - x[5]) < 0.6]
+        rows.append(by_hand(x[5] + 0.1 * drawn(2, 5, i).numpy(), x[6:], near))
+    table, names = np.array(rows), ["apd", "ade", "fde", "mmade", "mmfde"]
+    assert (table[:, 1] != table[:, 3]).any(), "some windows have neighbours"
+    np.testing.assert_allclose([found["mean"][name] for name in names], table.mean(0), rtol=1e-4)
+    np.testing.assert_allclose([found["standard_error"][name] for name in names], table.std(0, ddof=1) / 19**0.5, rtol=1e-4)
+    walk = [row for row, i in zip(rows, ids, strict=True) if every[i][1] == "walk"]
+    np.testing.assert_allclose([found["actions"]["walk"][name] for name in names], np.mean(walk, axis=0), rtol=1e-4)
+    assert found["windows"] == 19
+
+
+def test_a_trained_model_is_asked_with_the_settings_of_the_sampling():
+    seen = {}
+    predictor = Known(lambda x, samples, seed, **options: seen.update(samples=samples, seed=seed, **options))
+    trained(predictor, small(samples=7, sampling_seed=4).sampling)(torch.zeros(2, 6, 48), [5, 9])
+    assert seen == {"samples": 7, "seed": 4, "window_ids": [5, 9]}
+
+
+def test_the_nearest_history_knows_the_training_people_alone(split):
+    """Test clips that nobody trained on, moved far away: no future of theirs is ever answered."""
+    far = [replace(m, positions=m.positions + np.arange(17)[:, None] * np.float32(100)) for m in split.test]
+    planted = Split(split.train, far, far)
+    cfg = small(method="nearest_history", samples=3)
+    every = test_windows(planted, cfg.windows)
+    answered = baseline(cfg, planted)(every.x_history[:4], [0, 1, 2, 3])
+    assert every.x.abs().max() > 100 and answered.abs().max() < 3
+
+
+def test_windows_close_to_no_other_count_as_asked(split):
+    """0.5 m is the papers' threshold; at a millimetre every window is alone."""
+    assert small().evaluation == EvaluationConfig(0.5, "keep")
+    found = [
+        evaluate(small(method="zero_velocity", mm_threshold=1e-3, mm_singletons=kind), never, split)
+        for kind in ("keep", "skip_mm")
+    ]
+    assert found[0]["mean"]["mmade"] > 0 and not np.isfinite(found[1]["mean"]["mmade"])
+    assert found[0]["mean"]["ade"] == found[1]["mean"]["ade"]

@@ -8,11 +8,95 @@ import torch
 
 from mwlib.body.motion import Motion
 from mwlib.data.windowing import TrainingWindows, windows
-from mwlib.diffusion import alpha_bar, noised
-from mwlib.experiments import load_run
+from mwlib.diffusion import alpha_bar
 from mwlib.prediction.objective import DenoisingLoss, PredictionObjective
 from mwlib.training import train
-from tests.sample_settings import small, two_people
+from tests.sample_settings import small, two_people, untrained
+
+
+class Spy(torch.nn.Module):
+    """Answers with what it is asked about, and remembers."""
+
+    def forward(self, y, t, condition, keep):
+        self.y_t, self.t, self.condition, self.keep = y, t, condition, keep
+        return y
+
+
+def batch(count: int) -> torch.Tensor:
+    """So many training windows, some of them several times."""
+    return windows(two_people().train, 6, 14, 5).x.repeat(8, 1, 1)[:count]
+
+
+@pytest.mark.parametrize("share", [0.0, 0.2, 1.0])
+def test_the_condition_is_dropped_as_often_as_asked(share):
+    representation, spy = untrained().representation, Spy()
+    loss = DenoisingLoss(representation, small().diffusion, small(drop_condition=share).objective)
+    dropped = []
+    for seed in range(4):
+        loss(spy, batch(1000), torch.Generator().manual_seed(seed))
+        dropped.append(~spy.keep)
+    assert abs(float(torch.cat(dropped).double().mean()) - share) < 0.03
+
+
+def test_the_condition_is_dropped_per_sample_or_per_batch():
+    representation, spy = untrained().representation, Spy()
+    for per, kinds in (("sample", {2}), ("batch", {1})):
+        cfg = small(drop_per=per, drop_condition=0.5)
+        loss, found = DenoisingLoss(representation, cfg.diffusion, cfg.objective), set()
+        for seed in range(12):
+            loss(spy, batch(64), torch.Generator().manual_seed(seed))
+            found |= {len(spy.keep.unique())}
+            assert spy.keep.shape == (64,)
+        assert found == kinds
+
+
+@pytest.mark.parametrize("weight", ["uniform", "metric"])
+@pytest.mark.parametrize("prediction", ["eps", "y0", "v"])
+def test_the_loss_by_hand(weight, prediction):
+    """Displacements, the condition of every fifth window dropped, every quantity from the formulas of the paper."""
+    cfg = small(representation="displacement", drop_condition=0.2, loss_weight=weight, prediction=prediction)
+    representation, x, spy = untrained(representation="displacement").representation, batch(200), Spy()
+    found = DenoisingLoss(representation, cfg.diffusion, cfg.objective)(spy, x, torch.Generator().manual_seed(0))
+
+    draws, steps = torch.Generator().manual_seed(0), cfg.diffusion.steps
+    t = torch.randint(1, steps, (200,), generator=draws)
+    eps = torch.randn(200, *representation.motion.shape, generator=draws).double()
+    assert torch.equal(spy.t, t) and torch.equal(spy.keep, torch.rand(200, generator=draws) >= 0.2)
+    variance = torch.from_numpy(representation.motion.deviation).double() ** 2
+    y = (representation.motion.base((x - x[:, 5:6]).double()) - torch.from_numpy(representation.motion.mean)) / variance.sqrt()
+    a = alpha_bar(cfg.diffusion.schedule, steps)[t][:, None, None]
+    y_t = a.sqrt() * y + (1 - a).sqrt() * eps
+    torch.testing.assert_close(spy.y_t.double(), y_t, atol=1e-4, rtol=1e-4)
+    target = {"eps": eps, "y0": y, "v": a.sqrt() * eps - (1 - a).sqrt() * y}[prediction]
+    error = (y_t - target) ** 2 * (variance / variance.mean() if weight == "metric" else 1)
+    assert float(found) == pytest.approx(float(error.mean()), rel=1e-5)
+
+
+def test_noise_steps_are_drawn_from_one_to_the_last_but_never_zero():
+    cfg, spy, seen = small(steps=8, ddim_steps=4), Spy(), set()
+    loss = DenoisingLoss(untrained().representation, cfg.diffusion, cfg.objective)
+    for seed in range(8):
+        loss(spy, batch(100), torch.Generator().manual_seed(seed))
+        seen |= set(spy.t.tolist())
+    assert seen == set(range(1, 8))
+
+
+def test_only_the_training_people_are_trained_on():
+    people = two_people()
+    objective = PredictionObjective.of_split(small(), people)
+    assert len(objective.windows.flat) == sum(len(m) for m in people.train)
+    assert torch.equal(objective.held_out, windows(people.validation, 6, 14, small().windows.test_stride).x)
+    alone = PredictionObjective(small(), people.train).learnt()
+    assert all(torch.equal(tensor, alone[name]) for name, tensor in objective.learnt().items())
+
+
+def test_validation_is_the_same_every_time_and_leaves_the_network_evaluating():
+    cfg = small()
+    objective = PredictionObjective.of_split(cfg, two_people())
+    network = objective.network.train()
+    torch.nn.init.normal_(network.leave.weight, std=0.1)  # it starts at zero, and dropout would not show
+    first = objective.validate(network)
+    assert first is not None and objective.validate(network.train()) == first and not network.training
 
 
 @pytest.mark.parametrize("prediction", ["eps", "y0", "v"])
@@ -26,50 +110,6 @@ def test_every_option_learns(prediction, changes):
     motions = [*two_people().train, *two_people().validation]
     losses = [s.loss for s in train(lambda learnt: PredictionObjective(cfg, motions, (), learnt), cfg.training)]
     assert sum(losses[-10:]) < 0.95 * sum(losses[:10])
-
-
-class Spy(torch.nn.Module):
-    """Answers with what it is asked about, and remembers."""
-
-    def forward(self, y, t, condition, keep):
-        self.y_t, self.t, self.keep = y, t, keep
-        return y
-
-
-def test_condition_is_dropped_per_sample_or_per_batch(finished):
-    predictor, spy = load_run(finished), Spy()
-    x = windows(two_people().train, 6, 14, 5).x[:64]
-    for per, kinds in (("sample", {2}), ("batch", {1})):
-        cfg = small(drop_per=per, drop_condition=0.5)
-        loss = DenoisingLoss(predictor.representation, cfg.diffusion, cfg.objective)
-        loss(spy, x, torch.Generator().manual_seed(0))
-        assert {len(spy.keep.unique())} == kinds
-
-
-@pytest.mark.parametrize("weight", ["uniform", "metric"])
-def test_the_loss_by_hand(finished, weight):
-    """Mean of squared errors, each times its coefficient's variance over the mean variance where errors count in metres."""
-    predictor, spy = load_run(finished), Spy()
-    cfg, x = small(loss_weight=weight), windows(two_people().train, 6, 14, 5).x[:16]
-    found = DenoisingLoss(predictor.representation, cfg.diffusion, cfg.objective)(spy, x, torch.Generator().manual_seed(0))
-    y, a = predictor.representation.encode(x), alpha_bar(cfg.diffusion.schedule, cfg.diffusion.steps)[spy.t]
-    eps = (spy.y_t - a.sqrt().float()[:, None, None] * y) / (1 - a).sqrt().float()[:, None, None]
-    torch.testing.assert_close(noised(y, eps, a), spy.y_t)
-    error = (spy.y_t - y) ** 2  # the tiny preset predicts y0
-    if weight == "metric":
-        variance = torch.from_numpy(predictor.representation.motion.deviation) ** 2
-        error = error * variance / variance.mean()
-    torch.testing.assert_close(found, error.mean(), rtol=1e-5, atol=0)
-    assert spy.t.min() >= 1 and spy.t.max() < cfg.diffusion.steps
-
-
-def test_validation_is_the_same_every_time_and_leaves_the_network_evaluating(finished):
-    cfg = small()
-    objective = PredictionObjective.of_split(cfg, two_people())
-    network = objective.network.train()
-    torch.nn.init.normal_(network.leave.weight, std=0.1)  # it starts at zero, and dropout would not show
-    first = objective.validate(network)
-    assert first is not None and objective.validate(network.train()) == first and not network.training
 
 
 def test_scales_fit_what_the_network_sees_where_all_people_face_one_way():

@@ -2,18 +2,23 @@
 
 from __future__ import annotations
 
+from dataclasses import fields
+
 import pytest
 import torch
 
+import mwlib.prediction.predictor as predictor_module
 from mwlib.data.windowing import windows
+from mwlib.diffusion import Step, WindowNoise
 from mwlib.experiments import load_run
+from mwlib.prediction.config import SamplingConfig
 from mwlib.prediction.predictor import Predictor
-from tests.sample_settings import small, two_people
+from tests.sample_settings import small, two_people, untrained
 
 
-@pytest.fixture
-def predictor(finished) -> Predictor:
-    return load_run(finished)
+@pytest.fixture(scope="module")
+def predictor() -> Predictor:
+    return untrained()
 
 
 @pytest.fixture
@@ -22,42 +27,125 @@ def past() -> torch.Tensor:
     return windows([*people.train, *people.validation], 6, 14, 9).x_history[:5]
 
 
-def test_a_finished_run_predicts(predictor, past):
-    futures = predictor.predict(past, samples=3, seed=1)
-    assert futures.shape == (5, 3, 14, 48) and futures.isfinite().all()
-    torch.testing.assert_close(predictor.predict(past, 3, 1, chunk=2), futures, atol=1e-5, rtol=1e-5)
-    torch.testing.assert_close(predictor.predict(past[3:], 3, 1, window_ids=[3, 4]), futures[3:], atol=1e-5, rtol=1e-5)
-    assert not torch.allclose(predictor.predict(past, 3, 2), futures, atol=1e-3)
-    with pytest.raises(ValueError, match="6, 48"):
-        predictor.predict(past[:, :5])
-
-
 def test_samples_and_seed_are_the_settings_own_unless_given(predictor, past):
     assert predictor.predict(past).shape[1] == predictor.sampling.samples == 3
     changed = predictor.with_sampling(samples=2, sampling_seed=8)
     torch.testing.assert_close(changed.predict(past), predictor.predict(past, 2, 8), atol=0, rtol=0)
 
 
-@pytest.mark.parametrize(
-    "changes",
-    [
-        dict(wmsg="off"),
-        dict(wmsg="y0_hat"),
-        dict(wmsg="every_step"),
-        dict(bound=0.4, wmsg="off"),
-        dict(sampler="eq6"),
-        dict(sampler="dpmpp"),
-        dict(eta=0.5),
-        dict(guidance_form="alg1", guidance_weight=0.7, tabg_noise="eps_hat", tabg_sigma_place="alg1"),
-    ],
-)
-def test_every_sampling_option_runs_and_is_heard(predictor, past, changes):
-    futures = predictor.with_sampling(**changes).predict(past[:2], 2)
-    assert futures.isfinite().all()
-    if "bound" in changes:
-        assert futures.abs().max() <= 0.4 + 1e-4
-    elif changes != {"wmsg": "off"}:  # the preset's own
-        assert not torch.allclose(futures, predictor.predict(past[:2], 2), atol=1e-6)
+def spied(predictor: Predictor, past: torch.Tensor, monkeypatch, **changes) -> dict:
+    """What a predictor with these settings asks of guidance and sampler, neither of which runs."""
+    seen = {}
+
+    def sampler(name):
+        def run(denoise, start, alpha_bar, indices, **options):
+            seen.update(sampler=name, start=start, indices=list(indices), **options)
+            yield Step(0, start, start, start)
+
+        return run
+
+    for name in ("ddim", "dpm_solver", "posterior_mean"):
+        monkeypatch.setattr(predictor_module, name, sampler(name))
+    monkeypatch.setattr(predictor_module, "guided", lambda branches, *_, **options: seen.update(options, branches=branches))
+    list(predictor.with_sampling(**changes).steps(past))
+    return seen
+
+
+def shaping(seen: dict, predictor: Predictor) -> str:
+    """Where the projection on the manifold is applied."""
+    y = torch.randn(seen["start"].shape, generator=torch.Generator().manual_seed(0))
+    shaped = predictor.transform.project(y)
+    assert not torch.allclose(shaped, y, atol=0.1)
+    after, estimate = seen["after_step"], seen["on_y0_hat"]
+    places = {"every_step": after and after(y, 0.5), "y0_hat": estimate and estimate(y)}
+    return next((place for place, found in places.items() if found is not None and torch.allclose(found, shaped)), "off")
+
+
+SETTINGS = {  # of each setting of the sampling another value than the preset's, and where it is found
+    "samples": (7, lambda seen, _: seen["start"].shape[1]),
+    "sampler": ("dpmpp", lambda seen, _: {"dpm_solver": "dpmpp"}.get(seen["sampler"])),
+    "ddim_steps": (7, lambda seen, _: len(seen["indices"])),
+    "spacing": ("leading", lambda seen, _: "leading" if seen["indices"] == [41, 31, 21, 11, 1] else None),
+    "eta": (0.4, lambda seen, _: seen["eta"]),
+    "guidance_form": ("alg1", lambda seen, _: seen["form"]),
+    "guidance_weight": (0.7, lambda seen, _: seen["weight"]),
+    "tabg_scale": (1.7, lambda seen, _: seen["tabg"].scale),
+    "tabg_sigma": (0.6, lambda seen, _: seen["tabg"].sigma),
+    "tabg_threshold": (1.2, lambda seen, _: seen["tabg"].threshold),
+    "tabg_window": (5, lambda seen, _: seen["tabg"].window),
+    "tabg_noise": ("shared", lambda seen, _: seen["tabg"].noise),
+    "tabg_sigma_place": ("alg1", lambda seen, _: seen["tabg"].sigma_place),
+    "tabg_space": ("eps", lambda seen, _: seen["tabg"].space),
+    "tabg_steps": (0.4, lambda seen, _: [seen["tabg"].acts(t) for t in seen["indices"]] == [True] * 2 + [False] * 3 and 0.4),
+    "wmsg": ("y0_hat", shaping),
+    "bound": (0.4, lambda seen, predictor: bound_of(seen, predictor)),
+    "complete_history": (True, lambda seen, _: seen["after_step"] is not None),
+    "precision": ("bf16", lambda seen, _: seen["branches"].precision),
+    "sampling_seed": (4, lambda seen, predictor: torch.equal(seen["start"], predictor.noise(4, range(5), 3)()) and 4),
+}
+
+
+def bound_of(seen: dict, predictor: Predictor) -> float | None:
+    """The largest coordinate that is let through."""
+    if seen["on_y0_hat"] is None:
+        return None
+    motion = predictor.transform.inverse(seen["on_y0_hat"](9 * seen["start"]))
+    return round(float(motion.abs().max()), 3)
+
+
+@pytest.mark.parametrize("name", SETTINGS)
+def test_every_setting_of_the_sampling_arrives(past, monkeypatch, name):
+    predictor, (value, look) = untrained(), SETTINGS[name]
+    assert look(spied(predictor, past, monkeypatch), predictor) != value, "the preset's own value would prove nothing"
+    assert look(spied(predictor, past, monkeypatch, **{name: value}), predictor) == value
+
+
+def test_no_setting_of_the_sampling_is_left_out():
+    others = {"method", "noise_on"}  # the evaluation's; what only a network on a device can tell
+    assert {*SETTINGS, *others} == {field.name for field in fields(SamplingConfig)}
+
+
+def test_every_sampler_and_place_of_the_projection_is_reached(past, monkeypatch):
+    predictor = untrained()
+    for name, function in (("ddim", "ddim"), ("dpmpp", "dpm_solver"), ("eq6", "posterior_mean")):
+        assert spied(predictor, past, monkeypatch, sampler=name)["sampler"] == function
+    for place in ("off", "every_step", "y0_hat"):
+        assert shaping(spied(predictor, past, monkeypatch, wmsg=place), predictor) == place
+
+
+@pytest.mark.parametrize("kind", ["pose", "displacement"])
+def test_the_bound_is_one_of_poses_whatever_is_modelled(past, kind):
+    predictor = untrained(representation=kind, bound=0.4)
+    motion = predictor.predict(past, 2)
+    assert 0.35 < motion.abs().max() <= 0.4 + 1e-3
+
+
+def test_a_bound_from_outside_has_the_last_word(past):
+    """What is imposed on a clean estimate is not changed again by the bound of the settings."""
+    predictor = untrained(bound=0.1)
+    y = torch.full((5, 2, *predictor.transform.shape), 2.0)
+    *_, last = predictor.steps(past, 2, on_y0_hat=lambda _: y)
+    torch.testing.assert_close(last.y, y)
+
+
+def test_futures_begin_after_the_last_observed_frame(past):
+    predictor = untrained(representation="displacement")
+    *_, last = predictor.steps(past, 2, 3)
+    whole = predictor.representation.decode(last.y, past)
+    assert whole.shape[2] == 20
+    torch.testing.assert_close(predictor.predict(past, 2, 3), whole[:, :, 6:], atol=1e-5, rtol=1e-5)
+
+
+def test_the_window_numbers_go_with_their_windows(past):
+    """The noise of a window is that of its number, in whichever chunk it is sampled."""
+    predictor = untrained()
+    same = past[:1].expand(5, -1, -1)
+    ids = [3, 9, 4, 3, 0]
+    futures = predictor.predict(same, 2, 1, window_ids=ids, chunk=2)
+    torch.testing.assert_close(futures[0], futures[3], atol=1e-5, rtol=1e-5)
+    apart = [predictor.predict(same[:1], 2, 1, window_ids=[i]) for i in ids]
+    torch.testing.assert_close(futures, torch.cat(apart), atol=1e-5, rtol=1e-5)
+    assert (futures[0] - futures[1]).abs().max() > 1e-2
 
 
 def test_with_sampling_changes_the_sampling_alone(predictor, past):
@@ -74,24 +162,10 @@ def test_with_sampling_changes_the_sampling_alone(predictor, past):
         predictor.with_sampling(etta=0.1)
 
 
-def test_both_branches_come_in_the_order_of_classifier_free_guidance(predictor, past):
-    """Conditional first, then unconditional; in one batch as one by one."""
-    branches = predictor.branches(past)
-    y = predictor.noise(0, range(5), 2)()
-    conditional, unconditional, attention = branches.both(y, 30, with_attention=True)
-    torch.testing.assert_close(conditional, branches.conditional(y, 30), atol=1e-5, rtol=1e-5)
-    torch.testing.assert_close(unconditional, branches.unconditional(y, 30), atol=1e-5, rtol=1e-5)
-    assert not torch.allclose(conditional, unconditional, atol=1e-4)
-    rows = predictor.transform.shape[0]
-    assert attention.shape == (5, 2, 2, 2, rows, rows)
-    other = predictor.branches(past.flip(0)).both(y, 30, with_attention=True)
-    torch.testing.assert_close(other[1], unconditional, atol=1e-5, rtol=1e-5)
-    torch.testing.assert_close(other[2], attention, atol=1e-5, rtol=1e-5)
-    assert (other[0] - conditional).abs().max() > 10 * (other[1] - unconditional).abs().max()
-
-
-def test_complete_history_puts_the_history_back(predictor, past):
-    *_, last = predictor.with_sampling(complete_history=True, wmsg="off").steps(past[:2], 2)
+@pytest.mark.parametrize("kind", ["pose", "displacement"])
+def test_complete_history_puts_the_history_back(past, kind):
+    predictor = untrained(complete_history=True, wmsg="off", representation=kind)
+    *_, last = predictor.steps(past[:2], 2)
     whole = predictor.representation.decode(last.y, past[:2])
     torch.testing.assert_close(whole[:, :, :6], past[:2, None].expand(-1, 2, -1, -1), atol=1e-4, rtol=1e-3)
 
@@ -112,11 +186,18 @@ def test_half_precision_is_of_the_networks_products_only(predictor, past):
     assert torch.get_float32_matmul_precision() == "highest"
 
 
-def test_noise_may_be_drawn_where_the_network_is(predictor, past):
-    """On a processor that is the same place."""
+def test_noise_is_drawn_on_the_processor_or_where_the_network_is(predictor, past, monkeypatch):
     there = predictor.with_sampling(noise_on="device")
-    assert torch.equal(there.predict(past, 2), predictor.predict(past, 2))
-    assert {g.device.type for g in there.noise(0, [0, 1], 2).generators} == {"cpu"}
+    assert torch.equal(there.predict(past, 2), predictor.predict(past, 2))  # on a processor the same place
+
+    class Recorded(WindowNoise):
+        def __init__(self, *arguments):
+            self.places = arguments[3:]
+
+    monkeypatch.setattr(predictor_module, "WindowNoise", Recorded)
+    monkeypatch.setattr(Predictor, "device", torch.device("meta"))
+    assert predictor.noise(0, [0], 2).places == (torch.device("meta"), "cpu")
+    assert there.noise(0, [0], 2).places == (torch.device("meta"), torch.device("meta"))
 
 
 def test_a_graphics_card_takes_as_many_windows_as_its_memory_holds(predictor, monkeypatch):
@@ -145,3 +226,22 @@ def test_gradients_flow_through_a_transform_that_has_predicted(predictor, past):
     x = torch.zeros(1, 20, 48, requires_grad=True)
     predictor.transform(x).sum().backward()
     assert x.grad.isfinite().all()
+
+
+def test_a_finished_run_predicts(finished, past):
+    predictor = load_run(finished)
+    futures = predictor.predict(past, samples=3, seed=1)
+    assert futures.shape == (5, 3, 14, 48) and futures.isfinite().all()
+    torch.testing.assert_close(predictor.predict(past, 3, 1, chunk=2), futures, atol=1e-5, rtol=1e-5)
+    torch.testing.assert_close(predictor.predict(past[3:], 3, 1, window_ids=[3, 4]), futures[3:], atol=1e-5, rtol=1e-5)
+    assert not torch.allclose(predictor.predict(past, 3, 2), futures, atol=1e-3)
+    with pytest.raises(ValueError, match="6, 48"):
+        predictor.predict(past[:, :5])
+
+
+def test_loading_a_run_leaves_the_callers_randomness_alone(finished):
+    torch.manual_seed(3)
+    expected = torch.rand(1)
+    torch.manual_seed(3)
+    load_run(finished)
+    assert torch.equal(torch.rand(1), expected)

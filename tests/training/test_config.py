@@ -19,6 +19,15 @@ def test_learning_rates():
     assert [learning_rate(c, s) for s in (0, 1, 3, 4, 10_000)] == pytest.approx([0.25, 0.5, 1, 1, 1])
 
 
+def test_warm_up_multiplies_every_schedule():
+    for schedule in ("constant", "multistep", "cosine", "cosine_restarts"):
+        options = dict(lr=0.3, lr_schedule=schedule, lr_milestones=(2,), train_steps=20, lr_period=3)
+        for step in range(9):
+            share = min((step + 1) / 4, 1)
+            warm = learning_rate(TrainingConfig(**options, warmup=4), step)
+            assert warm == pytest.approx(share * learning_rate(TrainingConfig(**options), step)), schedule
+
+
 def test_restart_schedule_equals_torch():
     c = TrainingConfig(lr=1.0, lr_schedule="cosine_restarts", lr_period=10, lr_gamma=1.0)
     parameter = torch.nn.Parameter(torch.zeros(1))

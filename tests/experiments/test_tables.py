@@ -1,0 +1,94 @@
+"""Tables of grids: which configurations are asked for, and what becomes of their numbers."""
+
+from __future__ import annotations
+
+from statistics import mean, stdev
+
+import pytest
+
+from mwlib.experiments import tables
+from mwlib.experiments.grids import Budget, Grid, Row, row_config
+from mwlib.experiments.tables import lines, measure
+from mwlib.prediction.config import Config
+from mwlib.prediction.evaluation import METRICS
+
+ROWS = (Row("haar", {"wavelet": "haar"}, {"ade": 0.4}), Row("db2", {"wavelet": "db2"}, {}), Row("once", {}, {}, seeds=1))
+DATA = object()
+
+
+def grid_of(trains: bool, **parts) -> Grid:
+    body = dict(rows=ROWS, base={"level": 2}, budgets=(Budget(1000, 3),)) | parts
+    return Grid("bases", "prediction", "three bases", "", "", trains, **body)
+
+
+@pytest.fixture
+def asked(monkeypatch):
+    """Every configuration whose result is asked for; the answers follow from wavelet and seeds."""
+    seen = []
+
+    def answer(cfg, data, progress):
+        assert data is DATA
+        seen.append(cfg)
+        k = 10 * len(cfg.model.wavelet) + cfg.sampling.sampling_seed**2 + 3 * cfg.training.seed
+        values = {m: k + i for i, m in enumerate(METRICS)}
+        errors = {m: k / 100 for m in METRICS}
+        return {"mean": values, "standard_error": errors, "windows": 5, "seconds": 2.0, "actions": {"walk": values}}
+
+    monkeypatch.setattr(tables, "get_result", answer)
+    return seen
+
+
+@pytest.mark.parametrize("trains", [True, False])
+def test_every_row_is_asked_with_the_same_seeds(asked, trains):
+    """Rows are paired: at every seed all of them have the same noise, and the same training where each has its own."""
+    cfg = Config.preset("tiny", seed=7)
+    measure(grid_of(trains), cfg, data=DATA)
+    expected = [cfg.override(level=2, wavelet=w, sampling_seed=k) for w in ("haar", "db2") for k in (0, 1, 2)]
+    expected.append(cfg.override(level=2, sampling_seed=0))
+    assert asked == [c.override(seed=c.sampling.sampling_seed) if trains else c for c in expected]
+
+
+def test_numbers_over_seeds_by_hand(asked):
+    first, second, once = measure(grid_of(True), Config.preset("tiny"), data=DATA)
+    k = [40 + s**2 + 3 * s for s in (0, 1, 2)]
+    for i, m in enumerate(METRICS):
+        assert first["mean"][m] == pytest.approx(mean(k) + i) and first["seed_deviation"][m] == pytest.approx(stdev(k))
+        assert first["standard_error"][m] == pytest.approx(0.4), "over windows, of the first seed"
+        assert first["actions"]["walk"][m] == 40 + i
+        assert second["mean"][m] == pytest.approx(mean(k) - 10 + i) and once["seed_deviation"][m] is None
+    assert [(row["seeds"], row["windows"], row["seconds"]) for row in (first, second, once)] == [(3, 5, 6.0)] * 2 + [(1, 5, 2.0)]
+
+
+def test_lines_are_in_the_unit_of_their_column(asked):
+    found = measure(grid_of(True), Config.preset("tiny"), data=DATA)
+    line, second, once = lines(found, METRICS, errors=True)
+    for m, column in METRICS.items():
+        value, spread, error = (found[0][kind][m] for kind in ("mean", "seed_deviation", "standard_error"))
+        assert line[column.heading] == pytest.approx((column.scale * value, column.scale * spread))
+        assert line[f"{column.heading}, standard error"] == pytest.approx(column.scale * error)
+        assert once[column.heading] == pytest.approx(column.scale * found[2]["mean"][m])
+    assert (line["ADE, paper"], second["ADE, paper"]) == (0.4, None) and "FDE, paper" not in line
+    assert (line["seeds"], once["seeds"], line["windows"]) == (3, 1, 5)
+
+
+def test_a_row_wins_over_the_base_and_the_base_over_the_budget():
+    budget = Budget(1000, 3, changes={"level": 1, "batch": 4, "test_windows": 9})
+    rows = (Row("a", {"batch": 6, "guidance_weight": 0.5}, {}), Row("b", {}, {}))
+    grid = grid_of(True, rows=rows, base={"level": 2, "guidance_weight": 0.1}, budgets=(budget,))
+    cfg = Config.preset("tiny")
+    common = cfg.override(level=2, test_windows=9)
+    assert row_config(grid, rows[0], cfg) == common.override(batch=6, guidance_weight=0.5)
+    assert row_config(grid, rows[1], cfg) == common.override(batch=4, guidance_weight=0.1)
+
+
+def test_everything_that_is_counted_in_steps_is_cut_to_the_budgets_share():
+    """The preset's full length still belongs to the budget; one step more does not."""
+    grid = grid_of(True, rows=ROWS[2:], base={}, budgets=(Budget(1000, 3, share=0.1),))
+    lengths = dict(train_steps=1000, warmup=60, ema_start=250, lr_period=90)
+    cfg = Config.preset("tiny", lr_milestones=[200, 700], **lengths)
+    short = row_config(grid, ROWS[2], cfg)
+    assert {name: short.get(name) for name in lengths} == dict(train_steps=100, warmup=6, ema_start=25, lr_period=9)
+    assert short.training.lr_milestones == (20, 70)
+    assert short == cfg.override(**{name: short.get(name) for name in (*lengths, "lr_milestones")}), "and nothing else"
+    longer = cfg.override(train_steps=1001)
+    assert row_config(grid, ROWS[2], longer) == longer

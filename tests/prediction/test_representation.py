@@ -1,0 +1,82 @@
+"""Windows as coefficients: what they are relative to, how they are scaled, and that no frame of the future comes in."""
+
+from __future__ import annotations
+
+import pytest
+import torch
+
+from mwlib.data.windowing import windows
+from mwlib.prediction.objective import PredictionObjective
+from mwlib.prediction.representation import Representation, fit_scales, make_representation, make_transform
+from tests.sample_settings import small, two_people
+
+H, F, C = 6, 14, 48
+
+
+@pytest.fixture(scope="module")
+def x() -> torch.Tensor:
+    return windows(two_people().train, H, F, 5).x
+
+
+def fitted(x: torch.Tensor, **changes) -> Representation:
+    cfg = small(**changes)
+    base = make_transform(cfg.model, H + F, C, cfg.data.fps)
+    return make_representation(base, fit_scales(base, x, H, cfg.model), cfg.windows, cfg.model)
+
+
+def held(x: torch.Tensor) -> torch.Tensor:
+    """History, then its last pose to the end."""
+    return torch.cat([x[:, :H], x[:, H - 1 : H].repeat(1, F, 1)], dim=1)
+
+
+@pytest.mark.parametrize("kind", ["pose", "displacement"])
+def test_coefficients_by_hand(x, kind):
+    """A displacement is the motion minus its last observed pose; its condition is a pose, with a scale of its own."""
+    found = fitted(x, representation=kind)
+    modelled = x - x[:, H - 1 : H] if kind == "displacement" else x
+    seen = held(x) if kind == "displacement" else x  # what the condition's scale is fitted on
+    for coefficients, source, fit in (
+        (found.encode(x), modelled, modelled),
+        (found.encode_history(x[:, :H]), held(x), seen),
+    ):
+        raw, of = found.motion.base(source), found.motion.base(fit)
+        deviation = of.std(0).clamp_min(1e-3 * float(of.std(0).max()))
+        torch.testing.assert_close(coefficients, (raw - of.mean(0)) / deviation, atol=1e-3, rtol=1e-4)
+
+
+@pytest.mark.parametrize("kind", ["pose", "displacement"])
+def test_decoding_gives_the_motion_back(x, kind):
+    found = fitted(x, representation=kind)
+    decoded = found.decode(found.encode(x[:9])[:, None], x[:9, :H])
+    torch.testing.assert_close(decoded[:, 0], x[:9], atol=1e-5, rtol=1e-5)
+
+
+def test_the_last_observed_pose_of_a_displacement_is_zero(x):
+    found = fitted(x, representation="displacement", coefficient_scale="none")
+    motion = found.motion.inverse(found.encode(x[:9]))
+    assert motion[:, H - 1].abs().max() < 1e-5 and motion[:, H].abs().max() > 1e-3
+    assert torch.equal(found.origin(x[:9, :H]), x[:9, H - 1 : H])
+
+
+class Spy(torch.nn.Module):
+    """Answers nothing, and remembers the condition."""
+
+    def forward(self, y, t, condition, keep):
+        self.condition = condition
+        return torch.zeros_like(y)
+
+
+@pytest.mark.parametrize("kind", ["pose", "displacement"])
+def test_the_condition_sees_no_future_frame(x, kind):
+    objective, spy = PredictionObjective(small(representation=kind), two_people().train), Spy()
+    seen = []
+    for change in (0.0, 1.0):
+        batch = x[:32].clone()
+        batch[:, H:] += change
+        objective.loss(spy, batch, torch.Generator().manual_seed(0))
+        seen.append(spy.condition)
+    assert torch.equal(*seen)
+    before = x[:32].clone()
+    before[:, H - 1] += 1.0
+    objective.loss(spy, before, torch.Generator().manual_seed(0))
+    assert (spy.condition - seen[0]).abs().flatten(1).amax(1).min() > 0.1, "the last observed frame is seen"
