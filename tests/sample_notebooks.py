@@ -8,6 +8,9 @@ import nbformat
 from nbformat import NotebookNode
 from nbformat.v4 import new_code_cell, new_markdown_cell, new_notebook
 
+# A name that the shell, Snakemake, papermill, make or a browser would take for something else, were it not quoted.
+NASTY = "a {level} 'b' \"c\" #d;e?$(touch X)"
+
 PARAMETERS = """preset: str = "tiny"  # name of a preset
 data: str = ""  # empty = the preset's own
 level: int = 2  # decomposition level

@@ -20,7 +20,7 @@ ROOT = Path(__file__).parents[2]
 
 def test_results_are_believed_only_when_whole(tmp_path):
     assert store.read_result(tmp_path, "abc") is None
-    store.write_result(tmp_path, {"ade": 0.5}, "abc")
+    store.write_result(tmp_path, {"ade": 0.5}, "abc", {})
     assert store.read_result(tmp_path, "abc") == {"ade": 0.5} and store.read_result(tmp_path, "abd") is None
     text = (tmp_path / store.RESULT).read_text()
     for broken in (text[:-5], "[]", json.dumps({"status": "running", "hash": "abc"}), ""):
