@@ -16,13 +16,14 @@ READY := $(VENV)/.ready
 BLENDER_ENV ?= $(or $(XDG_CACHE_HOME),$(HOME)/.cache)/mwlib/blender
 
 # What a user gives is text, whatever signs it holds: $(value X) is not expanded, quoted is one word of the shell, and setting is
-# one entry of Snakemake's --config, quoted as YAML.
+# one entry of Snakemake's --config, quoted as YAML; the space and the # keep Snakemake from stripping these quotes.
+HASH := \#
 quoted = '$(subst ','\'',$(1))'
-setting = $(call quoted,$(1)='$(subst ','',$(value $(2)))')
-WORKFLOW = $(RUN) -m snakemake --cores $(call quoted,$(value JOBS)) --keep-going --rerun-incomplete --quiet progress rules
+setting = $(call quoted,$(1)= '$(subst ','',$(value $(2)))' $(HASH))
 WITH = $(call quoted,$(value PYTHON))
 BLENDER = $(call quoted,$(BLENDER_ENV))
-CONFIG = --config $(call setting,preset,PRESET) $(call setting,data,DATA) $(call setting,out,OUT)
+OPTIONS = --cores $(call quoted,$(value JOBS)) --keep-going --rerun-incomplete --quiet progress rules \
+	--config $(call setting,preset,PRESET) $(call setting,data,DATA) $(call setting,out,OUT)
 
 unexport PYTHON PRESET DATA OUT JOBS NB GRIDS SET # to export one is to expand it
 export OMP_NUM_THREADS ?= 1
@@ -35,11 +36,11 @@ help: ## show this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-12s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
 
 figures: $(READY) ## run every notebook, make every figure and table: PRESET=tiny DATA=synthetic OUT=build/... JOBS=2
-	$(WORKFLOW) $(CONFIG)
+	$(RUN) -m snakemake $(OPTIONS)
 	@printf 'Open %s/index.html\n' $(call quoted,$(value OUT))
 
 grids: $(READY) ## run only the experiments behind the tables, and write these: same settings as figures, GRIDS=figures/grids.yaml SET="lr=1e-3"
-	$(WORKFLOW) grids $(CONFIG) $(call setting,grids,GRIDS) $(call setting,set,SET)
+	$(RUN) -m snakemake grids $(OPTIONS) $(call setting,grids,GRIDS) $(call setting,set,SET)
 	@printf 'Tables are in %s/grids\n' $(call quoted,$(value OUT))
 
 test: $(READY) ## lint, types, unit tests, and every notebook executed and compared with its stored outputs

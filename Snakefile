@@ -46,10 +46,6 @@ if bad := [name for name in NAMES if {"{", "}"} & {*name}]:
     raise WorkflowError(f"notebooks are called {bad}; expected names without braces, which Snakemake takes for patterns")
 
 
-# Rules name files relative to OUT, whatever it is called: braces in a path of their own would be patterns to Snakemake.
-workdir: str(OUT)
-
-
 def base(grid):
     """The configuration that a grid's rows change."""
     return system(grid.system).Config.preset(PRESET, **GIVEN)
@@ -100,11 +96,15 @@ def one_training(wildcards):
 
 if workflow.is_main_process:  # jobs on other machines find the files made
     write_hashes(
-        Path(".sources"),
+        OUT / ".sources",
         {"mwlib": package_hash(), "manifest": file_hash(MANIFEST), "grids": file_hash(GRID_FILE)}
         | {"data": "\n".join(f"{data_fingerprint(source)} {source}" for source in sources())}
         | {path.stem: source_hash(path) for path in (*course(FOLDER), EXPERIMENT)},
     )
+
+
+# Rules name files relative to OUT, whatever it is called: braces in a path of their own would be patterns to Snakemake.
+workdir: str(OUT)
 
 
 localrules:
@@ -119,7 +119,7 @@ rule index:
     output:
         "index.html",
     params:
-        given=NOTEBOOK,
+        given=lambda wildcards: NOTEBOOK,  # a function, as braces in a plain list would be patterns
     shell:
         "{MW} index-page {OUT:q} --notebooks {FOLDER:q} {params.given:q}"
 
@@ -138,7 +138,7 @@ rule notebook:
     wildcard_constraints:
         name=r"\d\d_[^/]+",
     params:
-        given=NOTEBOOK,
+        given=lambda wildcards: NOTEBOOK,
         file=lambda wildcards: str(FOLDER / f"{wildcards.name}.ipynb"),
         out=lambda wildcards: str(OUT / wildcards.name),
     shell:
@@ -157,8 +157,8 @@ rule table:
     output:
         "grids/{grid}.csv",
     params:
-        given=ROW,
-        out=str(OUT / "grids"),
+        given=lambda wildcards: ROW,
+        out=lambda wildcards: str(OUT / "grids"),
     shell:
         "{MW} grid-table {wildcards.grid:q} {params.given:q} --out {params.out:q}"
 
@@ -177,7 +177,7 @@ rule experiment:
         row=r"\d+",
         seed=r"\d+",
     params:
-        given=ROW,
+        given=lambda wildcards: ROW,
         settings=row_settings,
         out=lambda wildcards: str(OUT / f"grids/{wildcards.grid}/{wildcards.row}-{wildcards.seed}"),
     shell:
