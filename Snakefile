@@ -35,6 +35,7 @@ SET = shlex.split(told("set"))  # settings that the grids must not override: "te
 GIVEN = ({"data": DATA} if DATA else {}) | parse_changes(SET)
 TABLES = read_grids(GRID_FILE)
 NAMES = [path.stem for path in course(FOLDER)]
+RESULTS = [f"{name}/metrics.json" for name in NAMES]
 TRAINING = "06_training"
 MW = f"cd {shlex.quote(str(HERE))} && {shlex.quote(sys.executable)} -m mwlib"
 NOTEBOOK = ["--set", f"preset={PRESET}", "--set", f"data={DATA}"]
@@ -103,18 +104,32 @@ if workflow.is_main_process:  # jobs on other machines find the files made
     )
 
 
+onstart:
+    # Job scripts hold paths and settings in double quotes, in which a shell would run $(...).
+    texts = [str(HERE), str(OUT), workflow.main_snakefile, *map(str, config.values())]
+    if workflow.non_local_exec and any({*"\"'`$\\"} & {*text} for text in texts):
+        raise WorkflowError(f"one of {texts} holds a quote, $, ` or a backslash; expected none of them in the names of a cluster's jobs")
+
+
 # Rules name files relative to OUT, whatever it is called: braces in a path of their own would be patterns to Snakemake.
 workdir: str(OUT)
 
 
 localrules:
+    figures,
     index,
     grids,
 
 
+rule figures:
+    input:
+        "index.html",
+        RESULTS,  # by name: after an error the page is there, newer than every result that is
+
+
 rule index:
     input:
-        expand("{name}/metrics.json", name=NAMES),
+        RESULTS,
         ".sources/manifest.sha256",
     output:
         "index.html",
