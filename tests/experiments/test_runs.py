@@ -12,7 +12,7 @@ import pytest
 
 from mwlib.experiments import get_model, get_result, get_run, load_run, runs, store, train_run
 from mwlib.files import write_atomic
-from mwlib.training import CHECKPOINT, MODEL
+from mwlib.training import CHECKPOINT, CURVES, MODEL
 from tests.sample_settings import small, two_people
 
 ROOT = Path(__file__).parents[2]
@@ -97,6 +97,8 @@ def test_a_stopped_training_gives_the_result_of_one_that_was_not(monkeypatch, tm
     again = store.read_result(get_run(cfg, data), cfg.training_hash())
     assert whole is not None and again is not None
     assert {k: v for k, v in again.items() if k != "seconds"} == {k: v for k, v in whole.items() if k != "seconds"}
+    texts = [(file.parent / CURVES).read_text() for file in tmp_path.rglob(MODEL)]
+    assert texts[0] == texts[1], "step numbers stay whole numbers"
 
 
 def test_a_baseline_trains_nothing(monkeypatch, tmp_path):
