@@ -2,7 +2,9 @@
 PYTHON ?= python3
 PRESET ?= tiny
 DATA ?= synthetic
-OUT ?= build/$(PRESET)-$(subst /,-,$(or $(patsubst /%,%,$(DATA)),preset))
+ifeq ($(origin OUT),undefined)
+OUT := build/$(value PRESET)-$(subst /,-,$(or $(patsubst /%,%,$(value DATA)),preset))
+endif
 JOBS ?= 2
 NB ?=
 GRIDS ?= figures/grids.yaml
@@ -13,6 +15,17 @@ RUN := $(VENV)/bin/python
 READY := $(VENV)/.ready
 BLENDER_ENV ?= $(or $(XDG_CACHE_HOME),$(HOME)/.cache)/mwlib/blender
 
+# What a user gives is text, whatever signs it holds: $(value X) is not expanded, quoted is one word of the shell, and setting is
+# one entry of Snakemake's --config, quoted as YAML; the space and the # keep Snakemake from stripping these quotes.
+HASH := \#
+quoted = '$(subst ','\'',$(1))'
+setting = $(call quoted,$(1)= '$(subst ','',$(value $(2)))' $(HASH))
+WITH = $(call quoted,$(value PYTHON))
+BLENDER = $(call quoted,$(BLENDER_ENV))
+OPTIONS = --cores $(call quoted,$(value JOBS)) --keep-going --rerun-incomplete --quiet progress rules \
+	--config $(call setting,preset,PRESET) $(call setting,data,DATA) $(call setting,out,OUT)
+
+unexport PYTHON PRESET DATA OUT JOBS NB GRIDS SET # to export one is to expand it
 export OMP_NUM_THREADS ?= 1
 export MWLIB_RUNS ?= $(CURDIR)/runs
 
@@ -23,14 +36,12 @@ help: ## show this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-12s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
 
 figures: $(READY) ## run every notebook, make every figure and table: PRESET=tiny DATA=synthetic OUT=build/... JOBS=2
-	$(RUN) -m snakemake --cores $(JOBS) --keep-going --rerun-incomplete --quiet progress rules \
-		--config preset='"$(PRESET)"' data='"$(DATA)"' out='"$(OUT)"'
-	@echo "Open $(OUT)/index.html"
+	$(RUN) -m snakemake $(OPTIONS)
+	@printf 'Open %s/index.html\n' $(call quoted,$(value OUT))
 
 grids: $(READY) ## run only the experiments behind the tables, and write these: same settings as figures, GRIDS=figures/grids.yaml SET="lr=1e-3"
-	$(RUN) -m snakemake grids --cores $(JOBS) --keep-going --rerun-incomplete --quiet progress rules \
-		--config preset='"$(PRESET)"' data='"$(DATA)"' out='"$(OUT)"' grids='"$(GRIDS)"' set='"$(SET)"'
-	@echo "Tables are in $(OUT)/grids"
+	$(RUN) -m snakemake grids $(OPTIONS) $(call setting,grids,GRIDS) $(call setting,set,SET)
+	@printf 'Tables are in %s/grids\n' $(call quoted,$(value OUT))
 
 test: $(READY) ## lint, types, unit tests, and every notebook executed and compared with its stored outputs
 	$(RUN) -m ruff check .
@@ -46,15 +57,15 @@ mutants: $(READY) ## plant small mistakes in copies of the library; each must ma
 	$(RUN) -m tests.mutants --jobs $(JOBS)
 
 test-blender: $(READY) ## open written BVH files in Blender: installs bpy, 1 GB, outside the repository; needs Python 3.11
-	@test -x $(BLENDER_ENV)/bin/python || $(PYTHON) -m venv $(BLENDER_ENV)
-	@$(BLENDER_ENV)/bin/python -c 'import bpy' 2>/dev/null || $(BLENDER_ENV)/bin/python -m pip install --quiet bpy==4.2.23
-	MWLIB_BLENDER=$(BLENDER_ENV)/bin/python $(RUN) -m pytest tests/blender
+	@test -x $(BLENDER)/bin/python || $(WITH) -m venv $(BLENDER)
+	@$(BLENDER)/bin/python -c 'import bpy' 2>/dev/null || $(BLENDER)/bin/python -m pip install --quiet bpy==4.2.23
+	MWLIB_BLENDER=$(BLENDER)/bin/python $(RUN) -m pytest tests/blender
 
 lab: $(READY) ## open JupyterLab on the first notebook
 	$(RUN) -m jupyterlab notebooks/00_start_here.ipynb
 
 notebooks: $(READY) ## execute the committed notebooks in place and filter their outputs: NB="02 07" for some only
-	$(RUN) -m mwlib execute-notebooks $(NB)
+	$(RUN) -m mwlib execute-notebooks $(foreach name,$(value NB),$(call quoted,$(name)))
 
 learner: $(READY) ## write copies without the solutions to build/learner, keeping the ones already there
 	$(RUN) -m mwlib learner-copies
@@ -63,9 +74,9 @@ wheel: $(READY) ## build what pip installs anywhere, notebooks included, into bu
 	env -u SOURCE_DATE_EPOCH $(RUN) -m hatchling build -t wheel -d build/wheel
 
 $(READY): pyproject.toml constraints.txt
-	@command -v $(PYTHON) >/dev/null || { echo "make: $(PYTHON) not found; install Python 3.11 or newer, or say PYTHON=/path/to/python" >&2; exit 1; }
-	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || { \
-		echo "make: Python 3.11 or newer is needed; $(PYTHON) is $$($(PYTHON) --version 2>&1). Say PYTHON=/path/to/python3.11" >&2; exit 1; }
-	$(PYTHON) -m venv $(VENV)
+	@command -v $(WITH) >/dev/null || { echo "make: "$(WITH)" not found; install Python 3.11 or newer, or say PYTHON=/path/to/python" >&2; exit 1; }
+	@$(WITH) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || { \
+		echo "make: Python 3.11 or newer is needed; "$(WITH)" is $$($(WITH) --version 2>&1). Say PYTHON=/path/to/python3.11" >&2; exit 1; }
+	$(WITH) -m venv $(VENV)
 	$(RUN) -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[notebooks,dev]'
 	@touch $(READY)

@@ -1,35 +1,50 @@
 """Every notebook, every figure and table: snakemake --cores 2 --config preset=tiny data=synthetic out=build/tiny-synthetic
 The grids behind the tables alone: the same with the target `grids`; grids=my.yaml runs grids of your own.
 
-On a cluster: the same with --executor slurm (and its plugin). A notebook counts as done if and only if its last cell
-wrote metrics.json; the executed notebook is the log, which stays when a run fails.
+On a cluster: the same with --executor slurm (and its plugin), or cluster-generic with a submit script. A notebook counts as done
+if and only if run-notebook saw every cell run and wrote metrics.json; the executed notebook is the log, which stays when a run
+fails. What changes presets, data files, sources or settings runs again what depends on them.
 """
 
 import shlex
 import sys
 from pathlib import Path
 
-from mwlib.course.files import EXPERIMENT, course, write_source_hashes
+from snakemake.exceptions import WorkflowError
+
+from mwlib.course.files import EXPERIMENT, course, source_hash, write_hashes
 from mwlib.course.manifest import MANIFEST
 from mwlib.experiments import read_grids, system
-from mwlib.experiments.grids import grids_file
+from mwlib.experiments.grids import grids_file, row_config, row_parameters
+from mwlib.experiments.origins import data_fingerprint, file_hash, package_hash
 from mwlib.settings import parse_changes
 
-PRESET = config.get("preset", "tiny")
-DATA = config.get("data", "synthetic")  # empty: the preset's own
-OUT = config.get("out", f"build/{PRESET}-{DATA.strip('/').replace('/', '-') or 'preset'}")
-FOLDER = Path(config.get("notebooks", "notebooks"))
-MW = f"{shlex.quote(sys.executable)} -m mwlib"
-NAMES = [path.stem for path in course(FOLDER)]
-TRAINING = "06_training"
-GRID_FILE = config.get("grids", grids_file())
-SET = shlex.split(str(config.get("set", "")))  # settings that the grids must not override: "test_windows=30 lr=1e-3"
-GIVEN = ({"data": DATA} if DATA else {}) | parse_changes(SET)
-OPTIONS = " ".join(f"--set {shlex.quote(word)}" for word in SET)
-TABLES = read_grids(Path(GRID_FILE))
 
-# Hashes of sources, not the notebooks themselves: executing a notebook in place must not schedule everything again.
-write_source_hashes(Path(OUT) / ".sources", [*course(FOLDER), EXPERIMENT])
+def told(name, default=""):
+    """A --config entry as text; Snakemake reads numbers into it."""
+    return default if config.get(name) is None else str(config[name])
+
+
+PRESET = told("preset", "tiny")
+DATA = told("data", "" if "data" in config else "synthetic")  # empty: the preset's own
+HERE = Path.cwd()  # relative paths are relative to where Snakemake was started
+OUT = HERE / told("out", f"build/{PRESET}-{DATA.strip('/').replace('/', '-') or 'preset'}")
+FOLDER = HERE / told("notebooks", "notebooks")
+GRID_FILE = HERE / told("grids", str(grids_file()))
+SET = shlex.split(told("set"))  # settings that the grids must not override: "test_windows=30 lr=1e-3"
+GIVEN = ({"data": DATA} if DATA else {}) | parse_changes(SET)
+TABLES = read_grids(GRID_FILE)
+NAMES = [path.stem for path in course(FOLDER)]
+RESULTS = [f"{name}/metrics.json" for name in NAMES]
+TRAINING = "06_training"
+MW = f"cd {shlex.quote(str(HERE))} && {shlex.quote(sys.executable)} -m mwlib"
+NOTEBOOK = ["--set", f"preset={PRESET}", "--set", f"data={DATA}"]
+ROW = ["--preset", PRESET, "--data", DATA, *(word for change in SET for word in ("--set", change)), "--grids", str(GRID_FILE)]
+
+if workflow.overwrite_workdir is not None:
+    raise WorkflowError(f"--directory is {workflow.overwrite_workdir}; leave it out: out=... is where everything is written")
+if bad := [name for name in NAMES if {"{", "}"} & {*name}]:
+    raise WorkflowError(f"notebooks are called {bad}; expected names without braces, which Snakemake takes for patterns")
 
 
 def base(grid):
@@ -37,17 +52,36 @@ def base(grid):
     return system(grid.system).Config.preset(PRESET, **GIVEN)
 
 
+def rows(grid):
+    """Number and seed of every row of a grid at every seed."""
+    return [(number, seed) for number, row in enumerate(grid.rows) for seed in grid.seeds(row, base(grid))]
+
+
 def parts(grid):
     """The result of every row of a grid at every seed."""
-    cfg = base(grid)
-    cells = [(number, seed) for number, row in enumerate(grid.rows) for seed in grid.seeds(row, cfg)]
-    return [f"{OUT}/grids/{grid.id}/{number}-{seed}/metrics.json" for number, seed in cells]
+    return [f"grids/{grid.id}/{number}-{seed}/metrics.json" for number, seed in rows(grid)]
+
+
+def sources():
+    """Every data source that a notebook or row of this build reads."""
+    notebooks = system("prediction").Config.preset(PRESET, **({"data": DATA} if DATA else {}))
+    changed = [base(grid).override(**{**grid.base, **row.changes}) for grid in TABLES.values() for row in grid.rows]
+    return sorted({cfg.get("data") for cfg in (notebooks, *changed)})
+
+
+def row_settings(wildcards):
+    """What a row runs with, or why it cannot; a row whose settings stay is not run again, whatever else is in the file."""
+    try:
+        row = int(wildcards.row), int(wildcards.seed)
+        return row_parameters(TABLES[wildcards.grid], *row, PRESET, GIVEN)
+    except (LookupError, ValueError) as error:
+        return str(error)
 
 
 def training_first(wildcards):
     """Later notebooks use the run that 06 trains: after it they find it made, beside it they would only wait."""
     later = TRAINING in NAMES and wildcards.name > TRAINING
-    return f"{OUT}/{TRAINING}/metrics.json" if later else []
+    return f"{TRAINING}/metrics.json" if later else []
 
 
 def needed(wildcards):
@@ -58,72 +92,113 @@ def needed(wildcards):
 
 def one_training(wildcards):
     """Grids whose rows share the preset's own model wait for it."""
-    return f"{OUT}/{TRAINING}/metrics.json" if TRAINING in NAMES and not TABLES[wildcards.grid].trains else []
+    return f"{TRAINING}/metrics.json" if TRAINING in NAMES and not TABLES[wildcards.grid].trains else []
+
+
+if workflow.is_main_process:  # jobs on other machines find the files made
+    write_hashes(
+        OUT / ".sources",
+        {"mwlib": package_hash(), "manifest": file_hash(MANIFEST), "grids": file_hash(GRID_FILE)}
+        | {"data": "\n".join(f"{data_fingerprint(source)} {source}" for source in sources())}
+        | {path.stem: source_hash(path) for path in (*course(FOLDER), EXPERIMENT)},
+    )
+
+
+onstart:
+    # Job scripts hold paths and settings in double quotes, in which a shell would run $(...).
+    texts = [str(HERE), str(OUT), workflow.main_snakefile, *map(str, config.values())]
+    if workflow.non_local_exec and any({*"\"'`$\\"} & {*text} for text in texts):
+        raise WorkflowError(f"one of {texts} holds a quote, $, ` or a backslash; expected none of them in the names of a cluster's jobs")
+
+
+# Rules name files relative to OUT, whatever it is called: braces in a path of their own would be patterns to Snakemake.
+workdir: str(OUT)
+
+
+localrules:
+    figures,
+    index,
+    grids,
+
+
+rule figures:
+    input:
+        "index.html",
+        RESULTS,  # by name: after an error the page is there, newer than every result that is
 
 
 rule index:
     input:
-        expand("{out}/{name}/metrics.json", out=OUT, name=NAMES),
-        MANIFEST,
+        RESULTS,
+        ".sources/manifest.sha256",
     output:
-        f"{OUT}/index.html",
+        "index.html",
+    params:
+        given=lambda wildcards: NOTEBOOK,  # a function, as braces in a plain list would be patterns
     shell:
-        "{MW} index-page {OUT:q} --notebooks {FOLDER:q}"
+        "{MW} index-page {OUT:q} --notebooks {FOLDER:q} {params.given:q}"
 
 
 rule notebook:
     input:
-        f"{OUT}/.sources/{{name}}.sha256",
-        f"{OUT}/.sources/mwlib.sha256",
+        ".sources/{name}.sha256",
+        ".sources/mwlib.sha256",
+        ".sources/data.sha256",
         training_first,
         needed,
     output:
-        f"{OUT}/{{name}}/metrics.json",
+        "{name}/metrics.json",
     log:
-        f"{OUT}/{{name}}/notebook.ipynb",
+        "{name}/notebook.ipynb",
     wildcard_constraints:
-        name=r"\d\d_\w+",
+        name=r"\d\d_[^/]+",
     params:
-        folder=lambda wildcards, output: str(Path(output[0]).parent),
+        given=lambda wildcards: NOTEBOOK,
+        file=lambda wildcards: str(FOLDER / f"{wildcards.name}.ipynb"),
+        out=lambda wildcards: str(OUT / wildcards.name),
     shell:
-        "{MW} run-notebook {FOLDER:q}/{wildcards.name}.ipynb --out {params.folder:q}"
-        " --set preset={PRESET:q} --set data={DATA:q}"
+        "{MW} run-notebook {params.file:q} --out {params.out:q} {params.given:q}"
 
 
 rule grids:
     input:
-        expand("{out}/grids/{grid}.csv", out=OUT, grid=TABLES),
+        expand("grids/{grid}.csv", grid=TABLES),
 
 
 rule table:
     input:
+        ".sources/grids.sha256",
         lambda wildcards: parts(TABLES[wildcards.grid]),
     output:
-        f"{OUT}/grids/{{grid}}.csv",
+        "grids/{grid}.csv",
+    params:
+        given=lambda wildcards: ROW,
+        out=lambda wildcards: str(OUT / "grids"),
     shell:
-        "{MW} grid-table {wildcards.grid} --preset {PRESET:q} --data {DATA:q} {OPTIONS} --grids {GRID_FILE:q} --out {OUT:q}/grids"
+        "{MW} grid-table {wildcards.grid:q} {params.given:q} --out {params.out:q}"
 
 
 rule experiment:
     input:
-        f"{OUT}/.sources/{EXPERIMENT.stem}.sha256",
-        f"{OUT}/.sources/mwlib.sha256",
-        GRID_FILE,
+        f".sources/{EXPERIMENT.stem}.sha256",
+        ".sources/mwlib.sha256",
+        ".sources/data.sha256",
         one_training,
     output:
-        f"{OUT}/grids/{{grid}}/{{row}}-{{seed}}/metrics.json",
+        "grids/{grid}/{row}-{seed}/metrics.json",
     log:
-        f"{OUT}/grids/{{grid}}/{{row}}-{{seed}}/notebook.ipynb",
+        "grids/{grid}/{row}-{seed}/notebook.ipynb",
     wildcard_constraints:
         row=r"\d+",
         seed=r"\d+",
     params:
-        folder=lambda wildcards, output: str(Path(output[0]).parent),
+        given=lambda wildcards: ROW,
+        settings=row_settings,
+        out=lambda wildcards: str(OUT / f"grids/{wildcards.grid}/{wildcards.row}-{wildcards.seed}"),
     shell:
-        "{MW} run-experiment {wildcards.grid} {wildcards.row} {wildcards.seed} --preset {PRESET:q} --data {DATA:q} {OPTIONS}"
-        " --grids {GRID_FILE:q} --out {params.folder:q}"
+        "{MW} run-experiment {wildcards.grid:q} {wildcards.row} {wildcards.seed} {params.given:q} --out {params.out:q}"
 
 
 onerror:
-    shell("{MW} index-page {OUT:q} --notebooks {FOLDER:q}")
+    shell("{MW} index-page {OUT:q} --notebooks {FOLDER:q} {NOTEBOOK:q}")
     print(f"Not all notebooks got to their end. {OUT}/index.html shows what there is; */notebook.ipynb show what happened.")

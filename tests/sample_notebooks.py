@@ -8,6 +8,9 @@ import nbformat
 from nbformat import NotebookNode
 from nbformat.v4 import new_code_cell, new_markdown_cell, new_notebook
 
+# A name that the shell, Snakemake, papermill, make or a browser would take for something else, were it not quoted.
+NASTY = "a {level} 'b' \"c\" #d;e?$(touch X)"
+
 PARAMETERS = """preset: str = "tiny"  # name of a preset
 data: str = ""  # empty = the preset's own
 level: int = 2  # decomposition level
@@ -39,6 +42,20 @@ def code(source: str, *tags: str) -> NotebookNode:
 def runnable(*cells: str, last: str = FINISH) -> NotebookNode:
     """Parameters, the page, some cells, and the cell that writes the result. Draws nothing: quick to run."""
     return new_notebook(cells=[code(PARAMETERS, "parameters"), *map(code, (f"{IMPORTS}\n{PAGE}", *cells, last))])
+
+
+WRITES_ITSELF = """import hashlib, json, pathlib
+text = json.dumps({name: value for name, value in given.items() if name != "out"}, sort_keys=True)
+digest = hashlib.sha256(text.encode()).hexdigest()[:8]
+tree = {"status": "finished", "hash": digest, "depends": {}, "metrics": {}}
+pathlib.Path(out, "metrics.json").write_text(json.dumps(tree))"""
+
+
+def bare(*cells: str, parameters: str = PARAMETERS) -> NotebookNode:
+    """A notebook that gets to its end without mwlib, in a fraction of the time."""
+    names = [line.split(":")[0] for line in parameters.splitlines()]
+    given = f"given = dict({', '.join(f'{name}={name}' for name in names)})"
+    return new_notebook(cells=[code(parameters, "parameters"), *map(code, (*cells, f"{given}\n{WRITES_ITSELF}"))])
 
 
 def save(notebook: NotebookNode, folder: Path, stem: str = "01_sample") -> Path:

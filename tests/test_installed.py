@@ -119,7 +119,8 @@ def test_a_working_copy_is_complete_and_runs(new):
     grids = {"mine": {"title": "mine", "rows": [{"name": "as it is"}]}}
     (work / "figures" / "grids.yaml").write_text(yaml.safe_dump({"grids": grids}))
     todo = new("-m", "snakemake", "grids", "--dry-run", "--cores", "1", cwd=work, program="python")
-    assert "build/tiny-synthetic/grids/mine.csv" in todo and "table_4" not in todo
+    assert "output: grids/mine.csv" in todo and "table_4" not in todo
+    assert (work / "build" / "tiny-synthetic" / ".sources" / "grids.sha256").is_file()
 
     save(runnable("import mwlib\nprint(mwlib.__file__)"), work / "notebooks", "99_mine")
     out = Path(new("run-notebook", "99", cwd=work / "notebooks").strip())

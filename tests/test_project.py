@@ -13,17 +13,21 @@ import sys
 import tomllib
 from pathlib import Path
 
+import matplotlib
 import pytest
 import yaml
 from packaging.requirements import Requirement
 from packaging.utils import canonicalize_name
 
 import mwlib
-from mwlib.course.files import course, write_source_hashes
+from mwlib.course.files import course, source_hash
 from mwlib.course.index import write_index
 from mwlib.course.manifest import FILES, read_manifest
 from mwlib.course.stems import saved_stems
-from tests.sample_notebooks import code, runnable, save
+from mwlib.experiments.origins import data_fingerprint, package_hash
+from mwlib.experiments.store import parameters_hash, write_result
+from mwlib.files import write_atomic
+from tests.sample_notebooks import bare, code, runnable, save
 
 ROOT = Path(__file__).parents[1]
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
@@ -152,11 +156,58 @@ def write_exhibit(folder: Path, stem: str, rows: list[list], *, picture: bool) -
         (folder / f"{stem}.png").write_bytes(b"png")
 
 
+def write_done(build: Path, notebook: Path, data: str = "synthetic", changes: dict | None = None) -> None:
+    """The result of a run that is done, as run-notebook writes it."""
+    depends = {"data": {"source": data, "files": data_fingerprint(data)}, "notebook": source_hash(notebook)}
+    depends |= {"mwlib": package_hash()} | (changes or {})
+    values = {"preset": "tiny", "data": data, "level": 2, "lr": 0.5, "names": ["haar", "db2"]}
+    write_result(build / notebook.stem, {}, parameters_hash(values), depends)
+
+
+@pytest.mark.parametrize(
+    "changes, given, problem",
+    [
+        ({}, [], ""),
+        ({}, ["preset=tiny", "data={data}"], ""),
+        ({}, ["preset=laptop", "data={data}"], "out of date: another parameters now"),
+        ({"notebook": "x"}, [], "out of date: another notebook now"),
+        ({"mwlib": "x"}, [], "out of date: another library now"),
+        ({"data": {}}, [], "out of date: another data now"),
+    ],
+)
+def test_index_believes_a_result_only_if_it_is_of_today(tmp_path, changes, given, problem):
+    notebook, data = save(bare(), tmp_path), str(tmp_path / "data")
+    write_atomic(tmp_path / "data" / "a.bvh", "a")
+    write_done(tmp_path / "build", notebook, data, changes)
+    page = write_index(tmp_path / "build", [notebook], write_manifest(tmp_path), [word.format(data=data) for word in given])
+    assert ('<span class="missing">' in page.read_text()) == bool(problem) and problem in page.read_text()
+    if not problem:
+        (tmp_path / "data" / "a.bvh").touch()
+        write_atomic(tmp_path / "data" / "b.bvh", "b")
+        assert (
+            "out of date: another data now" in write_index(tmp_path / "build", [notebook], write_manifest(tmp_path)).read_text()
+        )
+
+
+def test_index_lives_with_broken_files_and_odd_names(tmp_path):
+    build = tmp_path / "build"
+    for stem, text in (("half", '{"figure"'), ("list", "[]"), ("bytes", "\udcff")):
+        write_exhibit(build / "01_sample", stem, [["x"]], picture=False)
+        (build / "01_sample" / f"{stem}.json").write_text(text, errors="surrogateescape")
+    write_exhibit(build / "01_sample" / "#1?", "50% a", [["x"]], picture=True)
+    page = write_index(build, [], write_manifest(tmp_path)).read_text()
+    for stem in ("half", "list", "bytes"):
+        assert f"<li>01_sample/{stem}: " in page
+    assert 'href="01_sample/%231%3F/50%25%20a.csv"' in page and 'src="01_sample/%231%3F/50%25%20a.png"' in page
+
+
 def test_index_shows_what_was_made_and_says_what_is_missing(tmp_path):
     build, notebooks = tmp_path / "build", [tmp_path / "01_sample.ipynb", tmp_path / "02_other.ipynb"]
     write_exhibit(build / "01_sample", "bands", [["x"], [1]], picture=True)
     write_exhibit(build / "01_sample" / "tables", "errors", [["method", "ADE"], ["<ours>", 0.5]], picture=False)
-    (build / "01_sample" / "metrics.json").write_text('{"status": "ok"}')
+    for path in notebooks:
+        save(bare(), tmp_path, path.stem)
+    write_done(build, notebooks[0])
     (build / "01_sample" / "notebook.html").write_text("")
     (build / "02_other").mkdir()
     (build / "02_other" / "metrics.json").write_text('{"status": "ok"')  # half-written
@@ -172,6 +223,13 @@ def test_index_shows_what_was_made_and_says_what_is_missing(tmp_path):
     assert not re.search(r"""(src|href)=["'](https?:)?//""", page)  # self-contained
 
 
+@pytest.mark.parametrize("text", ["- a", "exhibits: {a: 1}", "exhibits: [a]", "a: ]"])
+def test_a_manifest_that_is_none_is_told(tmp_path, text):
+    (tmp_path / "manifest.yaml").write_text(text)
+    with pytest.raises(ValueError, match=r"manifest\.yaml (holds|is not YAML)"):
+        read_manifest(tmp_path / "manifest.yaml")
+
+
 @pytest.mark.parametrize("answer, message", [("3.9", "Python 3.11 or newer is needed"), (None, "not found; install Python 3.11")])
 def test_make_says_which_python_it_needs(tmp_path, answer, message):
     for name in ("Makefile", "pyproject.toml", "constraints.txt"):
@@ -185,28 +243,41 @@ def test_make_says_which_python_it_needs(tmp_path, answer, message):
     assert not (tmp_path / ".venv").exists()
 
 
-def snakemake(folder: Path, *words: str) -> str:
-    """Dry run of the course's Snakefile on a folder of notebooks; what it would do and why."""
-    command = [sys.executable, "-m", "snakemake", "--snakefile", str(ROOT / "Snakefile"), "--directory", str(folder), *words]
-    settings = ["--dry-run", "--cores", "1", "--config", f"notebooks={folder / 'notebooks'}", "out=out"]
+def snakemake(folder: Path, *words: str, preset: str = "tiny") -> str:
+    """The course's Snakefile on a folder of notebooks, on data beside them; what it would do and why."""
+    command = [sys.executable, "-m", "snakemake", "--snakefile", str(ROOT / "Snakefile"), "--cores", "1", *words]
+    settings = ["--config", "out=out", "grids=grids.yaml", "data=data", f"preset={preset}"]
     environment = {**os.environ, "PYTHONPATH": str(ROOT), "XDG_CACHE_HOME": str(folder / "cache")}
+    environment["MPLCONFIGDIR"] = matplotlib.get_cachedir()
     done = subprocess.run([*command, *settings], cwd=folder, env=environment, capture_output=True, text=True)
     assert done.returncode == 0, done.stdout + done.stderr
     return done.stdout + done.stderr
 
 
 def test_snakemake_runs_again_what_changed_and_nothing_else(tmp_path):
-    """Executing a notebook in place schedules nothing; editing it schedules it."""
-    paths = [save(runnable(), tmp_path / "notebooks", stem) for stem in ("01_first", "06_training", "07_prediction")]
-    write_source_hashes(tmp_path / "out" / ".sources", paths)
-    for path in (*(tmp_path / "out" / path.stem / "metrics.json" for path in paths), tmp_path / "out" / "index.html"):
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_text("{}")
+    """Neither an executed notebook nor a touched file schedules anything; a source, a preset or the data do."""
+    for stem in ("01_first", "06_training", "07_prediction"):
+        save(runnable(), tmp_path / "notebooks", stem)
+        write_atomic(tmp_path / "out" / stem / "metrics.json", "{}")
+    for name in ("out/index.html", "data/a.bvh"):
+        write_atomic(tmp_path / name, "a")
+    (tmp_path / "grids.yaml").write_text("grids: {}")
+    snakemake(tmp_path, "--touch")  # as if all had been run
+
     executed = runnable()
     executed.cells[-1].execution_count = 7
     save(executed, tmp_path / "notebooks", "01_first")
-    assert "Nothing to be done" in snakemake(tmp_path)
+    (tmp_path / "data" / "a.bvh").touch()
+    assert "Nothing to be done" in snakemake(tmp_path, "--dry-run")
+
+    todo = snakemake(tmp_path, "--dry-run", preset="laptop")
+    assert re.search(r"notebook +3\n", todo) and "before: ['--set', 'preset=tiny'" in todo
+
     executed.cells.append(code("print('changed')"))
     save(executed, tmp_path / "notebooks", "01_first")
-    todo = snakemake(tmp_path)
-    assert "Updated input files: out/.sources/01_first.sha256" in todo and "07_prediction.sha256" not in todo
+    todo = snakemake(tmp_path, "--dry-run")
+    assert "Updated input files: .sources/01_first.sha256" in todo and re.search(r"notebook +1\n", todo)
+
+    (tmp_path / "data" / "b.bvh").write_text("b")
+    todo = snakemake(tmp_path, "--dry-run")
+    assert ".sources/data.sha256" in todo and re.search(r"notebook +3\n", todo)

@@ -2,18 +2,15 @@
 
 from __future__ import annotations
 
-import json
 import logging
 import os
 import sys
-from argparse import Namespace, _SubParsersAction
+from argparse import ArgumentParser, Namespace, _SubParsersAction
 from pathlib import Path
 
-import yaml
-
-from mwlib.course.files import NOTEBOOKS, course, find_notebook
+from mwlib.course.files import NOTEBOOKS, TIMEOUT, course, find_notebook, read_notebook
 from mwlib.course.manifest import MANIFEST
-from mwlib.course.parameters import ParameterError, from_text, read_parameters
+from mwlib.course.parameters import from_text, read_parameters, read_values
 from mwlib.course.working_copy import lay_out, told
 from mwlib.experiments.commands import chosen_grid, given_changes, grid_options
 from mwlib.material import PACKAGED, home
@@ -39,6 +36,7 @@ def _add_notebook_commands(subparsers: _SubParsersAction) -> None:
     )
     parser.add_argument("--set", action="append", default=[], metavar="NAME=VALUE", help="one parameter; may be repeated")
     parser.add_argument("--parameters", type=Path, metavar="FILE", help="a YAML file of parameters; --set wins over it")
+    _add_timeout(parser)
     parser.set_defaults(run=_run)
 
     parser = subparsers.add_parser("execute-notebooks", help="execute the committed notebooks in place and filter their outputs")
@@ -53,6 +51,8 @@ def _add_notebook_commands(subparsers: _SubParsersAction) -> None:
     parser.add_argument("build", type=Path, help="folder with one sub-folder per notebook, as run-notebook leaves them")
     parser.add_argument("--notebooks", type=Path, default=NOTEBOOKS, help="folder of the notebooks; default: the course")
     parser.add_argument("--manifest", type=Path, default=MANIFEST)
+    text = "a parameter that every notebook of the build was to get; one that got another is shown as out of date"
+    parser.add_argument("--set", action="append", default=[], metavar="NAME=VALUE", help=text)
     parser.set_defaults(run=_index)
 
 
@@ -64,7 +64,13 @@ def _add_experiment_command(subparsers: _SubParsersAction) -> None:
     parser.add_argument("row", type=int, help="its number, from 0")
     parser.add_argument("seed", type=int)
     grid_options(parser)
+    _add_timeout(parser)
     parser.set_defaults(run=_experiment)
+
+
+def _add_timeout(parser: ArgumentParser) -> None:
+    text = f"seconds for one cell, then the kernel is killed; default: {TIMEOUT:.0f}, a day"
+    parser.add_argument("--timeout", type=float, default=TIMEOUT, metavar="SECONDS", help=text)
 
 
 def _course(args: Namespace) -> int:
@@ -84,10 +90,10 @@ def _run(args: Namespace) -> int:
     _prepare()
     try:
         notebook = find_notebook(args.notebook)
-        given = (yaml.safe_load(args.parameters.read_text(encoding="utf-8")) or {}) if args.parameters else {}
-        offered = read_parameters(json.loads(notebook.read_text(encoding="utf-8")))
-        print(run_notebook(notebook, args.out, {**given, **from_text(offered, args.set)}))
-    except (NotDone, ParameterError, FileNotFoundError) as error:
+        given = read_values(args.parameters) if args.parameters else {}
+        offered = read_parameters(read_notebook(notebook))
+        print(run_notebook(notebook, args.out, {**given, **from_text(offered, args.set)}, args.timeout))
+    except NotDone as error:
         print(error, file=sys.stderr)
         return 1
     return 0
@@ -98,8 +104,8 @@ def _experiment(args: Namespace) -> int:
 
     _prepare()
     try:
-        print(run_experiment(chosen_grid(args), args.row, args.seed, args.preset, given_changes(args), args.out))
-    except (NotDone, ParameterError, ValueError, LookupError) as error:
+        print(run_experiment(chosen_grid(args), args.row, args.seed, args.preset, given_changes(args), args.out, args.timeout))
+    except (NotDone, LookupError) as error:
         print(error, file=sys.stderr)
         return 1
     return 0
@@ -136,5 +142,5 @@ def _learner(args: Namespace) -> int:
 def _index(args: Namespace) -> int:
     from mwlib.course.index import write_index
 
-    print(write_index(args.build, course(args.notebooks), args.manifest))
+    print(write_index(args.build, course(args.notebooks), args.manifest, args.set))
     return 0

@@ -4,15 +4,17 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Iterable
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 from mwlib.files import write_atomic
-from mwlib.material import PACKAGED, course_folder
+from mwlib.material import course_folder
 
 ROOT = course_folder()  # of the folder that the process was started in
 NOTEBOOKS = ROOT / "notebooks"
 EXPERIMENT = NOTEBOOKS / "experiment.ipynb"  # one row of a grid
+TIMEOUT = 86400.0  # seconds for one cell: the paper's own presets train for hours in one
 
 
 def course(folder: Path = NOTEBOOKS) -> list[Path]:
@@ -35,9 +37,37 @@ def find_notebook(name: str, folder: Path = NOTEBOOKS) -> Path:
     return found[0]
 
 
-def source_hash(notebook: Path | dict) -> str:
-    """Hash of what a notebook says, not of what running it produced: types, tags and sources of its cells."""
-    tree = json.loads(notebook.read_text(encoding="utf-8")) if isinstance(notebook, Path) else notebook
+def read_notebook(path: Path) -> dict[str, Any]:
+    """A notebook file as a tree, with all that is relied on later: cells that have a type and a source.
+
+    Raises:
+        FileNotFoundError: there is no such file.
+        ValueError: it is no notebook; the message names the file and what was found.
+    """
+    try:
+        tree = json.loads(path.read_text(encoding="utf-8"))
+    except ValueError as error:
+        raise ValueError(f"{path} is not a notebook: {error}; expected JSON with a list of cells") from None
+    cells = tree.get("cells") if isinstance(tree, dict) else None
+    if not isinstance(cells, list) or not all(map(_is_cell, cells)):
+        raise ValueError(f"{path} is not a notebook: {str(tree)[:40]}; expected cells, each with a type, metadata and a source")
+    return tree
+
+
+def _is_cell(cell: Any) -> bool:
+    if not isinstance(cell, dict) or not isinstance(cell.get("cell_type"), str) or not isinstance(cell.get("metadata", {}), dict):
+        return False
+    source = cell.get("source")
+    return isinstance(source, str) or (isinstance(source, list) and all(isinstance(line, str) for line in source))
+
+
+def source_hash(notebook: Path | Mapping[str, Any]) -> str:
+    """Hash of what a notebook says, not of what running it produced: types, tags and sources of its cells.
+
+    Raises:
+        FileNotFoundError, ValueError: as in `read_notebook`.
+    """
+    tree = read_notebook(notebook) if isinstance(notebook, Path) else notebook
     cells = [
         (cell["cell_type"], cell.get("metadata", {}).get("tags", []), "".join(cell["source"]).strip())
         for cell in tree["cells"]
@@ -45,23 +75,13 @@ def source_hash(notebook: Path | dict) -> str:
     return hashlib.sha256(json.dumps(cells).encode()).hexdigest()
 
 
-def package_hash(package: Path = PACKAGED.parent) -> str:
-    """Hash of the library's files; this tooling and the copy of the notebooks are left out, for they change no result."""
-    digest = hashlib.sha256()
-    for path in sorted(package.rglob("*")):
-        inside = path.relative_to(package)
-        if path.is_file() and "__pycache__" not in inside.parts and inside.parts[0] not in ("course", PACKAGED.name):
-            digest.update(inside.as_posix().encode() + b"\0" + path.read_bytes() + b"\0")
-    return digest.hexdigest()
+def write_hashes(folder: Path, hashes: Mapping[str, str]) -> None:
+    """Write `<name>.sha256` for each; a file whose content stays is not touched.
 
-
-def write_source_hashes(folder: Path, notebooks: Iterable[Path]) -> None:
-    """Write `<stem>.sha256` per notebook and `mwlib.sha256`; a file whose content stays is not touched.
-
-    Snakemake rules depend on these files, so executing a notebook in place schedules nothing.
+    Snakemake rules depend on these files instead of on what was hashed: executing a notebook in place or touching a file of the
+    data schedules nothing, and no path of a user's is taken for a pattern.
     """
-    folder.mkdir(parents=True, exist_ok=True)
-    for stem, text in [("mwlib", package_hash()), *((path.stem, source_hash(path)) for path in notebooks)]:
-        target = folder / f"{stem}.sha256"
+    for name, text in hashes.items():
+        target = folder / f"{name}.sha256"
         if not target.is_file() or target.read_text(encoding="utf-8") != text:
             write_atomic(target, text)

@@ -5,17 +5,21 @@ from __future__ import annotations
 import csv
 import json
 import os
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cache
 from importlib import resources
 from pathlib import Path
 from typing import Any
 
 import jinja2
 
+from mwlib.course.files import read_notebook, source_hash
 from mwlib.course.manifest import MANIFEST, Exhibit, read_manifest
+from mwlib.course.parameters import from_text, read_parameters, resolve
 from mwlib.course.worker import PAGE
-from mwlib.experiments.store import RESULT
+from mwlib.experiments.origins import data_fingerprint, package_hash
+from mwlib.experiments.store import parameters_hash, result_of
 from mwlib.files import write_atomic
 from mwlib.plots import significant
 
@@ -36,34 +40,43 @@ class Found:
     table: tuple[tuple[str, ...], ...]  # rows, header first; empty for a picture
 
 
-def scan(build: Path) -> dict[tuple[str, str], Found]:
-    """Everything that notebooks saved under a build folder, by (notebook, stem).
+def scan(build: Path) -> tuple[dict[tuple[str, str], Found], list[str]]:
+    """Everything that notebooks saved under a build folder, by (notebook, stem); and what could not be read, with the reason.
 
     A picture or table is a `stem.json` (provenance) beside a `stem.csv`; the .json is written last, so what has one is complete.
     """
-    found = {}
+    found, broken = {}, []
     for sidecar in sorted(build.glob("[0-9][0-9]_*/**/*.json")):
         if sidecar.with_suffix(".csv").is_file():
-            item = _found(build, sidecar)
-            found[item.notebook, item.stem] = item
-    return found
+            try:
+                item = _found(build, sidecar)
+            except (OSError, ValueError, csv.Error) as error:
+                broken.append(f"{sidecar.relative_to(build).with_suffix('')}: {error}")
+            else:
+                found[item.notebook, item.stem] = item
+    return found, broken
 
 
-def write_index(build: Path, notebooks: Sequence[Path], manifest: Path = MANIFEST) -> Path:
+def write_index(build: Path, notebooks: Sequence[Path], manifest: Path = MANIFEST, given: Sequence[str] = ()) -> Path:
     """Write `index.html` into a build folder.
 
     Args:
         build: folder with one sub-folder per notebook, as `run-notebook` leaves them.
         notebooks: the notebooks that belong to the build.
         manifest: which exhibits there should be; those that are not there are listed as missing.
+        given: ``name=value`` words, the parameters that each notebook of the build was to get.
 
     Returns:
         The page.
 
     Raises:
-        ValueError: the manifest is not valid.
+        FileNotFoundError: there is no such build folder.
+        ValueError: the manifest is not valid, a notebook is none, or does not have a parameter that was given.
     """
-    found, stems = scan(build), {path.stem for path in notebooks}
+    if not build.is_dir():
+        raise FileNotFoundError(f"{build} is no folder; expected one with a sub-folder per notebook, as run-notebook leaves them")
+    (found, broken), stems = scan(build), {path.stem for path in notebooks}
+    now = _Now(given, package_hash(), cache(data_fingerprint))
     rows = [row for row in read_manifest(manifest) if row.notebook in stems]
     listed = {(row.notebook, row.stem) for row in rows}
     template = jinja2.Template(
@@ -71,8 +84,9 @@ def write_index(build: Path, notebooks: Sequence[Path], manifest: Path = MANIFES
         autoescape=True, trim_blocks=True, lstrip_blocks=True, undefined=jinja2.StrictUndefined,
     )  # fmt: skip
     page = template.render(
-        title=f"Figures and tables: {build.name}",
-        notebooks=[_notebook(build, path) for path in notebooks],
+        title=f"Figures and tables: {build.resolve().name}",
+        notebooks=[_notebook(build, path, now) for path in notebooks],
+        broken=broken,
         sections=[(name, [(row, found.get((row.notebook, row.stem))) for row in part]) for name, part in _sections(rows) if part],
         unlisted=[item for key, item in found.items() if key not in listed],
         longest=LONGEST_TABLE,
@@ -88,18 +102,47 @@ def _sections(rows: list[Exhibit]) -> list[tuple[str, list[Exhibit]]]:
     return [*parts, ("The course's own", [row for row in rows if not row.paper])]
 
 
-def _notebook(build: Path, path: Path) -> dict[str, Any]:
-    folder = build / path.stem
-    page = f"{path.stem}/{PAGE}" if (folder / PAGE).is_file() else ""
-    try:
-        done = json.loads((folder / RESULT).read_text(encoding="utf-8"))["status"] == "ok"
-    except (FileNotFoundError, ValueError, LookupError, TypeError):
-        done = False
-    return {"name": path.stem, "done": done, "page": page}
+@dataclass(frozen=True)
+class _Now:
+    """What results would depend on if they were made today."""
+
+    given: Sequence[str]  # parameters, as words
+    library: str  # its hash
+    files: Callable[[str], str]  # data source -> its fingerprint
+
+
+def _notebook(build: Path, path: Path, now: _Now) -> dict[str, Any]:
+    page = f"{path.stem}/{PAGE}" if (build / path.stem / PAGE).is_file() else ""
+    return {"name": path.stem, "problem": _problem(build / path.stem, path, now), "page": page}
+
+
+def _problem(folder: Path, notebook: Path, now: _Now) -> str:
+    """Why a notebook's result does not count, in a few words; empty if it is what a run would give today."""
+    result = result_of(folder)
+    if result.get("status") != "ok":
+        return "not finished"
+    depends, tree = result["depends"], read_notebook(notebook)
+    data = depends.get("data", {})
+    stale = {
+        "notebook": depends.get("notebook") != source_hash(tree),
+        "library": depends.get("mwlib") != now.library,
+        "data": data.get("files") != now.files(str(data.get("source"))),
+        "parameters": bool(now.given) and result.get("hash") != _parameters(tree, now.given),
+    }
+    changed = [name for name, is_stale in stale.items() if is_stale]
+    return f"out of date: another {', '.join(changed)} now" if changed else ""
+
+
+def _parameters(tree: dict[str, Any], given: Sequence[str]) -> str:
+    """The hash under which a notebook's result would be filed."""
+    offered = read_parameters(tree)
+    return parameters_hash(resolve(offered, from_text(offered, list(given))))
 
 
 def _found(build: Path, sidecar: Path) -> Found:
     provenance = json.loads(sidecar.read_text(encoding="utf-8"))
+    if not isinstance(provenance, dict):
+        raise ValueError(f"its .json holds {str(provenance)[:40]!r}; expected a mapping")
     provenance.pop("figure", None)
     ordered = {name: provenance[name] for name in (*FIRST, *provenance) if name in provenance}
     files = tuple(kind for kind in ("png", "pdf", "csv", "txt", "json") if sidecar.with_suffix(f".{kind}").is_file())

@@ -52,7 +52,13 @@ def read_manifest(path: Path = MANIFEST) -> list[Exhibit]:
         ValueError: a row lacks a field, has an unknown one or a value that is not allowed; the message names
             the file and every such row.
     """
-    rows = (yaml.safe_load(path.read_text(encoding="utf-8")) or {}).get("exhibits", [])
+    try:
+        tree = yaml.safe_load(path.read_text(encoding="utf-8")) or {}
+    except yaml.YAMLError as error:
+        raise ValueError(f"{path} is not YAML: {' '.join(str(error).split())}") from None
+    rows = tree.get("exhibits", []) if isinstance(tree, dict) else None
+    if not isinstance(rows, list) or not all(isinstance(row, dict) for row in rows):
+        raise ValueError(f"{path} holds {str(tree)[:40]!r}; expected exhibits: a list of mappings")
     problems = [f"row {number} ({row.get('id', '?')}): {text}" for number, row in enumerate(rows, 1) for text in _problems(row)]
     for name, keys in (("id", ["id"]), ("notebook and stem", ["notebook", "stem"])):
         values = [tuple(row.get(key) for key in keys) for row in rows]

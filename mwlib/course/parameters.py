@@ -7,7 +7,10 @@ import io
 import tokenize
 from collections.abc import Mapping
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
+
+import yaml
 
 SCALARS = {"str": str, "int": int, "float": float, "bool": bool}
 KINDS = (*SCALARS, "list[str]", "list[int]", "list[float]")
@@ -46,8 +49,12 @@ def read_parameters(notebook: Mapping) -> dict[str, Parameter]:
     if len(cells) != 1:
         raise ParameterError(f"{len(cells)} cells are tagged 'parameters'; expected one")
     source = "".join(cells[0]["source"])
+    try:
+        tree = ast.parse(source)
+    except SyntaxError as error:
+        raise ParameterError(f"parameters cell: {error}; expected lines of the form 'name: type = literal  # comment'") from None
     comments = _comments(source)
-    parameters = [_parameter(node, comments) for node in ast.parse(source).body]
+    parameters = [_parameter(node, comments) for node in tree.body]
     return {parameter.name: parameter for parameter in parameters}
 
 
@@ -79,10 +86,26 @@ def from_text(offered: Mapping[str, Parameter], assignments: list[str]) -> dict[
     return given
 
 
+def read_values(file: Path) -> dict[str, Any]:
+    """Values by parameter name, from a YAML file; an empty file gives none.
+
+    Raises:
+        FileNotFoundError: there is no such file.
+        ParameterError: it is not YAML, or not a mapping.
+    """
+    try:
+        tree = yaml.safe_load(file.read_text(encoding="utf-8"))
+    except (yaml.YAMLError, UnicodeDecodeError) as error:
+        raise ParameterError(f"{file} is not YAML: {' '.join(str(error).split())}") from None
+    if not isinstance(tree, dict | None) or not all(isinstance(name, str) for name in tree or {}):
+        raise ParameterError(f"{file} holds {str(tree)[:40]!r}; expected a mapping of parameters, e.g. preset: laptop")
+    return tree or {}
+
+
 def _literal(parameter: Parameter, text: str) -> Any:
     try:
         return ast.literal_eval({"true": "True", "false": "False"}.get(text, text))
-    except (ValueError, SyntaxError):
+    except (ValueError, TypeError, SyntaxError):
         raise ParameterError(f"{parameter.name} is {text!r}; expected {parameter.kind}, e.g. {parameter.default!r}") from None
 
 
@@ -113,7 +136,7 @@ def _parameter(node: ast.stmt, comments: Mapping[int, str]) -> Parameter:
         raise ParameterError(f"parameters cell: {text!r} has no comment that says what it is")
     try:
         value = ast.literal_eval(node.value)
-    except ValueError:
+    except (ValueError, TypeError):
         raise ParameterError(f"parameters cell: {text!r} is not a literal; derive values in the next cell") from None
     parameter = Parameter(node.target.id, kind, value, comment)
     _fit(parameter, value)

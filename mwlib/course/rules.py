@@ -31,10 +31,12 @@ FORBIDDEN = {
     r"\bplots\.(show|save|save_table)\b|^from mwlib\.plots\S* import .*\b(show|save|save_table)\b": (
         "a picture or table of its own; page.show and page.table show and save"
     ),
+    r"(?i)^\s*#+\s*(NBVAL|PYTEST_VALIDATE)_\w+": "a comment that nbval obeys; tags say what is compared",
     r"\b(runs|store)\.finish\(|\bwrite_result\(": "a result of its own; page.finish writes it",
     r"""["'](/|~/|[A-Za-z]:\\)\w""": "an absolute path",
 }
 MACHINE_PATH = r"(?<![\w.:/])/(home|root|tmp|Users|mnt|opt|work|var|usr)/\w+"
+SKIPPING = {"nbval-skip", "skip-execution"}
 SEEN = "What you should see"
 EXERCISE = r"\bEx (\d+)\.(\d+)\b"
 
@@ -86,7 +88,7 @@ def parameters(notebook: NotebookNode) -> Iterator[str]:
     """One cell of typed, commented literals; the next one turns them into a Config."""
     try:
         offered = read_parameters(notebook)
-    except (ParameterError, SyntaxError) as error:
+    except ParameterError as error:
         yield str(error)
         return
     for name, kind in COMMON.items():
@@ -153,6 +155,8 @@ def forbidden(notebook: NotebookNode) -> Iterator[str]:
             yield f"cell {cell.execution_count} names a path of one machine"
         if {"raises-exception", "nbval-raises-exception"} & {*tags(cell)}:
             yield f"cell {cell.execution_count} is tagged raises-exception, which papermill counts as a failure"
+        if skipping := SKIPPING & {*tags(cell)}:
+            yield f"cell {cell.execution_count} is tagged {', '.join(sorted(skipping))}; every cell runs, everywhere"
 
 
 def length(notebook: NotebookNode) -> Iterator[str]:
@@ -196,6 +200,8 @@ def compared(notebook: NotebookNode) -> Iterator[str]:
     if not any(cell.outputs for cell in checked):
         yield "no cell tagged nbval-check-output has an output"
     for cell in checked:
+        if {"nbval-ignore-output", "pytest-validate-ignore-output"} & {*tags(cell)}:
+            yield f"cell {cell.execution_count} is tagged to be compared and to be ignored; expected one of the two"
         if re.search(r"\bperf_counter\b|\btime\(", cell.source):
             yield f"cell {cell.execution_count} is compared and measures time"
 

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import json
 import re
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -95,29 +96,42 @@ def read_grids(path: Path | None = None) -> dict[str, Grid]:
     """All grids of a file, by id; None = the course's.
 
     Raises:
-        ValueError: the file holds no grids; a grid or row lacks a field or has an unknown one, two rows share a name, or a
-            change is not a valid setting; the message names the file and the place.
+        FileNotFoundError: there is no such file.
+        ValueError: the file holds no grids; a grid or row lacks a field or has an unknown one or one of the wrong kind, two rows
+            share a name, or a change is not a valid setting; the message names the file and the place.
     """
     path = grids_file() if path is None else Path(path)
-    tree = yaml.safe_load(path.read_text(encoding="utf-8"))
+    try:
+        tree = yaml.safe_load(path.read_text(encoding="utf-8"))
+    except yaml.YAMLError as error:
+        raise ValueError(f"{path} is not YAML: {' '.join(str(error).split())}") from None
     if not isinstance(tree, dict) or not isinstance(tree.get("grids", {}), dict):
         raise ValueError(f"{path} holds {str(tree)[:40]!r}; expected a mapping with grids by id")
     return {name: _grid(f"{path}: {name}", name, body) for name, body in tree.get("grids", {}).items()}
 
 
+# What a field of the file may hold; the first entry of a pair is what a message calls it.
+MAPPING, LIST, TEXT = ("a mapping", (dict, type(None))), ("a list", (list,)), ("a text", (str,))
+NUMBER, COUNT = ("a number", (int, float)), ("a whole number", (int, type(None)))
+GRID = {"title": TEXT, "rows": LIST, "system": TEXT, "paper": TEXT, "notebook": TEXT, "trains": ("true or false", (bool,)),
+        "base": MAPPING, "budgets": LIST}  # fmt: skip
+ROW = {"name": ("a name", (str, int, float)), "set": MAPPING, "paper": MAPPING, "seeds": COUNT}
+BUDGET = {"until": NUMBER, "seeds": ("a whole number", (int,)), "share": NUMBER, "set": MAPPING}
+
+
 def _grid(where: str, name: str, body: dict[str, Any]) -> Grid:
     if not isinstance(name, str) or not NAME.fullmatch(name):
         raise ValueError(f"{where}: the id is {name!r}; expected lower-case letters, digits and underscores")
-    _keys(where, body, {"title", "rows"}, {"system", "paper", "notebook", "trains", "base", "budgets"})
+    _check(where, body, {"title", "rows"}, GRID)
     rows = []
     for number, row in enumerate(body["rows"], 1):
-        _keys(f"{where}, row {number}", row, {"name"}, {"set", "paper", "seeds"})
+        _check(f"{where}, row {number}", row, {"name"}, ROW)
         rows.append(Row(str(row["name"]), row.get("set") or {}, row.get("paper") or {}, row.get("seeds")))
-    if len({row.name for row in rows}) < len(rows):
-        raise ValueError(f"{where}: two rows have the same name; expected different ones")
+    if not rows or len({row.name for row in rows}) < len(rows):
+        raise ValueError(f"{where}: {'two rows have the same name' if rows else 'there are no rows'}; expected different ones")
     budgets = []
     for budget in body.get("budgets", ()):
-        _keys(f"{where}, budgets", budget, {"until", "seeds"}, {"share", "set"})
+        _check(f"{where}, budgets", budget, {"until", "seeds"}, BUDGET)
         budgets.append(Budget(budget["until"], budget["seeds"], budget.get("share", 1.0), budget.get("set") or {}))
     grid = Grid(
         name, body.get("system", "prediction"), body["title"], body.get("paper", ""), body.get("notebook", ""),
@@ -131,10 +145,15 @@ def _grid(where: str, name: str, body: dict[str, Any]) -> Grid:
     return grid
 
 
-def _keys(where: str, found: Any, needed: set[str], allowed: set[str]) -> None:
-    if not isinstance(found, dict) or not needed <= {*found} <= needed | allowed:
-        raise ValueError(f"{where} has {sorted(found) if isinstance(found, dict) else found}; expected {sorted(needed)}, "
-                         f"and any of {sorted(allowed)}")  # fmt: skip
+def _check(where: str, found: Any, needed: set[str], fields: Mapping[str, tuple[str, tuple[type, ...]]]) -> None:
+    """Refuse what lacks a field, has an unknown one, or one of the wrong kind."""
+    if not isinstance(found, dict) or not needed <= {*found} <= {*fields}:
+        raise ValueError(f"{where} has {sorted(map(str, found)) if isinstance(found, dict) else found}; expected "
+                         f"{sorted(needed)}, and any of {sorted({*fields} - needed)}")  # fmt: skip
+    for name, value in found.items():
+        kind, types = fields[name]
+        if not isinstance(value, types) or (isinstance(value, bool) and bool not in types):
+            raise ValueError(f"{where}: {name} is {value!r}; expected {kind}")
 
 
 def changes(grid: Grid, row: Row, cfg: Settings, given: Collection[str] = ()) -> dict[str, Any]:
@@ -173,3 +192,23 @@ def row_config(grid: Grid, row: Row, cfg: Settings, seed: int = 0, given: Collec
     """A row's configuration at a seed: of the sampling, and of the training where each row has its own."""
     seeds = {"sampling_seed": seed, **({"seed": seed} if grid.trains else {})}
     return cfg.override(**changes(grid, row, cfg, given)).override(**seeds)
+
+
+def row_parameters(grid: Grid, row: int, seed: int, preset: str, given: Mapping[str, Any]) -> dict[str, Any]:
+    """Parameters of the notebook `experiment.ipynb` that make it one row of a grid, by the row's number from 0.
+
+    Args:
+        given: settings that somebody changed in the preset on purpose.
+
+    Raises:
+        LookupError: there is no such row.
+        ValueError: rows of the grid differ in a given setting.
+    """
+    if not 0 <= row < len(grid.rows):
+        raise LookupError(f"row is {row}; {grid.id} has 0 to {len(grid.rows) - 1}")
+    base = system(grid.system).Config.preset(preset, **given)
+    changed = row_config(grid, grid.rows[row], base, seed, given)
+    names = {**given, **changes(grid, grid.rows[row], base, given), "sampling_seed": seed, "seed": seed}
+    words = [f"{name}={json.dumps(changed.get(name))}" for name in names if name != "data"]
+    data = changed.get("data") if "data" in names else ""
+    return {"system": grid.system, "preset": preset, "data": data, "changes": words}

@@ -10,6 +10,7 @@ from typing import Any
 from matplotlib.figure import Figure
 
 from mwlib.data.known import acknowledgement
+from mwlib.experiments.origins import data_fingerprint, models_used
 from mwlib.experiments.store import RESULT, parameters_hash, write_result
 from mwlib.plots.save import as_csv, origin, save, save_table, show
 from mwlib.plots.tables import results_table
@@ -28,7 +29,7 @@ class Page:
     Args:
         notebook: name of the notebook, without ending.
         out: folder for the files; empty writes nothing. A result that an earlier run left there is deleted.
-        cfg: the configuration; its `data.data` is the source that the files name.
+        cfg: the configuration; its setting `data` is the source that the files name.
         parameters: the notebook's parameters, all but `out`.
 
     Attributes:
@@ -50,11 +51,12 @@ class Page:
     """
 
     def __init__(self, notebook: str, out: str, cfg: Any, **parameters: Any) -> None:
-        source = cfg.data.data
+        source = cfg.get("data")
         self.provenance: dict[str, object] = {"notebook": notebook, "version": __version__, **parameters, "data": source}
         self.provenance |= acknowledgement(source)
         self._folder = Path(out) if out else None
         self._hash = parameters_hash(parameters)
+        self._depends = self._told_now(cfg, source) if out else {}
         self._stems: set[str] = set()
         self._finished = False
         self._forget()
@@ -125,7 +127,9 @@ class Page:
         display(shown)
 
     def finish(self, metrics: Mapping[str, Any]) -> None:
-        """Write the result, `metrics.json`, with the hash of the parameters: the notebook's last call.
+        """Write the result, `metrics.json`, with hashes of what it depends on: the notebook's last call.
+
+        Its status is "finished". `run-notebook`, which sees whether every cell ran, makes "ok" of it.
 
         Args:
             metrics: the numbers to keep; JSON values.
@@ -137,7 +141,7 @@ class Page:
         self._open("a second result")
         json.dumps(dict(metrics))
         if self._folder:
-            write_result(self._folder, metrics, self._hash)
+            write_result(self._folder, metrics, self._hash, self._depends | {"models": dict(models_used)}, "finished")
             self._finished = True
 
     def _open(self, what: str) -> None:
@@ -155,6 +159,11 @@ class Page:
             raise ValueError(f"stem is {stem!r}, which this page has saved already; expected a name of its own")
         self._stems.add(stem)
         return about
+
+    def _told_now(self, cfg: Any, source: str) -> dict[str, Any]:
+        """What the result depends on, as it is before anything is read: files that change meanwhile make it out of date."""
+        data = {"source": source, "files": data_fingerprint(source)}
+        return {"parameters": self._hash, "settings": cfg.hash(), "data": data}
 
     def _forget(self) -> None:
         if self._folder:

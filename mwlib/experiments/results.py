@@ -9,12 +9,13 @@ from typing import Any
 
 import torch
 
+from mwlib.experiments.origins import file_hash, models_used, package_hash
 from mwlib.experiments.runs import get_model, get_run
 from mwlib.experiments.store import locked, runs_folder
 from mwlib.experiments.systems import Data, system_of
 from mwlib.files import write_json
 from mwlib.settings import Settings
-from mwlib.training import read_outcome
+from mwlib.training import MODEL, read_outcome
 from mwlib.version import __version__
 
 
@@ -37,25 +38,41 @@ def get_result(cfg: Settings, data: Data | None = None, progress: bool = False) 
 
     Returns:
         What the system's `evaluate` gives: "mean" and "standard_error" by metric, "windows", and more; "seconds" of the
-        sampling; "training" with loss and seconds of the run, None where no model was needed.
+        sampling; "training" with loss and seconds of the run, None where no model was needed; "depends", hashes of settings,
+        data, the library's sources and (by the name of its run) the model. A file that is no result is measured again.
     """
     data = data or system_of(cfg).load_data(cfg)
     file = result_file(cfg, data)
-    if not file.exists():
+    found = _read(file)
+    if found is None:
         with locked(file.with_suffix(".lock")):
-            if not file.exists():
-                write_json(file, _measure(cfg, data, progress))
-    return json.loads(file.read_text(encoding="utf-8"))
+            found = _read(file)
+            if found is None:
+                found = json.loads(json.dumps(_measure(cfg, data, progress)))
+                write_json(file, found)
+    models_used.update(found.get("depends", {}).get("models", {}))
+    return found
+
+
+def _read(file: Path) -> dict[str, Any] | None:
+    try:
+        found = json.loads(file.read_text(encoding="utf-8"))
+    except (FileNotFoundError, ValueError):
+        return None
+    return found if isinstance(found, dict) and "mean" in found else None
 
 
 def _measure(cfg: Settings, data: Data, progress: bool) -> dict[str, Any]:
-    outcome: dict[str, Any] = {"training": None}
+    outcome: dict[str, Any] = {"training": None, "models": {}}
 
     def model() -> Any:
-        outcome["training"] = read_outcome(get_run(cfg, data, progress))
+        run = get_run(cfg, data, progress)
+        outcome["training"], outcome["models"] = read_outcome(run), {run.name: file_hash(run / MODEL)}
         outcome["started"] = time.monotonic()
         return get_model(cfg, data).to("cuda" if torch.cuda.is_available() else "cpu")
 
     outcome["started"] = time.monotonic()
     found = system_of(cfg).evaluate(cfg, model, data, progress)
-    return {**found, "seconds": round(time.monotonic() - outcome["started"], 1), "training": outcome["training"]}
+    seconds = round(time.monotonic() - outcome["started"], 1)
+    depends = {"settings": cfg.hash(), "data": list(data.fingerprints()), "mwlib": package_hash(), "models": outcome["models"]}
+    return {**found, "seconds": seconds, "training": outcome["training"], "depends": depends}

@@ -13,11 +13,12 @@ from accelerate.state import PartialState
 from accelerate.utils import broadcast_object_list
 from tqdm import tqdm
 
+from mwlib.experiments.origins import file_hash, models_used, package_hash
 from mwlib.experiments.store import locked, read_result, runs_folder, write_result
 from mwlib.experiments.systems import Data, read_config, system_of
 from mwlib.files import sweep, write_atomic
 from mwlib.settings import Settings, digest
-from mwlib.training import TrainingStep, read_model, read_outcome, train
+from mwlib.training import MODEL, TrainingStep, read_model, read_outcome, train
 from mwlib.version import __version__
 
 CONFIG = "config.yaml"
@@ -96,7 +97,9 @@ def _train_to_end(cfg: Settings, data: Data, folder: Path, progress: bool) -> No
             if last.step % 20 == 0:
                 bar.set_postfix(loss=f"{last.loss:.4f}", lr=f"{last.lr:.2e}")
     if _rank() == 0:
-        write_result(folder, read_outcome(folder), cfg.training_hash())
+        depends = {"settings": cfg.training_hash(), "data": data.fingerprints()[0], "mwlib": package_hash()}
+        model = {"model": file_hash(folder / MODEL)}
+        write_result(folder, read_outcome(folder), cfg.training_hash(), depends | model)
 
 
 def get_model(cfg: Settings, data: Data | None = None, progress: bool = False) -> Any:
@@ -107,7 +110,7 @@ def get_model(cfg: Settings, data: Data | None = None, progress: bool = False) -
     Args:
         cfg, data, progress: as in `get_run`.
     """
-    return system_of(cfg).open_model(cfg, *read_model(get_run(cfg, data, progress)))
+    return _opened(cfg, get_run(cfg, data, progress))
 
 
 def load_run(folder: str | Path) -> Any:
@@ -120,8 +123,13 @@ def load_run(folder: str | Path) -> Any:
     folder = Path(folder)
     if not (folder / CONFIG).exists():
         raise FileNotFoundError(f"{folder / CONFIG} is missing: no training run in this folder")
-    cfg = read_config(folder / CONFIG)
-    return system_of(cfg).open_model(cfg, *read_model(folder))
+    return _opened(read_config(folder / CONFIG), folder)
+
+
+def _opened(cfg: Settings, folder: Path) -> Any:
+    parts = read_model(folder)
+    models_used[folder.name] = file_hash(folder / MODEL)
+    return system_of(cfg).open_model(cfg, *parts)
 
 
 def _rank() -> int:

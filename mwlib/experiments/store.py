@@ -8,7 +8,7 @@ import os
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 from filelock import FileLock, Timeout
 
@@ -16,6 +16,7 @@ from mwlib.files import write_json
 from mwlib.material import home
 
 RESULT = "metrics.json"
+Status = Literal["ok", "finished"]
 
 
 def runs_folder() -> Path:
@@ -25,21 +26,37 @@ def runs_folder() -> Path:
     return home() / "runs"
 
 
-def write_result(folder: Path, metrics: Mapping[str, Any], digest: str) -> Path:
-    """Declare a run done: the last thing it does, atomic."""
-    write_json(folder / RESULT, {"status": "ok", "hash": digest, "metrics": dict(metrics)})
+def write_result(
+    folder: Path, metrics: Mapping[str, Any], digest: str, depends: Mapping[str, Any], status: Status = "ok"
+) -> Path:
+    """Write what a run found: the last thing it does, atomic.
+
+    Args:
+        folder: the run's.
+        metrics: what it found; JSON values.
+        digest: hash of its parameters or settings, under which `read_result` knows it.
+        depends: hashes of everything that the metrics depend on.
+        status: "ok" declares it done; a notebook's page can only say "finished", as it does not see whether every cell ran.
+    """
+    tree = {"status": status, "hash": digest, "depends": dict(depends), "metrics": dict(metrics)}
+    write_json(folder / RESULT, tree)
     return folder / RESULT
 
 
-def read_result(folder: Path, digest: str) -> dict[str, Any] | None:
-    """The metrics of a finished run with this hash; None if it is missing, half-written or of other parameters."""
+def read_result(folder: Path, digest: str, status: Status = "ok") -> dict[str, Any] | None:
+    """The metrics of a run with this hash and status; None if they are missing, half-written or of other parameters."""
+    result = result_of(folder)
+    return result["metrics"] if (result.get("status"), result.get("hash")) == (status, digest) else None
+
+
+def result_of(folder: Path) -> dict[str, Any]:
+    """All that a result says: status, hash, depends, metrics; empty if it is missing, half-written or none."""
     try:
         result = json.loads((folder / RESULT).read_text(encoding="utf-8"))
-    except (FileNotFoundError, ValueError):
-        return None
-    if not isinstance(result, dict) or result.get("status") != "ok" or result.get("hash") != digest:
-        return None
-    return result["metrics"]
+    except (FileNotFoundError, NotADirectoryError, ValueError):
+        return {}
+    whole = isinstance(result, dict) and isinstance(result.get("metrics"), dict) and isinstance(result.get("depends"), dict)
+    return result if whole else {}
 
 
 def parameters_hash(parameters: Mapping[str, Any]) -> str:

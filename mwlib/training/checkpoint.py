@@ -64,7 +64,7 @@ class State:
         for name, parameter in self.network.named_parameters():
             moments = {k: tensors[f"adam.{k}.{name}"] for k in ("step", "exp_avg", "exp_avg_sq")}
             self.optimiser.state[parameter] = {k: v.to(parameter.device) for k, v in moments.items()}
-        self.curve, self.validation = tensors["curve"].tolist(), tensors["validation"].tolist()
+        self.curve, self.validation = tensors["curve"].tolist(), [(int(at), loss) for at, loss in tensors["validation"].tolist()]
         if self.scaler:
             self.scaler.load_state_dict(json.loads(metadata["scaler"]))
 

@@ -3,19 +3,29 @@
 from __future__ import annotations
 
 import json
+import os
+import re
 import signal
 import subprocess
 import sys
 import time
 from pathlib import Path
 
+import nbformat
 import pytest
+from nbformat.v4 import new_notebook
 
+from mwlib import files
 from mwlib.__main__ import main
+from mwlib.course import worker
+from mwlib.course.files import source_hash
+from mwlib.course.manifest import FILES
 from mwlib.course.parameters import ParameterError
 from mwlib.course.worker import NotDone, run_notebook
 from mwlib.experiments import store
-from tests.sample_notebooks import runnable, save
+from mwlib.experiments.origins import package_hash
+from mwlib.files import write_together
+from tests.sample_notebooks import NASTY, PARAMETERS, code, runnable, save
 
 ROOT = Path(__file__).parents[2]
 SLOW = "import pathlib, time\npathlib.Path(out, 'begun').touch()\ntime.sleep(300)"
@@ -37,8 +47,8 @@ def test_a_run_that_gets_to_its_end_is_done(tmp_path):
 @pytest.mark.parametrize(
     "cells, last, reason",
     [
-        pytest.param(["import os\nos._exit(1)"], None, "died", id="kernel dies"),
-        pytest.param(["import sys\nsys.exit(0)"], None, "missing", id="exit 0 in a cell"),
+        pytest.param([], "page.finish({})\nimport os\nos._exit(0)", "died", id="kernel dies behind the result"),
+        pytest.param(["page.finish({})\nimport sys\nsys.exit(0)"], None, "cell 4.*left by SystemExit", id="early result, exit 0"),
         pytest.param(["1 / 0"], None, "ZeroDivisionError", id="a cell raises"),
         pytest.param(["page.finish({})"], None, "after page.finish", id="result before the end"),
         pytest.param([], HALF, "half-written", id="half-written result"),
@@ -53,6 +63,71 @@ def test_a_run_that_breaks_is_not_done(tmp_path, cells, last, reason):
         run_notebook(notebook, out, {})
     assert not (out / "metrics.json").exists()
     assert (out / "notebook.ipynb").exists()  # the log stays
+
+
+def test_a_run_with_a_skipped_cell_is_not_done(tmp_path):
+    notebook = new_notebook(cells=[code(PARAMETERS, "parameters"), code("1 / 0", "skip-execution"), code("1")])
+    with pytest.raises(NotDone, match="cell 3, '1 / 0', was not run"):
+        run_notebook(save(notebook, tmp_path), tmp_path / "out", {})
+    assert not (tmp_path / "out" / "metrics.json").exists()
+
+
+def test_a_cell_that_takes_too_long_is_named_and_its_kernel_killed(tmp_path, monkeypatch, capsys):
+    """In a folder whose name papermill would fill in, and the shell would run."""
+    for name in ("OMP_NUM_THREADS", "MW_STATIC"):
+        monkeypatch.setenv(name, "1")
+    folder = tmp_path / NASTY
+    cells = [code(PARAMETERS, "parameters"), code("import os, pathlib\npathlib.Path(out, 'pid').write_text(str(os.getpid()))")]
+    path, out = save(new_notebook(cells=[*cells, code("import time\ntime.sleep(300)")]), folder), folder / "out"
+    assert main(["run-notebook", str(path), "--out", str(out), "--timeout", "2"]) == 1
+    told = capsys.readouterr().err
+    assert "cell 4, 'import time', took longer than the timeout" in told and "Traceback" not in told
+    with pytest.raises(ProcessLookupError):
+        os.kill(int((out / "pid").read_text()), 0)
+    assert (out / "notebook.html").is_file() and not (out / "metrics.json").exists()
+
+
+def test_what_an_earlier_run_left_is_removed_and_nothing_else(tmp_path):
+    """A picture of an earlier run beside those of this one would pass for one of them."""
+    out = tmp_path / "out"
+    for stem, notebook in (("fig_a", "01_sample"), ("fig_b", "02_other")):
+        write_together({out / f"{stem}.{kind}": "x" for kind in ("png", "pdf", "csv", "txt")})
+        (out / f"{stem}.json").write_text(json.dumps({"figure": stem, "notebook": notebook}))
+    for name in ("settings.json", "broken.json", "broken.csv"):
+        (out / name).write_text("[" if "broken" in name else '{"figure": "x"}')
+    with pytest.raises(NotDone):
+        run_notebook(save(new_notebook(cells=[code(PARAMETERS, "parameters"), code("1 / 0")]), tmp_path), out, {})
+    kept = {path.name for path in out.iterdir()} - {"notebook.ipynb", "notebook.html"}
+    assert kept == {"settings.json", "broken.json", "broken.csv", *(f"fig_b.{kind}" for kind in FILES["figure"])}
+
+
+def test_the_result_and_its_page_appear_together_or_not_at_all(tmp_path, monkeypatch):
+    monkeypatch.setattr(worker.papermill, "execute_notebook", pretend)
+    monkeypatch.setattr(worker, "_page", lambda executed: "<html>")
+    out = run_notebook(save(runnable(), tmp_path), tmp_path / "out", {})
+    result = store.result_of(out)
+    assert result["status"] == "ok" and result["depends"] == {
+        "settings": "abc", "notebook": source_hash(runnable()), "mwlib": package_hash()
+    }  # fmt: skip
+    assert (out / "notebook.html").read_text() == "<html>"
+
+    def full_disk(*_):
+        raise OSError("No space left on device")
+
+    monkeypatch.setattr(files, "_write", full_disk)
+    with pytest.raises(OSError, match="No space"):
+        run_notebook(save(runnable(), tmp_path), out, {})
+    assert {path.name for path in out.iterdir()} == {"notebook.ipynb"}
+
+
+def pretend(notebook: str, executed: str, values: dict, **_) -> None:
+    """What a run leaves before it is looked at, without a kernel."""
+    tree, folder = runnable(), Path(executed).parent
+    for number, cell in enumerate(tree.cells, 1):
+        cell.execution_count = number
+    nbformat.write(tree, executed)
+    kept = {"status": "finished", "hash": store.parameters_hash(values), "depends": {"settings": "abc"}, "metrics": {}}
+    (folder / store.RESULT).write_text(json.dumps(kept))
 
 
 def test_sigterm_leaves_no_result(tmp_path):
@@ -76,6 +151,34 @@ def test_the_command_refuses_what_the_notebook_does_not_offer(tmp_path, monkeypa
     errors = capsys.readouterr().err
     assert "unknown parameter" in errors and "level: int = 2" in errors
     assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize(
+    "words, message",
+    [
+        (["{folder}/empty.ipynb"], "empty.ipynb is not a notebook: .*expected cells"),
+        (["{folder}/text.ipynb"], "text.ipynb is not a notebook: Expecting value"),
+        (["{folder}/cells.ipynb"], "cells.ipynb is not a notebook"),
+        (["{folder}/syntax.ipynb"], "parameters cell: "),
+        (["{folder}/good.ipynb", "--parameters", "{folder}/list.yaml"], "list.yaml holds .*expected a mapping"),
+        (["{folder}/good.ipynb", "--parameters", "{folder}/text.ipynb"], "text.ipynb is not YAML"),
+        (["{folder}/good.ipynb", "--set", "out=elsewhere"], "out is given as a parameter, 'elsewhere'; say --out"),
+        (["{folder}/good.ipynb", "--timeout", "0"], "timeout is 0"),
+        (["{folder}/none.ipynb"], "none.ipynb"),
+    ],
+)
+def test_mistakes_are_told_in_a_sentence(tmp_path, monkeypatch, capsys, words, message):
+    for name in ("OMP_NUM_THREADS", "MW_STATIC"):
+        monkeypatch.setenv(name, "1")
+    save(runnable(), tmp_path, "good")
+    save(new_notebook(cells=[code("a: int = (", "parameters")]), tmp_path, "syntax")
+    texts = {"empty.ipynb": "{}", "text.ipynb": "}", "cells.ipynb": '{"cells": [3]}', "list.yaml": "- level=3"}
+    for name, text in texts.items():
+        (tmp_path / name).write_text(text)
+    words = [word.format(folder=tmp_path) for word in words]
+    assert main(["run-notebook", *words, "--out", str(tmp_path / "out")]) == 1
+    told = capsys.readouterr().err
+    assert re.search(message, told) and "Traceback" not in told and not (tmp_path / "out").exists()
 
 
 @pytest.mark.parametrize(

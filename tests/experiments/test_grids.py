@@ -10,6 +10,7 @@ import sys
 import time
 from pathlib import Path
 
+import matplotlib
 import pytest
 import yaml
 
@@ -20,6 +21,7 @@ from mwlib.experiments import committed, lines, measure, read_grids, results, ta
 from mwlib.experiments.grids import changes, row_config
 from mwlib.prediction.config import Config
 from mwlib.prediction.evaluation import METRICS
+from tests.sample_notebooks import NASTY
 from tests.sample_settings import SMALL
 
 ROOT = Path(__file__).parents[2]
@@ -61,11 +63,27 @@ def test_the_papers_grids_are_complete():
         ({"rows": [{"set": {}}]}, "row 1 has"),
         ({"seeds": 3}, "bases has"),
         ({"budgets": [{"seeds": 3}]}, "budgets has"),
+        ({"rows": 5}, "rows is 5; expected a list"),
+        ({"rows": []}, "there are no rows"),
+        ({"rows": [3]}, "row 1 has 3"),
+        ({"rows": [{"name": "a", "set": ["level=2"]}]}, "row 1: set is .*expected a mapping"),
+        ({"rows": [{"name": "a", "seeds": "two"}]}, "row 1: seeds is 'two'; expected a whole number"),
+        ({"budgets": {"until": 3}}, "budgets is .*expected a list"),
+        ({"budgets": [{"until": "1e3", "seeds": 1}]}, "until is '1e3'; expected a number"),
+        ({"trains": "no"}, "trains is 'no'; expected true or false"),
+        ({"system": ["prediction"]}, "system is .*expected a text"),
     ],
 )
 def test_a_grid_that_does_not_fit_is_refused(tmp_path, parts, message):
     with pytest.raises(ValueError, match=message):
         read_grids(write(tmp_path, **parts))
+
+
+@pytest.mark.parametrize("text", ["- table_4", "grids: [table_4]", "grids: ]"])
+def test_a_file_without_grids_is_told(tmp_path, text):
+    (tmp_path / "grids.yaml").write_text(text)
+    with pytest.raises(ValueError, match=r"grids\.yaml (holds|is not YAML)"):
+        read_grids(tmp_path / "grids.yaml")
 
 
 def test_budgets_cut_small_configurations_only(tmp_path):
@@ -144,34 +162,36 @@ def test_one_window_part_is_measured_again_where_it_is_missing(tmp_path, monkeyp
     assert parts[0].exists() and parts[1].stat().st_mtime_ns == kept
 
 
-def workflow(folder: Path) -> list[str]:
-    settings = [f"grids={folder / 'grids.yaml'}", f"out={folder / 'out'}", "preset=tiny", "data=synthetic"]
-    command = [sys.executable, "-m", "snakemake", "grids", "--snakefile", str(ROOT / "Snakefile"), "--directory", str(folder)]
-    return [*command, "--cores", "1", "--rerun-incomplete", "--config", *settings]
+def workflow() -> list[str]:
+    command = [sys.executable, "-m", "snakemake", "grids", "--snakefile", str(ROOT / "Snakefile"), "--cores", "1"]
+    return [*command, "--rerun-incomplete", "--config", "grids=grids.yaml", "out=out", "preset=tiny", "data=synthetic"]
 
 
 def test_after_a_kill_only_what_is_missing_runs_again(tmp_path):
-    """`kill -9` on the whole workflow in the middle of a grid; the next call does the rest."""
-    write(tmp_path, budgets=[{"until": 1000, "seeds": 1}], rows=ROWS[:2])
-    parts = tmp_path / "out" / "grids" / "bases"
-    environment = {**os.environ, "PYTHONPATH": str(ROOT), "MWLIB_RUNS": str(tmp_path / "runs")}
-    environment |= {"XDG_CACHE_HOME": str(tmp_path / "cache"), "OMP_NUM_THREADS": "1"}
-    quiet = dict(cwd=tmp_path, env=environment, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
-    with subprocess.Popen(workflow(tmp_path), start_new_session=True, **quiet) as process:
+    """`kill -9` on the whole workflow in the middle of a grid; the next call does the rest. The folder has an odd name."""
+    folder = tmp_path / NASTY
+    folder.mkdir()
+    write(folder, budgets=[{"until": 1000, "seeds": 1}], rows=ROWS[:2])
+    parts = folder / "out" / "grids" / "bases"
+    environment = {**os.environ, "PYTHONPATH": str(ROOT), "MWLIB_RUNS": str(tmp_path / "runs"), "OMP_NUM_THREADS": "1"}
+    environment |= {"XDG_CACHE_HOME": str(tmp_path / "cache"), "MPLCONFIGDIR": matplotlib.get_cachedir()}
+    quiet = dict(cwd=folder, env=environment, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
+    with subprocess.Popen(workflow(), start_new_session=True, **quiet) as process:
         deadline = time.monotonic() + 200
         while len(list(parts.glob("*"))) < 2 and time.monotonic() < deadline:  # the second has begun
             assert process.poll() is None, process.stdout.read()
             time.sleep(0.1)
         os.killpg(process.pid, signal.SIGKILL)
     done = list(parts.glob("*/metrics.json"))
-    assert len(done) == 1 and not (tmp_path / "out" / "grids" / "bases.csv").exists()
+    assert len(done) == 1 and not (folder / "out" / "grids" / "bases.csv").exists()
     first = done[0].stat().st_mtime_ns
-    subprocess.run([*workflow(tmp_path), "--unlock"], check=True, **quiet)
-    again = subprocess.run(workflow(tmp_path), **quiet)
+    subprocess.run([*workflow(), "--unlock"], check=True, **quiet)
+    again = subprocess.run(workflow(), **quiet)
     assert again.returncode == 0, again.stdout
     assert again.stdout.count("rule experiment:") == 1, again.stdout
     assert done[0].stat().st_mtime_ns == first
-    assert (tmp_path / "out" / "grids" / "bases.csv").read_text().count("\n") == 3
+    assert (folder / "out" / "grids" / "bases.csv").read_text().count("\n") == 3
+    assert not [*tmp_path.rglob("X")]
 
 
 def test_the_committed_tables_come_back_as_lines(tmp_path):

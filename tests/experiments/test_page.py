@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import csv
 import json
-from types import SimpleNamespace
 
 import matplotlib.pyplot as plt
 import numpy as np
@@ -12,8 +11,11 @@ import pytest
 import torch
 
 from mwlib import __version__
+from mwlib.experiments import page as page_module
+from mwlib.experiments.origins import data_fingerprint
 from mwlib.experiments.page import Page
-from mwlib.experiments.store import RESULT, parameters_hash, read_result
+from mwlib.experiments.store import RESULT, parameters_hash, read_result, result_of
+from mwlib.prediction.config import Config
 
 PARAMETERS = {"preset": "tiny", "data": "", "seed": 3}
 ALT = "A line that rises from zero to one."
@@ -37,7 +39,7 @@ def line():
 
 
 def page_in(out="", source="synthetic", **parameters) -> Page:
-    return Page("01_sample", str(out), SimpleNamespace(data=SimpleNamespace(data=source)), **(PARAMETERS | parameters))
+    return Page("01_sample", str(out), Config.preset("tiny", data=source), **(PARAMETERS | parameters))
 
 
 def provenance_of(file) -> dict:
@@ -121,8 +123,20 @@ def test_a_stem_is_saved_once(tmp_path, shown, line):
 
 def test_finish_writes_the_result_under_the_hash_of_the_parameters(tmp_path):
     page_in(tmp_path).finish({"answer": 1.5})
-    assert read_result(tmp_path, parameters_hash(PARAMETERS)) == {"answer": 1.5}
-    assert read_result(tmp_path, parameters_hash(PARAMETERS | {"seed": 4})) is None
+    assert read_result(tmp_path, parameters_hash(PARAMETERS), "finished") == {"answer": 1.5}
+    assert read_result(tmp_path, parameters_hash(PARAMETERS | {"seed": 4}), "finished") is None
+    assert read_result(tmp_path, parameters_hash(PARAMETERS)) is None, "only run-notebook knows whether every cell ran"
+
+
+def test_the_result_names_what_it_depends_on(tmp_path, monkeypatch):
+    (tmp_path / "a.bvh").write_text("x")
+    monkeypatch.setattr(page_module, "models_used", {"a-run": "abc"})
+    page_in(tmp_path / "out", str(tmp_path / "a.bvh")).finish({})
+    assert result_of(tmp_path / "out")["depends"] == {
+        "parameters": parameters_hash(PARAMETERS), "settings": Config.preset("tiny", data=str(tmp_path / "a.bvh")).hash(),
+        "data": {"source": str(tmp_path / "a.bvh"), "files": data_fingerprint(str(tmp_path / "a.bvh"))},
+        "models": {"a-run": "abc"},
+    }  # fmt: skip
 
 
 @pytest.mark.parametrize(

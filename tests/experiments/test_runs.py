@@ -15,7 +15,7 @@ import pytest
 
 from mwlib.experiments import get_model, get_result, get_run, load_run, runs, store, train_run
 from mwlib.files import write_atomic
-from mwlib.training import CHECKPOINT, MODEL
+from mwlib.training import CHECKPOINT, CURVES, MODEL
 from tests.sample_settings import small, two_people
 
 ROOT = Path(__file__).parents[2]
@@ -23,7 +23,7 @@ ROOT = Path(__file__).parents[2]
 
 def test_results_are_believed_only_when_whole(tmp_path):
     assert store.read_result(tmp_path, "abc") is None
-    store.write_result(tmp_path, {"ade": 0.5}, "abc")
+    store.write_result(tmp_path, {"ade": 0.5}, "abc", {})
     assert store.read_result(tmp_path, "abc") == {"ade": 0.5} and store.read_result(tmp_path, "abd") is None
     text = (tmp_path / store.RESULT).read_text()
     for broken in (text[:-5], "[]", json.dumps({"status": "running", "hash": "abc"}), ""):
@@ -100,6 +100,8 @@ def test_a_stopped_training_gives_the_result_of_one_that_was_not(monkeypatch, tm
     again = store.read_result(get_run(cfg, data), cfg.training_hash())
     assert whole is not None and again is not None
     assert {k: v for k, v in again.items() if k != "seconds"} == {k: v for k, v in whole.items() if k != "seconds"}
+    texts = [(file.parent / CURVES).read_text() for file in tmp_path.rglob(MODEL)]
+    assert texts[0] == texts[1], "step numbers stay whole numbers"
 
 
 def test_a_baseline_trains_nothing(monkeypatch, tmp_path):

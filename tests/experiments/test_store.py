@@ -60,7 +60,7 @@ def test_what_is_finished_is_read_without_a_lock(tmp_path, monkeypatch):
     file.parent.mkdir()
     file.write_text(json.dumps({"mean": {"ade": 0.5}}))
     run = runs.run_path(cfg, data)
-    write_result(run, {}, cfg.training_hash())
+    write_result(run, {}, cfg.training_hash(), {})
     before = sorted(tmp_path.rglob("*"))
     for module in (results, runs):
         monkeypatch.setattr(module, "locked", lambda file: pytest.fail(f"{file} was locked"))

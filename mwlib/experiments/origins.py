@@ -1,0 +1,68 @@
+"""What a result depends on, as hashes: the files of its data, the sources of the library, the models that were used."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+from collections.abc import Iterator
+from pathlib import Path
+
+from mwlib.data.hints import LEVELS_UP
+from mwlib.data.known import NAMED_SOURCES
+from mwlib.data.load import READERS, find_source
+from mwlib.data.reading import bare_suffix
+from mwlib.material import PACKAGED
+
+HINTS = ("clips.csv", "skeleton.json")  # read along with motions that lie beside or below them
+
+# Name of the run -> SHA-256 of its model: every one that this process has asked for. A notebook is a process of its own, so
+# its page can say which models stand behind its numbers.
+models_used: dict[str, str] = {}
+
+
+def file_hash(file: Path) -> str:
+    """SHA-256 of a file, in hex."""
+    with file.open("rb") as stream:
+        return hashlib.file_digest(stream, "sha256").hexdigest()
+
+
+def data_fingerprint(source: str) -> str:
+    """Sixteen hex digits over the files behind a data source: their names, sizes and contents.
+
+    They change with every file that `load_motions` may read: added, removed, renamed or edited; not with one that is touched.
+    Data that are no files, like the built-in motions, have the hash of none: they come from the library's own sources.
+
+    Args:
+        source: as `load_motions` takes it.
+    """
+    digest = hashlib.sha256()
+    for name, file in _files(NAMED_SOURCES.get(source, (source,))[0]):
+        digest.update(f"{name}\0{file.stat().st_size}\0{file_hash(file)}\n".encode(errors="surrogateescape"))
+    return digest.hexdigest()[:16]
+
+
+def _files(source: str) -> Iterator[tuple[str, Path]]:
+    """The files that reading a source may open, by their place relative to it."""
+    try:
+        path = find_source(source) if source != "synthetic" else None
+    except FileNotFoundError:
+        return
+    if path is None:
+        return
+    if path.is_dir():
+        inside = [Path(folder, name) for folder, _, names in os.walk(path) for name in names if not name.startswith(".")]
+        found = [file for file in inside if bare_suffix(file) in (*READERS, ".asf") or file.name in HINTS]
+    else:
+        found = [path, *(file for file in path.parent.iterdir() if bare_suffix(file) == ".asf")]
+    found += [folder / name for folder in path.absolute().parents[:LEVELS_UP] for name in HINTS]
+    yield from sorted((os.path.relpath(file, path), file) for file in found if file.is_file())
+
+
+def package_hash(package: Path = PACKAGED.parent) -> str:
+    """Hash of the library's files; the course's tooling and its copy of the notebooks are left out, for they change no result."""
+    digest = hashlib.sha256()
+    for path in sorted(package.rglob("*")):
+        inside = path.relative_to(package)
+        if path.is_file() and "__pycache__" not in inside.parts and inside.parts[0] not in ("course", PACKAGED.name):
+            digest.update(inside.as_posix().encode() + b"\0" + path.read_bytes() + b"\0")
+    return digest.hexdigest()
