@@ -204,7 +204,7 @@ DEEP = "HIERARCHY\n" + "".join(f"{'JOINT' if i else 'ROOT'} j{i} {{ OFFSET 0 0 0
         ("}\nMOTION", "MOTION", "1 open braces"),
         ("}\nMOTION", "}\n}\nMOTION", "'}'"),
         ("}\nMOTION", "}\nROOT Other { OFFSET 0 0 0 CHANNELS 0 }\nMOTION", "one ROOT"),
-        (BVH.split("MOTION")[0], DEEP, "at most 1000, 200 deep"),
+        (BVH.split("MOTION")[0], DEEP, "at most 500, 200 deep"),
         (BVH.split("Time:")[1], " 0.1\n", "no line"),
         (BVH, "", "no MOTION"),
     ],
