@@ -7,6 +7,8 @@ JOBS ?= 2
 NB ?=
 GRIDS ?= figures/grids.yaml
 SET ?=
+FILES ?= 15000
+SEED ?= 0
 
 VENV := .venv
 RUN := $(VENV)/bin/python
@@ -17,7 +19,7 @@ export OMP_NUM_THREADS ?= 1
 export MWLIB_RUNS ?= $(CURDIR)/runs
 
 .DEFAULT_GOAL := help
-.PHONY: help figures grids test types test-blender lab notebooks learner wheel
+.PHONY: help figures grids test types fuzz test-blender lab notebooks learner wheel
 
 help: ## show this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-12s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -42,6 +44,9 @@ test: $(READY) ## lint, types, unit tests, and every notebook executed and compa
 
 types: $(READY) ## check the library's types
 	$(RUN) -m basedpyright
+
+fuzz: $(READY) ## read spoilt motion files of every kind under limits of time and memory: FILES=15000 SEED=0
+	$(RUN) -m tests.fuzz --files $(FILES) --seed $(SEED)
 
 test-blender: $(READY) ## open written BVH files in Blender: installs bpy, 1 GB, outside the repository; needs Python 3.11
 	@test -x $(BLENDER_ENV)/bin/python || $(PYTHON) -m venv $(BLENDER_ENV)

@@ -90,7 +90,7 @@ def read_head(path: Path, count: int) -> bytes:
     new = {".xz": _new_unxz, ".gz": _Gunzip}.get(path.suffix.lower())
     with open_regular(path) as stream:
         if new is None:
-            return stream.read(count)
+            return stream.read(min(count, path.stat().st_size + 1))  # Python sets aside all that is asked for
         parts, size = [], 0
         try:
             for piece in _unpacked(stream, new):
