@@ -71,7 +71,7 @@ def pack(name: str, data: bytes, rng: random.Random) -> tuple[str, bytes]:
     """The file packed, by one, two or many streams, and the packing perhaps spoilt, too; or as it is."""
     if rng.random() < 0.6:
         return name, data
-    suffix, packing = rng.choice(((".xz", lambda d: lzma.compress(d, preset=0)), (".gz", gzip.compress)))
+    suffix, packing = rng.choice(((".xz", lambda d: lzma.compress(d, preset=0)), (".gz", lambda d: gzip.compress(d, mtime=0))))
     cut = rng.randrange(len(data) + 1)
     parts = rng.choice(((data,), (data[:cut], data[cut:]), (packing(data),)))
     packed = b"".join(map(packing, parts))

@@ -33,7 +33,7 @@ def npz(method: int = zipfile.ZIP_DEFLATED, **entries: bytes) -> bytes:
     buffer = io.BytesIO()
     with zipfile.ZipFile(buffer, "w", method) as archive:
         for name, content in entries.items():
-            archive.writestr(f"{name}.npy", content)
+            archive.writestr(zipfile.ZipInfo(f"{name}.npy"), content, method)  # at no time, so that seeds decide all
     return buffer.getvalue()
 
 

@@ -202,7 +202,7 @@ def point(name: str, parents=(-1, 0)) -> Skeleton:
         ({"file": "a.txt"}, r"file is 'a.txt'; expected a name that ends in .bvh"),
         ({"file": "a.bvh.xz"}, "expected a name that ends in .bvh"),
         ({"unit": "mile"}, "unit is 'mile'"),
-        ({"fps": 20_000.0}, "fps is 20000; expected 0.1 to 10000"),
+        ({"fps": 20_000.0}, "fps is 20000; expected 1 to 10000"),
         ({"skeleton": point("")}, "named ''"),
         ({"skeleton": point("two  spaces")}, "named 'two  spaces'"),
         ({"skeleton": point("brace {")}, "named 'brace {'"),
