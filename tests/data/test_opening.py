@@ -165,12 +165,13 @@ def test_a_table_has_so_many_numbers_and_no_endless_line(tmp_path, monkeypatch):
 def many_frames(kind: str, folder: Path) -> Path:
     """A file of 70 frames in which everything turns."""
     rng = np.random.default_rng(0)
+    turns = (np.cumsum(rng.normal(scale=60, size=(70, 20)), axis=0) + 180) % 360 - 180  # quaternions change sign where these wrap
     if kind == "bvh":
-        rows = "\n".join(" ".join(f"{v:.3f}" for v in row) for row in np.cumsum(rng.normal(scale=30, size=(70, 20)), axis=0))
+        rows = "\n".join(" ".join(f"{v:.3f}" for v in row) for row in turns)
         text = BVH.split("Frames")[0] + f"Frames: 70\nFrame Time: 0.01\n{rows}\n"
     elif kind == "amc":
         (folder / "05.asf").write_text(ASF)
-        angles = np.cumsum(rng.normal(scale=30, size=(70, 12)), axis=0).round(2).astype(str)
+        angles = turns[:, :12].round(2).astype(str)
         names = [("root", 0, 6), ("lleg", 6, 9), ("rleg", 9, 11), ("larm", 11, 12)]
         frames = ("\n".join(f"{name} {' '.join(row[a:b])}" for name, a, b in names) for row in angles)
         lines = [f"{number}\n{frame}" for number, frame in enumerate(frames)]
