@@ -9,6 +9,8 @@ JOBS ?= 2
 NB ?=
 GRIDS ?= figures/grids.yaml
 SET ?=
+FILES ?= 15000
+SEED ?= 0
 
 VENV := .venv
 RUN := $(VENV)/bin/python
@@ -30,7 +32,7 @@ export OMP_NUM_THREADS ?= 1
 export MWLIB_RUNS ?= $(CURDIR)/runs
 
 .DEFAULT_GOAL := help
-.PHONY: help figures grids test types mutants test-blender lab notebooks learner wheel
+.PHONY: help figures grids test types mutants fuzz test-blender lab notebooks learner wheel
 
 help: ## show this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-12s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -48,13 +50,16 @@ test: $(READY) ## lint, types, unit tests, and every notebook executed and compa
 	$(RUN) -m ruff format --check .
 	$(RUN) -m basedpyright
 	@rm -rf build/test-runs
-	MW_STATIC=1 SOURCE_DATE_EPOCH=0 MWLIB_RUNS=$(CURDIR)/build/test-runs $(RUN) -m pytest -n 2 --dist loadfile --no-loadscope-reorder --ignore=tests/blender tests
+	MW_STATIC=1 SOURCE_DATE_EPOCH=0 MWLIB_RUNS=$(call quoted,$(CURDIR)/build/test-runs) $(RUN) -m pytest -n 2 --dist loadfile --no-loadscope-reorder --ignore=tests/blender tests
 
 types: $(READY) ## check the library's types
 	$(RUN) -m basedpyright
 
 mutants: $(READY) ## plant small mistakes in copies of the library; each must make a unit test fail: JOBS=2
 	$(RUN) -m tests.mutants --jobs $(JOBS)
+
+fuzz: $(READY) ## read spoilt motion files of every kind under limits of time and memory: FILES=15000 SEED=0
+	$(RUN) -m tests.fuzz --files $(FILES) --seed $(SEED)
 
 test-blender: $(READY) ## open written BVH files in Blender: installs bpy, 1 GB, outside the repository; needs Python 3.11
 	@test -x $(BLENDER)/bin/python || $(WITH) -m venv $(BLENDER)

@@ -95,7 +95,7 @@ def read_array(stream: BinaryIO, file: Path, place: str) -> Shaped[np.ndarray, "
     if dtype.kind not in "biufU" or not 0 < dtype.itemsize <= 4 * LONGEST_TEXT:
         raise MotionFormatError(file, place, f"an array of dtype {str(dtype)[:40]}", "numbers or strings")
     count, most = math.prod(shape), allowed(MOST_VALUES if dtype.kind != "U" else LONGEST_TEXT, file)
-    if count > most:
+    if max(count, *shape, 0) > most:
         raise MotionFormatError(file, place, f"shape {shape}", f"at most {most} values in a file of this size")
     wanted = count * dtype.itemsize
     data = stream.read(wanted + 1)

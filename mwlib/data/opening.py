@@ -17,9 +17,9 @@ PACKED = (".xz", ".gz")
 # 1 GiB. Own choice, by measurement: a byte on disk holds at most 7.2 bytes of text and 0.23 points in 309 public files, so that
 # 10 MB of them come to 72 MB and 2.3 million points; an hour of 22 joints at 30 Hz is 67 MB of BVH and 2.9 million points.
 SMALL_FILE = 10_000_000
-MOST_BYTES = 100_000_000
-MOST_VALUES = 12_000_000
-MOST_POINTS = 4_000_000  # frames times joints
+MOST_BYTES = 80_000_000
+MOST_VALUES = 9_000_000
+MOST_POINTS = 3_000_000  # frames times joints
 MOST_STREAMS = 1000  # of packing one after another in one file
 UNPACK_MEMORY = 2**27  # bytes that an .xz dictionary may ask for; the largest that `xz -9` writes is 2**26
 PIECE = 2**16
@@ -90,7 +90,7 @@ def read_head(path: Path, count: int) -> bytes:
     new = {".xz": _new_unxz, ".gz": _Gunzip}.get(path.suffix.lower())
     with open_regular(path) as stream:
         if new is None:
-            return stream.read(count)
+            return stream.read(min(count, path.stat().st_size + 1))  # Python sets aside all that is asked for
         parts, size = [], 0
         try:
             for piece in _unpacked(stream, new):

@@ -15,7 +15,7 @@ from mwlib.data.errors import MotionFormatError
 from mwlib.data.opening import MOST_BYTES, MOST_VALUES, allowed, read_bytes
 
 LARGEST = 1e7  # no position (in any unit) or angle is larger
-MOST_JOINTS = 1000  # of one skeleton
+MOST_JOINTS = 500  # of one skeleton; a body with fingers and face has about 200
 BLOCK = 2**20  # characters of text that are taken apart at a time
 LONGEST_WORD = 200  # characters of a number or of a joint's name
 SMALL_TEXT = 4_000_000  # bytes of a skeleton or of a list of clips; the longest at hand has 0.4 million

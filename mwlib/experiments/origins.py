@@ -10,7 +10,7 @@ from pathlib import Path
 from mwlib.data.hints import LEVELS_UP
 from mwlib.data.known import NAMED_SOURCES
 from mwlib.data.load import READERS, find_source
-from mwlib.data.reading import bare_suffix
+from mwlib.data.opening import bare_suffix
 from mwlib.material import PACKAGED
 
 HINTS = ("clips.csv", "skeleton.json")  # read along with motions that lie beside or below them

@@ -20,7 +20,7 @@ from mwlib.data.formats.blocks import in_blocks
 from mwlib.data.hints import Hints
 from mwlib.data.naming import own_skeleton
 from mwlib.data.opening import MOST_POINTS, MOST_VALUES, allowed, bare_name, bare_suffix, without_twins
-from mwlib.data.reading import blocks_of, bounded, lines_of, read_text
+from mwlib.data.reading import BLOCK, LARGEST, blocks_of, bounded, lines_of, read_text
 from mwlib.data.stated import FILE, FORMAT, Reading, Stated, stated
 from mwlib.data.units import infer_unit
 
@@ -99,6 +99,8 @@ def _header(text: str, file: Path) -> tuple[bool, int]:
     """Whether angles are in degrees, and where the first frame begins."""
     degrees = True
     for line in lines_of(text):
+        if line.start() > BLOCK:
+            raise MotionFormatError(file, "header", f"more than {BLOCK} characters", "a frame before that")
         word = line[0].strip().lower()
         if word and not word.startswith(("#", ":")):
             return degrees, line.start()
@@ -111,6 +113,8 @@ def _first_frame(text: str, start: int, body: Body, file: Path) -> dict[str, tup
     dofs = {"root": body.root_order} | {name: bone.dof for name, bone in body.bones.items() if bone.dof}
     order: dict[str, tuple[str, ...]] = {}
     for line in islice(lines_of(text, start), 1, None):
+        if line.start() - start > BLOCK:
+            break
         words = line[0].split(maxsplit=len(ROOT_ORDER) + 1)
         if len(words) == 1:  # the next frame's number
             break
@@ -130,8 +134,8 @@ def _first_frame(text: str, start: int, body: Body, file: Path) -> dict[str, tup
 
 def _table(text: str, start: int, first: dict[str, tuple[str, ...]], body: Body, file: Path) -> Float[np.ndarray, "T channels"]:
     """The numbers of all frames, bone after bone as in the first one."""
-    stride = 1 + sum(1 + len(dof) for dof in first.values())
-    most = min(allowed(MOST_POINTS, file) // len(body.bones), allowed(MOST_VALUES, file) // stride)
+    stride = _stride(first)
+    most = min(allowed(MOST_POINTS, file) // len(body.bones), allowed(MOST_VALUES, file) // (stride - len(first)))
     tables: list[np.ndarray] = []
     frames, words = 0, []
     for block in _text_blocks(text, start, file):
@@ -160,20 +164,31 @@ def _block(
     words: list[str], first: dict[str, tuple[str, ...]], before: list[np.ndarray], file: Path
 ) -> Float[np.ndarray, "n columns"]:
     """Frame numbers, then the numbers of every bone, of some frames that follow those `before`."""
-    stride = 1 + sum(1 + len(dof) for dof in first.values())
-    columns = [_column(words[::stride], file, "frame numbers")]
-    numbers = np.concatenate([before[-1][-1:, 0], columns[0]]) if before else columns[0]
+    places = {0: "frame numbers"}
+    stride = 1
+    for name, dof in first.items():
+        others = set(words[stride :: _stride(first)]) - {name}
+        if others:
+            raise MotionFormatError(file, f"line of {name}", repr(sorted(others)[0][:40]), f"{name}, as in frame 1")
+        places |= {stride + i: f"{name} {d}" for i, d in enumerate(dof, 1)}
+        stride += 1 + len(dof)
+    grid = np.array(words, dtype=object).reshape(-1, stride)
+    try:
+        table = grid[:, list(places)].astype(np.float64)
+    except (ValueError, OverflowError):
+        table = np.full((1, 1), np.nan)
+    if not np.all(np.abs(table) <= LARGEST):  # False for nan; now say where
+        table = np.stack([_column(grid[:, column].tolist(), file, place) for column, place in places.items()], axis=-1)
+    numbers = np.concatenate([before[-1][-1:, 0], table[:, 0]]) if before else table[:, 0]
     if np.any(np.diff(numbers) != 1):
         at = int(np.argmax(np.diff(numbers) != 1))
         raise MotionFormatError(file, f"after frame {numbers[at]:g}", f"frame {numbers[at + 1]:g}", "the next one")
-    start = 1
-    for name, dof in first.items():
-        others = set(words[start::stride]) - {name}
-        if others:
-            raise MotionFormatError(file, f"line of {name}", repr(sorted(others)[0][:40]), f"{name}, as in frame 1")
-        columns += [_column(words[start + i :: stride], file, f"{name} {d}") for i, d in enumerate(dof, 1)]
-        start += 1 + len(dof)
-    return np.stack(columns, axis=-1)
+    return table
+
+
+def _stride(first: dict[str, tuple[str, ...]]) -> int:
+    """Words of a frame: its number, and of each bone its name and numbers."""
+    return 1 + sum(1 + len(dof) for dof in first.values())
 
 
 def _column(words: list[str], file: Path, place: str) -> Float[np.ndarray, " n"]:

@@ -12,11 +12,12 @@ from mwlib.body.rig import ROTATION_DTYPE
 from mwlib.body.rotation import continuous
 
 POINTS_AT_ONCE = 2**15  # frames times joints: what a block computes stays within a processor's cache
+FEWEST_FRAMES = 512  # of a block: each joint is a step of its own, however short the block
 
 
 def blocks(frames: int, joints: int) -> Iterator[slice]:
     """Slices of frames that together are all of them."""
-    step = max(1, POINTS_AT_ONCE // joints)
+    step = max(FEWEST_FRAMES, POINTS_AT_ONCE // joints)
     return (slice(start, min(start + step, frames)) for start in range(0, frames, step))
 
 

@@ -43,11 +43,11 @@ def read_bvh(file: Path, hints: Hints) -> Reading:
     if split is None:
         raise MotionFormatError(file, "end of HIERARCHY", "no MOTION section", "a line MOTION")
     nodes = _hierarchy(words_of(text, split.start()), file)
-    table, fps = _motion(text, split.end(), nodes, file)
-    del text  # the clip needs its memory
     skeleton, picked = bvh_skeleton(nodes)
     if len(skeleton) < 2:
         raise MotionFormatError(file, "HIERARCHY", "one joint", "at least two")
+    table, fps = _motion(text, split.end(), nodes, file)
+    del text  # the clip needs its memory
     positions = _positions(nodes, table, picked)
     unit = hints.unit or infer_unit(positions, skeleton, file)
     up, rate = hints.up or Stated("y", FORMAT), hints.fps or Stated(fps, FILE)

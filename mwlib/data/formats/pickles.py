@@ -208,8 +208,10 @@ class _Machine:
         self.stack.append(made)
 
     def _numbers(self, content: object, dtype: object, shape: object, fortran: bool) -> np.ndarray:
-        is_shape = isinstance(shape, tuple) and len(shape) <= MOST_DIMENSIONS and all(type(n) is int and n >= 0 for n in shape)
-        if not isinstance(dtype, _Dtype) or dtype.code.startswith("O") or not is_shape:
+        if (
+            not isinstance(dtype, _Dtype) or dtype.code.startswith("O")
+            or not isinstance(shape, tuple) or len(shape) > MOST_DIMENSIONS or not all(type(n) is int and n >= 0 for n in shape)
+        ):  # fmt: skip
             raise _Refused("an array without a plain shape and dtype")
         count, kind = math.prod(shape), np.dtype(dtype.order + dtype.code)
         raw = content.encode("latin1") if isinstance(content, str) else content  # Python 2 wrote text

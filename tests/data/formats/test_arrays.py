@@ -122,6 +122,11 @@ def test_an_array_that_does_not_fit_is_refused(tmp_path, array, message):
         ({"unit": "ell"}, "unit: found 'ell'; expected metres"),
         ({"unit": [1]}, r"unit: found \[1\]"),
         ({"up": "x"}, "up: found 'x'; expected 'y' or 'z'"),
+        ({"up": ["z"]}, r"up: found \['z'\]; expected 'y' or 'z'"),
+        ({"fps": [25]}, "fps: found list; expected a number"),
+        ({"joints": ["\ud800", "left", "right", "top"]}, "joints: found .* a name"),
+        ({"name": "x" * 300}, "name: found .*at most 200 characters"),
+        ({"joints": ["j"] * 501}, "names up to 500"),
     ],
 )
 def test_a_skeleton_file_that_makes_no_sense_is_refused(tmp_path, change, message):
@@ -147,6 +152,14 @@ def test_other_archives_are_refused_by_what_they_hold(tmp_path):
     np.savez(tmp_path / "b.npz", positions=POSITIONS, skeleton="OWL9", fps=50)
     with pytest.raises(MotionFormatError, match="skeleton: found 'OWL9'; expected one of .*H36M17"):
         load_motions(tmp_path / "b.npz")
+    np.savez(tmp_path / "b.npz", positions=POSITIONS, skeleton=np.array(5), fps=50)
+    with pytest.raises(MotionFormatError, match="b.npz, skeleton: found 5; expected one of"):
+        load_motions(tmp_path / "b.npz")
+    for point in (0x110000, 0xD800):  # beyond Unicode, and half a pair
+        subject = np.frombuffer(np.array([point], "<u4").tobytes(), "<U1").reshape(())
+        np.savez(tmp_path / "b.npz", positions=POSITIONS, skeleton="H36M17", fps=50, subject=subject)
+        with pytest.raises(MotionFormatError, match="b.npz, subject: found no character at byte 0"):
+            load_motions(tmp_path / "b.npz")
     np.savez(tmp_path / "b.npz", positions=POSITIONS, fps=[50, 60])
     with pytest.raises(MotionFormatError, match=r"b.npz, fps: found shape \(2,\); expected a single value"):
         load_motions(tmp_path / "b.npz")

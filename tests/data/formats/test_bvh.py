@@ -106,7 +106,20 @@ def test_a_body_of_no_known_unit_needs_one(tmp_path):
 
 @pytest.mark.parametrize(
     ("step", "fps"),
-    [(".0083333", 120), ("0.00833333", 120), ("0.033333", 30), ("0.0333667", 29.97), ("0.0166667", 60), ("0.04", 25), ("1", 1)],
+    [
+        (".0083333", 120),
+        ("0.00833333", 120),
+        ("0.03", 30),
+        ("0.017", 60),
+        ("0.033", 30),
+        ("0.02", 50),
+        ("0.008", 125),
+        ("0.033333", 30),
+        ("0.0333667", 29.97),
+        ("0.0166667", 60),
+        ("0.04", 25),
+        ("1", 1),
+    ],
 )
 def test_the_frame_time_stands_for_a_whole_rate_if_its_digits_allow(tmp_path, step, fps):
     assert read(tmp_path, BVH.replace(".0083333", step)).fps == pytest.approx(fps, rel=1e-5)
@@ -227,7 +240,14 @@ DEEP = "HIERARCHY\n" + "".join(f"{'JOINT' if i else 'ROOT'} j{i} {{ OFFSET 0 0 0
         ("}\nMOTION", "MOTION", "1 open braces"),
         ("}\nMOTION", "}\n}\nMOTION", "'}'"),
         ("}\nMOTION", "}\nROOT Other { OFFSET 0 0 0 CHANNELS 0 }\nMOTION", "one ROOT"),
-        (BVH.split("MOTION")[0], DEEP, "at most 1000, 200 deep"),
+        ("ROOT Hips", f"ROOT {'Hips' * 100}", "a name of at most 200 characters"),
+        ("Frame Time: .0083333", "Frame Time: 8.3333", "found 8.3333, which looks like milliseconds; expected seconds"),
+        (
+            BVH.split("MOTION")[0],
+            "HIERARCHY ROOT a { OFFSET 0 0 0 CHANNELS 0 End Site { OFFSET 0 1 0 } }\n",
+            "one joint; expected at least two",
+        ),
+        (BVH.split("MOTION")[0], DEEP, "at most 500, 200 deep"),
         (BVH.split("Time:")[1], " 0.1\n", "no line"),
         (BVH, "", "no MOTION"),
     ],

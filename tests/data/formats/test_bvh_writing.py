@@ -104,7 +104,7 @@ def test_any_unit_can_be_written_and_the_metric_ones_are_told_from_the_body(tmp_
         np.testing.assert_array_equal(told.positions, again.positions)
 
 
-@pytest.mark.parametrize("fps", [60.0, 59.94, 23.976, 1.0, 144.0, 1000.0, 10_000.0, 7 / 3])
+@pytest.mark.parametrize("fps", [60.0, 59.94, 23.976, 1.0, 144.0, 1000.0, 10_000.0, 2.0, 7 / 3])
 def test_every_rate_comes_back(tmp_path, fps):
     round_trip(replace(read_text(tmp_path, bvh(KINDS["zyx"])), fps=fps), tmp_path)
 

@@ -87,14 +87,58 @@ def test_permitted_names_cannot_be_put_to_other_uses(call):
         tree_of(pickle.dumps({"S1": call}, protocol=4))
 
 
-def test_hungry_pickles_are_refused():
-    deep = pickle.PROTO + b"\x04" + b"}" + b")" + b"\x85" * 1_000_000 + b"K\x01s."  # a million tuples in each other, as a key
-    extension = pickle.PROTO + b"\x04" + b"\x82\x01."
-    state = pickle.PROTO + b"\x04" + b"cnumpy\ndtype\n}b."  # set attributes of a function
+HEAD = b"\x80\x04"
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        (HEAD + b"})" + b"2\x86" * 60 + b"K\x01s.", "an instruction DUP"),
+        (HEAD + b"})" + b"\x85" * 1_000_000 + b"K\x01s.", "more than 250000 instructions"),
+        (HEAD + b"})" + b"\x85" * 10_000 + b"K\x01s.", "a key that is no text"),
+        (
+            HEAD + b"}" + b"".join(b"\x8a\x0a" + (i * (2**61 - 1)).to_bytes(10, "little") + b"Ns" for i in range(60)) + b".",
+            "no text",
+        ),
+        (HEAD + b")\x94h\x00.", "tuple twice"),
+        (HEAD + b"}\x94h\x00.", "dict twice"),
+        (HEAD + b"]\x94h\x00.", "list twice"),
+        (HEAD + b"]NaNa.", "list among"),
+        (HEAD + b"(" + b"N" * 10 + b"t.", "a tuple of 10"),
+        (HEAD + b"\x8b\x01\x00\x00\x00\x01.", "an instruction LONG4"),
+        (HEAD + b"\x82\x01.", "an instruction EXT1"),
+        (HEAD + b"cnumpy\ndtype\n}b.", "the state of something that has none"),
+        (HEAD + b"cnumpy\ndtype\n)\x81.", "an instruction NEWOBJ"),
+        (HEAD + b"N.", "NoneType among the dictionaries"),
+        (HEAD + b"}(N.", "a pickle of"),
+        (HEAD + b"1.", "an instruction POP_MARK"),
+        (b"", "a pickle of"),
+        (b".", "a pickle of"),
+    ],
+)
+def test_instructions_that_arrays_do_not_need_are_refused(content, message):
+    with pytest.raises(MotionFormatError, match=message):
+        tree_of(content)
+
+
+def test_a_far_memo_slot_costs_nothing():
+    assert tree_of(HEAD + b"}r\xff\xff\xff\x7f.") == {}
+
+
+def test_arrays_have_at_most_four_dimensions_and_as_many_numbers_as_the_file_may_hold(monkeypatch):
+    for protocol in (2, 4, 5):
+        pickled = pickle.dumps(np.array({"a": np.zeros((1,) * 5)}, dtype=object), protocol=protocol)
+        with pytest.raises(MotionFormatError, match="an array without a plain shape"):
+            tree_of(pickled)
+        two = pickle.dumps(np.array({"a": ARRAY, "b": ARRAY + 1}, dtype=object), protocol=protocol)
+        monkeypatch.setattr("mwlib.data.formats.pickles.MOST_VALUES", 2 * ARRAY.size)
+        assert set(tree_of(two)) == {"a", "b"}
+        monkeypatch.setattr("mwlib.data.formats.pickles.MOST_VALUES", 2 * ARRAY.size - 1)
+        with pytest.raises(MotionFormatError, match="more numbers than a file of this size may hold"):
+            tree_of(two)
     size = pickle.dumps(np.array({"a": np.zeros(3)}, dtype=object), protocol=2).replace(b"K\x03\x85", b"J\xff\xff\xff\x7f\x85")
-    for data in (deep, extension, state, size, b"", b".", b"\x80\x04N."):
-        with pytest.raises(MotionFormatError):
-            tree_of(data)
+    with pytest.raises(MotionFormatError, match="do not fill shape"):
+        tree_of(size)
 
 
 def test_no_injury_gets_past_the_reader(tmp_path):

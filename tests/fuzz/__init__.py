@@ -1,0 +1,1 @@
+"""Spoilt motion files of every kind, each read under a limit of time and memory."""
