@@ -14,6 +14,8 @@ from mwlib.body.skeleton import H36M17, Skeleton
 
 RIG_SLACK = 1e-3, 1e-6  # metres, and share of the largest coordinate, between a position and its rig: more is another pose
 
+FASTEST = 10_000.0  # frames per second
+
 
 @dataclass(frozen=True)
 class Motion:
@@ -84,7 +86,12 @@ class Motion:
 
         Between frames positions are interpolated linearly; with a rig, its rotations by slerp and the positions by its
         kinematics, so that bones keep their lengths. Own choice: 120 to 60 Hz keeps every second frame exactly.
+
+        Raises:
+            ValueError: no rate that a camera has.
         """
+        if not 0 < fps <= FASTEST:
+            raise ValueError(f"fps is {fps:g}; expected up to {FASTEST:g} frames per second")
         if fps == self.fps:
             return self
         frames = int(np.floor(self.duration * fps + 1e-6)) + 1

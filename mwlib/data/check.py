@@ -13,7 +13,7 @@ from mwlib.body.kinematics import bone_lengths
 from mwlib.body.motion import Motion
 from mwlib.data.doubts import GLITCH, fastest, left_out, looks_wrong
 from mwlib.data.errors import MotionFormatError
-from mwlib.data.known import NAMED_SOURCES
+from mwlib.data.known import named_source
 from mwlib.data.load import caller_says, find_source, motion_files, readings
 from mwlib.data.opening import bare_suffix
 from mwlib.data.published import MOST_NAMES, frames_differ, known_frames, known_protocol, line, protocol, window_count
@@ -92,7 +92,7 @@ def check_data(
 def _read(source: str | Path, **stated) -> tuple[list[Clip], list[str]]:
     """Every clip, and the errors of the files that have none."""
     given = caller_says(**stated)
-    source = NAMED_SOURCES[source][0] if isinstance(source, str) and source in NAMED_SOURCES else source
+    source, _ = named_source(source)
     if source == "synthetic":
         maker = "the generator"
         made = (Reading(m, Stated(1.0, maker), Stated(m.up, maker), Stated(m.fps, maker)) for m in synthetic_motions())

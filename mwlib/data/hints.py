@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TypedDict, Unpack
 
 from mwlib.body.kinematics import AXES
-from mwlib.body.motion import Motion
+from mwlib.body.motion import FASTEST, Motion
 from mwlib.body.skeleton import Skeleton
 from mwlib.data.errors import MotionFormatError
 from mwlib.data.opening import PACKED, bare_name
@@ -20,7 +20,7 @@ from mwlib.data.stated import CALLER, TABLE, Stated, stated
 from mwlib.data.units import metres_per_unit
 
 LEVELS_UP = 4  # folders above a file in which its clips.csv or skeleton.json may lie
-SLOWEST, FASTEST = 1.0, 10_000.0  # frames per second; a rate below looks like milliseconds taken for seconds
+SLOWEST = 1.0  # frames per second; a rate below looks like milliseconds taken for seconds
 MOST_COLUMNS, MOST_ROWS = 100, 100_000  # of clips.csv; all of CMU are 2435 rows
 
 # What file names of the known collections say: "05_12.amc", "walk4_subject1.bvh", "dataset-1_bow_normal_001.bvh".

@@ -13,6 +13,20 @@ NAMED_SOURCES = {
     "humaneva": ("data_3d_humaneva15.npz", 60.0),
 }
 
+
+def named_source(source: str | Path) -> tuple[str | Path, float | None]:
+    """What a source stands for and the rate that goes with it: a preset's data by the preset's name; else itself.
+
+    Raises:
+        ValueError: a file or folder of the working folder has the same name.
+    """
+    if not isinstance(source, str) or source not in NAMED_SOURCES:
+        return source, None
+    if Path(source).exists():
+        raise ValueError(f"{source!r} names a preset's data and {Path(source).absolute()}; for the latter say ./{source}")
+    return NAMED_SOURCES[source]
+
+
 # Windows per take at H, F, stride = 25, 100, 25: plain, "1", "2", ...; "-" where there is no such take. HumanMAC's protocol.
 _H36M_TAKES = {
     "S9": "Directions 103/90 Discussion -/230/208 Eating 103/102 Greeting 53/104 Phoning 128/148 Posing 74/74 Purchases 57/45 "

@@ -24,7 +24,7 @@ from mwlib.data.formats.bvh import read_bvh
 from mwlib.data.formats.cmu_benchmark import COLUMNS, read_benchmark
 from mwlib.data.formats.h36m import read_positions_3d
 from mwlib.data.hints import Given, Hints, hints
-from mwlib.data.known import NAMED_SOURCES
+from mwlib.data.known import NAMED_SOURCES, named_source
 from mwlib.data.opening import MOST_BYTES, allowed, bare_suffix, open_regular, read_bytes, read_head, without_twins
 from mwlib.data.stated import Reading
 from mwlib.data.synthetic.script import synthetic_motions
@@ -77,10 +77,9 @@ def load_motions(
         MotionFormatError: the file cannot be read; or the folder holds no motion that can be, or, if strict, any that cannot.
         ValueError: an argument makes no sense, or no way to `skeleton` is known.
     """
-    if isinstance(source, str) and source in NAMED_SOURCES:
-        source, own_fps = NAMED_SOURCES[source]
-        fps = fps or own_fps
     _check_rate("fps", fps)
+    source, own_fps = named_source(source)
+    fps = fps or own_fps
     given = caller_says(unit, up, file_fps, skeleton)
     wanted = given.get("fallback_skeleton")
     motions = synthetic_motions() if source == "synthetic" else _read(find_source(source), given, strict)

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from mwlib.data.hints import LEVELS_UP
-from mwlib.data.known import NAMED_SOURCES
+from mwlib.data.known import named_source
 from mwlib.data.load import READERS, find_source
 from mwlib.data.opening import bare_suffix
 from mwlib.material import PACKAGED
@@ -36,12 +36,12 @@ def data_fingerprint(source: str) -> str:
         source: as `load_motions` takes it.
     """
     digest = hashlib.sha256()
-    for name, file in _files(NAMED_SOURCES.get(source, (source,))[0]):
+    for name, file in _files(named_source(source)[0]):
         digest.update(f"{name}\0{file.stat().st_size}\0{file_hash(file)}\n".encode(errors="surrogateescape"))
     return digest.hexdigest()[:16]
 
 
-def _files(source: str) -> Iterator[tuple[str, Path]]:
+def _files(source: str | Path) -> Iterator[tuple[str, Path]]:
     """The files that reading a source may open, by their place relative to it."""
     try:
         path = find_source(source) if source != "synthetic" else None

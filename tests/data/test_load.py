@@ -116,3 +116,17 @@ def test_arguments_resample_carry_over_and_scale(folder):
 def test_synthetic_motions_and_presets_need_no_file():
     tiny = load_motions("tiny")
     assert {(m.skeleton.name, m.fps, m.up) for m in tiny} == {("H36M17", 25.0, "z")}
+
+
+def test_a_folder_with_the_name_of_a_preset_is_not_passed_over(tmp_path, monkeypatch):
+    (tmp_path / "tiny").mkdir()
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(ValueError, match="'tiny' names a preset's data and .*for the latter say ./tiny"):
+        load_motions("tiny")
+    with pytest.raises(MotionFormatError, match="tiny, folder: found 0 files"):
+        load_motions("./tiny")
+
+
+def test_no_camera_is_that_fast():
+    with pytest.raises(ValueError, match="fps is 1e\\+09; expected up to 10000"):
+        load_motions("synthetic", fps=1e9)
