@@ -32,7 +32,7 @@ export OMP_NUM_THREADS ?= 1
 export MWLIB_RUNS ?= $(CURDIR)/runs
 
 .DEFAULT_GOAL := help
-.PHONY: help figures grids test types mutants fuzz test-blender lab notebooks learner wheel
+.PHONY: help figures grids test types test-workflow mutants fuzz test-blender lab notebooks learner wheel
 
 help: ## show this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-12s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -50,10 +50,13 @@ test: $(READY) ## lint, types, unit tests, and every notebook executed and compa
 	$(RUN) -m ruff format --check .
 	$(RUN) -m basedpyright
 	@rm -rf build/test-runs
-	MW_STATIC=1 SOURCE_DATE_EPOCH=0 MWLIB_RUNS=$(call quoted,$(CURDIR)/build/test-runs) $(RUN) -m pytest -n 2 --dist loadfile --no-loadscope-reorder --ignore=tests/blender tests
+	MW_STATIC=1 SOURCE_DATE_EPOCH=0 MWLIB_RUNS=$(call quoted,$(CURDIR)/build/test-runs) $(RUN) -m pytest -n 2 --dist loadfile --no-loadscope-reorder --ignore=tests/blender --ignore=tests/workflow tests
 
 types: $(READY) ## check the library's types
 	$(RUN) -m basedpyright
+
+test-workflow: $(READY) ## make and Snakemake in earnest: a clone with any name, a queue of jobs one of which is killed
+	$(RUN) -m pytest tests/workflow
 
 mutants: $(READY) ## plant small mistakes in copies of the library; each must make a unit test fail: JOBS=2
 	$(RUN) -m tests.mutants --jobs $(JOBS)

@@ -54,7 +54,7 @@ def test_a_folder_of_nothing_but_broken_files_is_refused_with_the_reasons(folder
     (folder / "other.bvh").write_text("nothing")
     with pytest.raises(MotionFormatError, match="(?s)no file that can be read:.*good.bvh, .*other.bvh, ") as caught:
         load_motions(folder)
-    report, is_whole = check_data(folder)
+    report, is_whole, _ = check_data(folder)
     assert not is_whole and "2 files cannot be read" in report and "other.bvh" in report and "good.bvh" in str(caught.value)
 
 
@@ -82,7 +82,7 @@ def test_a_motion_that_is_cut_off_is_reported(folder):
         (folder / name).write_bytes((folder / name).read_bytes()[:length])
     with pytest.warns(BrokenFilesWarning, match="(?s)3 of 4 files.*clip.txt, table.*own.npy, array.*own.npz, archive"):
         load_motions(folder)
-    report, is_whole = check_data(folder)
+    report, is_whole, _ = check_data(folder)
     assert not is_whole and "3 files cannot be read" in report
 
 
@@ -140,10 +140,10 @@ def test_a_folder_that_cannot_be_listed_is_reported(folder, monkeypatch):
 
 def test_check_data_reports_a_folder_without_motions_and_a_table_without_numbers(folder):
     (folder / "clips.csv").write_text("file,frames\ngood.bvh,many\n")
-    report, is_whole = check_data(folder)
+    report, is_whole, _ = check_data(folder)
     assert is_whole and "good has 3, clips.csv says 'many'" in report
     (folder / "good.bvh").unlink()
-    report, is_whole = check_data(folder)
+    report, is_whole, _ = check_data(folder)
     assert not is_whole and "1 files without motions; expected at least one" in report
 
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from tests.sample_motions import AMC, ASF, BENCHMARK, BVH, python2_pickle
 
-POSITIONS = np.random.default_rng(0).normal(size=(4, 17, 3)).astype(np.float32)
+POSITIONS = 0.2 * np.random.default_rng(0).normal(size=(4, 17, 3)).astype(np.float32)  # of human size
 LAYOUT = json.dumps({"name": "H36M17", "fps": 50, "unit": 1.0, "up": "y"}).encode()
 OWN = json.dumps(
     {"name": "own", "joints": [f"j{i}" for i in range(17)], "parents": list(range(-1, 16)), "left": [1], "right": [2], "fps": 25,
@@ -60,7 +60,7 @@ def seeds() -> Iterator[tuple[str, str, dict[str, bytes]]]:
     yield "asf", "05_01.amc", {"05_01.amc": AMC.encode(), "05.asf": ASF.encode()}
     yield "txt", "walk_1.txt", {"walk_1.txt": BENCHMARK.encode()}
     yield "npy", "a.npy", {"skeleton.json": LAYOUT, "a.npy": npy(POSITIONS)}
-    yield "npy int8", "a.npy", {"skeleton.json": LAYOUT, "a.npy": npy((POSITIONS * 9).astype(np.int8))}
+    yield "npy int8", "a.npy", {"skeleton.json": LAYOUT, "a.npy": npy((POSITIONS * 45).astype(np.int8))}
     for name, layout in (("layout", LAYOUT), ("skeleton", OWN)):
         yield f"skeleton.json {name}", "a.npy", {"a.npy": npy(POSITIONS), "skeleton.json": layout}
     texts = {"skeleton": "H36M17", "subject": "Ann", "action": "walk", "up": "y", "unit": "m"}

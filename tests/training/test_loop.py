@@ -1,13 +1,11 @@
-"""The training loop: resumes to the bit (after real kills), refuses what is not its own, disturbs nobody's randomness."""
+"""The training loop: resumes to the bit, refuses what is not its own, disturbs nobody's randomness."""
 
 from __future__ import annotations
 
 import os
-import signal
 import socket
 import subprocess
 import sys
-import time
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -42,42 +40,6 @@ def test_resume_equals_uninterrupted_at_every_step(finished, tmp_path):
         list(train_run(small(), two_people(), folder))
         for name in (MODEL, CHECKPOINT):
             assert equal(folder / name, finished / name), f"stopped at {stop}: {name}"
-
-
-KILLED = """
-import sys; from pathlib import Path; import torch; torch.set_num_threads(1)
-from tests.sample_settings import small, two_people
-from mwlib.experiments import train_run
-for s in train_run(small(train_steps=40, checkpoint_every=1), two_people(), Path(sys.argv[1])): print(s.step, flush=True)
-"""
-
-
-def test_kill_minus_nine_at_any_moment(tmp_path):
-    def start(folder):
-        return subprocess.Popen(
-            [sys.executable, "-c", KILLED, str(folder)], stdout=subprocess.PIPE, text=True, cwd=ROOT,
-            env={**os.environ, "PYTHONPATH": ".", "OMP_NUM_THREADS": "1"},
-        )  # fmt: skip
-
-    reference = start(tmp_path / "whole")
-    killed, reached = 0, 0
-    while reached < 40 and killed < 3:
-        process = start(tmp_path / "killed")
-        for line in process.stdout:
-            if int(line) >= min(reached + 9, 40):
-                break
-        time.sleep(0.004 * (killed + 1))  # anywhere within a step, also while a checkpoint is written
-        process.send_signal(signal.SIGKILL)
-        process.wait()
-        process.stdout.close()
-        killed, reached = killed + 1, reached + 9
-    last = start(tmp_path / "killed")
-    lines = last.communicate()[0].split()
-    assert int(lines[0]) > 15, "the killed run began again from the start"
-    reference.communicate()
-    assert killed == 3 and last.returncode == reference.returncode == 0
-    for name in (MODEL, CHECKPOINT):
-        assert equal(tmp_path / "killed" / name, tmp_path / "whole" / name)
 
 
 def test_a_checkpoint_of_another_configuration_is_refused(finished):

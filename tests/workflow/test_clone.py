@@ -64,10 +64,13 @@ def test_what_make_is_told_is_not_expanded(tmp_path):
     for name in ("pyproject.toml", "constraints.txt", ".venv/.ready"):
         (tmp_path / name).touch()
     shutil.copy(ROOT / "Makefile", tmp_path)
+    alone = {name: value for name, value in os.environ.items() if name not in ("MAKEFLAGS", "MAKELEVEL", "MFLAGS")}
     evil = "$(shell touch X)$(touch X)`touch X`'; touch X; '"
     for name in ("DATA", "OUT", "PRESET", "JOBS", "GRIDS", "SET", "NB"):
         for target in ("figures", "grids", "notebooks"):
-            done = subprocess.run(["make", "-n", target, f"{name}={evil}"], cwd=tmp_path, capture_output=True, text=True)
+            done = subprocess.run(
+                ["make", "-n", target, f"{name}={evil}"], cwd=tmp_path, env=alone, capture_output=True, text=True
+            )
             assert done.returncode == 0, done.stderr
             subprocess.run(
                 ["sh", "-c", done.stdout.replace(".venv/bin/python", ":")], cwd=tmp_path, check=True, capture_output=True

@@ -40,16 +40,7 @@ def workflow(folder: Path) -> list[str]:
         (folder / name).chmod(0o755)
     command = [sys.executable, "-m", "snakemake", "--snakefile", str(ROOT / "Snakefile"), "--executor", "cluster-generic"]
     command += ["--cluster-generic-submit-cmd", str(folder / "submit"), "--cluster-generic-status-cmd", str(folder / "status")]
-    command += [
-        "--jobs",
-        "3",
-        "--keep-going",
-        "--rerun-incomplete",
-        "--seconds-between-status-checks",
-        "1",
-        "--latency-wait",
-        "5",
-    ]
+    command += "--jobs 3 --keep-going --rerun-incomplete --seconds-between-status-checks 1 --latency-wait 5".split()
     return [*command, "--config", "preset=tiny", "data=synthetic", "out=my out", "grids=grids.yaml"]
 
 
