@@ -1,16 +1,10 @@
-"""Grids of experiments: read, budgeted, measured once, and resumable after a kill."""
+"""Grids of experiments: read, budgeted, measured once, each part kept."""
 
 from __future__ import annotations
 
 import json
-import os
-import signal
-import subprocess
-import sys
-import time
 from pathlib import Path
 
-import matplotlib
 import pytest
 import yaml
 
@@ -21,10 +15,8 @@ from mwlib.experiments import committed, lines, measure, read_grids, results, ta
 from mwlib.experiments.grids import changes, row_config
 from mwlib.prediction.config import Config
 from mwlib.prediction.evaluation import METRICS
-from tests.sample_notebooks import NASTY
 from tests.sample_settings import SMALL
 
-ROOT = Path(__file__).parents[2]
 MICRO = {**SMALL, "train_steps": 3, "test_windows": 3, "samples": 3, "ddim_steps": 4}
 ROWS = [
     {"name": "haar", "set": {"wavelet": "haar"}, "paper": {"ade": 0.4}},
@@ -160,38 +152,6 @@ def test_one_window_part_is_measured_again_where_it_is_missing(tmp_path, monkeyp
     again = measure(grid, cfg)
     assert [row["mean"] for row in again] == [row["mean"] for row in found]
     assert parts[0].exists() and parts[1].stat().st_mtime_ns == kept
-
-
-def workflow() -> list[str]:
-    command = [sys.executable, "-m", "snakemake", "grids", "--snakefile", str(ROOT / "Snakefile"), "--cores", "1"]
-    return [*command, "--rerun-incomplete", "--config", "grids=grids.yaml", "out=out", "preset=tiny", "data=synthetic"]
-
-
-def test_after_a_kill_only_what_is_missing_runs_again(tmp_path):
-    """`kill -9` on the whole workflow in the middle of a grid; the next call does the rest. The folder has an odd name."""
-    folder = tmp_path / NASTY
-    folder.mkdir()
-    write(folder, budgets=[{"until": 1000, "seeds": 1}], rows=ROWS[:2])
-    parts = folder / "out" / "grids" / "bases"
-    environment = {**os.environ, "PYTHONPATH": str(ROOT), "MWLIB_RUNS": str(tmp_path / "runs"), "OMP_NUM_THREADS": "1"}
-    environment |= {"XDG_CACHE_HOME": str(tmp_path / "cache"), "MPLCONFIGDIR": matplotlib.get_cachedir()}
-    quiet = dict(cwd=folder, env=environment, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
-    with subprocess.Popen(workflow(), start_new_session=True, **quiet) as process:
-        deadline = time.monotonic() + 200
-        while len(list(parts.glob("*"))) < 2 and time.monotonic() < deadline:  # the second has begun
-            assert process.poll() is None, process.stdout.read()
-            time.sleep(0.1)
-        os.killpg(process.pid, signal.SIGKILL)
-    done = list(parts.glob("*/metrics.json"))
-    assert len(done) == 1 and not (folder / "out" / "grids" / "bases.csv").exists()
-    first = done[0].stat().st_mtime_ns
-    subprocess.run([*workflow(), "--unlock"], check=True, **quiet)
-    again = subprocess.run(workflow(), **quiet)
-    assert again.returncode == 0, again.stdout
-    assert again.stdout.count("rule experiment:") == 1, again.stdout
-    assert done[0].stat().st_mtime_ns == first
-    assert (folder / "out" / "grids" / "bases.csv").read_text().count("\n") == 3
-    assert not [*tmp_path.rglob("X")]
 
 
 def test_the_committed_tables_come_back_as_lines(tmp_path):
