@@ -84,14 +84,20 @@ def fk(
 @lru_cache(maxsize=256)
 def _levels(parents: tuple[int, ...], device: torch.device) -> tuple[list[tuple[Tensor, Tensor]], Int[Tensor, " joints"]]:
     """For each depth below the root its joints and their parents' places one depth above; and where each joint comes to lie."""
-    depth = [0]
-    for parent in parents[1:]:
-        depth.append(depth[parent] + 1)
+    depth = _depths(parents)
     rows = [[joint for joint, d in enumerate(depth) if d == level] for level in range(max(depth) + 1)]
     pairs = [(row, [above.index(parents[joint]) for joint in row]) for above, row in zip(rows, rows[1:], strict=False)]
     order = np.argsort([joint for row in rows for joint in row])
     levels = [(torch.tensor(row, device=device), torch.tensor(above, device=device)) for row, above in pairs]
     return levels, torch.from_numpy(order).to(device)
+
+
+def _depths(parents: tuple[int, ...]) -> list[int]:
+    """How many bones lie between the root and each joint."""
+    depth = [0]
+    for parent in parents[1:]:
+        depth.append(depth[parent] + 1)
+    return depth
 
 
 def turn_heading(x: Float[Tensor, "*lead F C"], angle: Float[Tensor, "*lead"], up: str = "z") -> Float[Tensor, "*lead F C"]:
@@ -102,6 +108,62 @@ def turn_heading(x: Float[Tensor, "*lead F C"], angle: Float[Tensor, "*lead"], u
     turned[..., a::3] = cos * x[..., a::3] - sin * x[..., b::3]
     turned[..., b::3] = sin * x[..., a::3] + cos * x[..., b::3]
     return turned
+
+
+def heading(pose: Float[Tensor, "*lead C"], skeleton: Skeleton, up: str = "z") -> Float[Tensor, "*lead"]:
+    """Where a body's left is: the angle of the line from the right hip to the left one, seen from above; radians.
+
+    ``turn_heading(x, -heading(pose, skeleton))`` puts the left hip of `pose` straight along the first horizontal axis. Hips
+    are the pair of sides nearest the root.
+
+    Args:
+        pose: flattened joints without the root, metres.
+        skeleton: whose joints these are.
+        up: the up-axis.
+
+    Raises:
+        ValueError: no joint of the skeleton has a side.
+    """
+    if not skeleton.left:
+        raise ValueError(f"{skeleton.name} has no left and right joints; expected some, to tell where a body faces")
+    depth = _depths(skeleton.parents)
+    left, right = min(zip(skeleton.left, skeleton.right, strict=True), key=lambda pair: depth[pair[0]])
+    a, b, _ = horizontal(up)
+    across = pose[..., 3 * (left - 1) : 3 * left] - pose[..., 3 * (right - 1) : 3 * right]
+    return torch.atan2(across[..., b], across[..., a])
+
+
+def scale_bones(
+    x: Float[Tensor, "*lead C"], factor: Float[Tensor, "*#lead bones"], skeleton: Skeleton
+) -> Float[Tensor, "*lead C"]:
+    """Poses with every bone in its direction and so many times as long, built from the root outwards.
+
+    Args:
+        x: flattened joints without the root, metres.
+        factor: of the bones to joints 1, 2, ...; its leading axes may be 1.
+        skeleton: whose joints these are.
+
+    >>> arm = Skeleton("arm", ("shoulder", "elbow", "wrist"), (-1, 0, 1))
+    >>> scale_bones(torch.tensor([0.0, 0.0, 2.0, 0.0, 3.0, 2.0]), torch.tensor([0.5, 2.0]), arm)
+    tensor([0., 0., 1., 0., 6., 1.])
+    """
+    return (_sums(skeleton, x) @ (bones_of(x, skeleton) * factor[..., None])).flatten(-2)
+
+
+def bones_of(x: Float[Tensor, "*lead C"], skeleton: Skeleton) -> Float[Tensor, "*lead bones 3"]:
+    """The vector from each joint's parent to it, for joints 1, 2, ..., the root being at the origin."""
+    joints = x.unflatten(-1, (-1, 3))
+    parents = torch.tensor(skeleton.parents[1:], device=x.device)
+    return joints - torch.where((parents > 0)[:, None], joints[..., (parents - 1).clamp_min(0), :], 0.0)
+
+
+def _sums(skeleton: Skeleton, like: Tensor) -> Float[Tensor, "bones bones"]:
+    """The matrix that adds up the bones from the root to each joint."""
+    chain = np.zeros((len(skeleton), len(skeleton)))
+    for joint, parent in enumerate(skeleton.parents):
+        chain[joint] = chain[max(parent, 0)]
+        chain[joint, joint] = 1
+    return torch.as_tensor(chain[1:, 1:]).to(like)
 
 
 def horizontal(up: str) -> tuple[int, int, int]:

@@ -30,6 +30,8 @@ class WindowConfig:
     test_windows: Natural = 0  # evaluate this many windows, spread evenly; 0 = all
     window_sampling: Literal["uniform", "subject_action"] = "uniform"  # every window alike, or as DLow and HumanMAC draw
     augment: Literal["none", "humanmac", "heading", "heading_mirror"] = "heading_mirror"  # see TrainingWindows
+    other_speeds: BelowOne = 0.0  # also train on the clips played faster and slower, by up to this share
+    other_bones: BelowOne = 0.0  # deviation of a random factor of each bone's length, and of one of the whole body's
 
     @property
     def frames(self) -> int:
@@ -41,16 +43,19 @@ class WindowConfig:
 class ModelConfig:
     """Frequency representation and network."""
 
-    transform: Literal["wavelet", "dct", "phase"] = "wavelet"  # the frequency view
+    transform: Literal["wavelet", "time_wavelet", "dct", "phase"] = "wavelet"  # the frequency view
     wavelet: Annotated[str, OneOf(tuple(pywt.wavelist(kind="discrete")))] = "bior2.8"  # basis, in PyWavelets' spelling
     mode: Annotated[str, OneOf(tuple(pywt.Modes.modes))] = "zero"  # extension at the borders
     level: Count = 1  # of the wavelet decomposition
+    omit: Natural = 0  # levels of "time_wavelet", from the finest, whose details are left out
     dct_rows: Natural = 0  # cosine coefficients kept; 0 = 20 of 125 frames, HumanMAC's share
     phases: Count = 8  # channels of the periodic autoencoder
     phase_seconds: Positive = 1.0  # its window
     phase_steps: Count = 1500  # its training
     coefficient_scale: Literal["none", "band", "coefficient"] = "none"  # to unit deviation: not, per sub-band, one by one
-    representation: Literal["pose", "displacement"] = "pose"  # model poses, or the motion minus its last observed pose
+    representation: Literal["pose", "displacement", "relaxing"] = "pose"  # what is modelled, see Representation
+    fade_seconds: Positive = 0.5  # of "relaxing"
+    heading: Literal["world", "body"] = "world"  # motions as they face, or turned by the heading of the last observed pose
     width: Count = 768  # of the network
     layers: Count = 12  # blocks, an even number
     heads: Count = 8  # of the attention
@@ -66,6 +71,7 @@ class ObjectiveConfig:
     drop_condition: Share = 0.2  # how often the condition is left out, for classifier-free guidance
     drop_per: Literal["sample", "batch"] = "sample"  # one coin each, or one for all
     loss_weight: Literal["uniform", "metric"] = "uniform"  # "metric" weighs scaled coefficients by their variance in metres
+    level_weight: Literal["uniform", "snr"] = "uniform"  # of noise levels; "snr": by signal over noise, see SNR_BOUNDS
 
 
 @dataclass(frozen=True)
@@ -91,6 +97,7 @@ class SamplingConfig:
     wmsg: Literal["off", "every_step", "y0_hat"] = "every_step"  # manifold shaping of y_t after each step, or of clean estimates
     bound: NotNegative = 0.0  # metres: clamp the clean estimate in motion space; 0 = off
     complete_history: bool = False  # HumanMAC's mask completion
+    bones: Literal["free", "observed"] = "free"  # lengths as they come, or as in the last observed pose
     sampling_seed: Natural = 0  # of the noise
     precision: Precision = "float32"  # of the network's products while sampling; "tf32", "bf16": faster on graphics cards
     noise_on: Literal["cpu", "device"] = "cpu"  # where noise is drawn: a seed means the same everywhere, or is faster
@@ -162,6 +169,8 @@ class Config(Settings):
             raise ValueError(
                 "wmsg is 'every_step' with phase codes; expected 'off' or 'y0_hat': the autoencoder would take the noise away"
             )
+        if m.transform == "time_wavelet" and not m.omit < m.level:
+            raise ValueError(f"omit is {m.omit} of level {m.level}; expected fewer than the levels")
         if m.transform == "dct" and m.dct_rows > self.windows.frames:
             raise ValueError(f"dct_rows is {m.dct_rows}; expected at most history + future ({self.windows.frames})")
 

@@ -120,7 +120,7 @@ def controlled(
     for first in tqdm(range(0, len(x_target), chunk), disable=not progress, desc="controlling", unit="chunk"):
         part = slice(first, first + chunk)
         history = past[part].to(predictor.device, torch.float32)
-        target = x_target[part].to(predictor.device, torch.float32) - representation.origin(history)
+        target = representation.modelled(x_target[part].to(predictor.device, torch.float32), history)
         noise = predictor.noise(own, ids[part], samples)
         step = masked(predictor.transform, target, mask, noise, reached[count])
         after, estimate = (step, None) if space == "y_t" else (None, _imposed(predictor.transform, target, mask, count))

@@ -11,13 +11,23 @@ from torch import Tensor, nn
 from mwlib.body.motion import Motion
 from mwlib.data.bodies import Bodies
 from mwlib.data.sources import Split
-from mwlib.data.windowing import TrainingWindows, windows
+from mwlib.data.windowing import windows
 from mwlib.diffusion import DiffusionConfig, alpha_bar, network_target, noised
 from mwlib.prediction.config import Config, ObjectiveConfig
 from mwlib.prediction.network import make_network
-from mwlib.prediction.representation import Representation, fit_representation, make_representation, make_transform
+from mwlib.prediction.representation import (
+    Representation,
+    fit_representation,
+    make_representation,
+    make_transform,
+    training_windows,
+)
 from mwlib.training import Objective, seeded
 from mwlib.transforms import PhaseTransform
+
+# Hang et al. 2023, "min-SNR": 5 above. Own choice below: what a window becomes is decided where there is little signal, and
+# an error there must not count for nothing.
+SNR_BOUNDS = 0.05, 5.0
 
 
 class DenoisingLoss:
@@ -34,6 +44,8 @@ class DenoisingLoss:
         self.alpha_bar = alpha_bar(diffusion.schedule, diffusion.steps)
         weight = torch.as_tensor(representation.motion.deviation) ** 2
         self.weight = weight / weight.mean() if options.loss_weight == "metric" else None
+        snr = self.alpha_bar / (1 - self.alpha_bar)
+        self.level = snr.clamp(*SNR_BOUNDS).float() if options.level_weight == "snr" else None
 
     def __call__(self, network: nn.Module, x: Float[Tensor, "B T C"], generator: torch.Generator) -> Float[Tensor, ""]:
         """Mean squared error of the network's output; t uniform in 1..M-1, condition dropped at random."""
@@ -47,7 +59,9 @@ class DenoisingLoss:
         a = self.alpha_bar[t]  # float64, on the CPU: not every device has that precision
         output = network(noised(y, eps, a), t.to(device), condition, keep=keep)
         error = (output - network_target(self.prediction, y, eps, a)) ** 2
-        return error.mean() if self.weight is None else (error * self.weight.to(device)).mean()
+        if self.weight is not None:
+            error = error * self.weight.to(device)
+        return error.mean() if self.level is None else (error.mean((-2, -1)) * self.level[t].to(device)).mean()
 
 
 class PredictionObjective(Objective):
@@ -73,13 +87,13 @@ class PredictionObjective(Objective):
         if learnt:
             if isinstance(base, PhaseTransform):
                 base.restore({k.removeprefix("transform."): v for k, v in learnt.items() if k.startswith("transform.")})
-            representation = make_representation(base, learnt, cut, cfg.model)
+            representation = make_representation(base, learnt, cut, cfg.model, self.bodies)
         else:
             representation = fit_representation(base, motions, cut, cfg.model)
         with seeded(cfg.training.seed, 0):
             self.network: nn.Module = make_network(cfg.model, base.shape)
         self.representation = representation
-        self.windows = TrainingWindows(motions, cut.frames, cut.window_sampling, cut.augment)
+        self.windows = training_windows(motions, cut)
         self.held_out = windows(validation, cut.history, cut.future, cut.test_stride).x if validation else None
         self.denoising = DenoisingLoss(representation, cfg.diffusion, cfg.objective)
 

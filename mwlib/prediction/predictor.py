@@ -11,6 +11,7 @@ from jaxtyping import Float
 from torch import Tensor
 from tqdm import tqdm
 
+from mwlib.body.kinematics import bones_of, scale_bones
 from mwlib.data.bodies import Bodies
 from mwlib.diffusion import (
     AfterStep,
@@ -72,7 +73,7 @@ class Predictor:
         with torch.random.fork_rng([]):  # initial weights are drawn and thrown away
             net = make_network(cfg.model, base.shape)
         net.load_state_dict(weights)
-        representation = make_representation(base, learnt, cfg.windows, cfg.model)
+        representation = make_representation(base, learnt, cfg.windows, cfg.model, bodies)
         return cls(net, representation, cfg.diffusion, cfg.sampling, bodies)
 
     @property
@@ -222,16 +223,23 @@ class Predictor:
             part = x_history[first : first + chunk]
             for step in self.steps(part, samples, seed, window_ids=ids[first : first + chunk]):
                 last = step
-            motion = self.representation.decode(last.y, part.to(self.device, torch.float32))
-            futures.append(motion[:, :, self.representation.history :].cpu())
+            futures.append(self._future(last.y, part.to(self.device, torch.float32)).cpu())
         return torch.cat(futures)
+
+    def _future(self, y: Float[Tensor, "N S rows columns"], x_history: Float[Tensor, "N H C"]) -> Float[Tensor, "N S F C"]:
+        """Coefficients to futures; with bones as long as they were last seen, if the settings say so."""
+        future = self.representation.decode(y, x_history)[:, :, self.representation.history :]
+        if self.sampling.bones == "free":
+            return future
+        seen, drawn = (bones_of(x, self.bodies.skeleton).norm(dim=-1) for x in (x_history[:, -1], future))
+        return scale_bones(future, seen[:, None, None] / drawn.clamp_min(1e-6), self.bodies.skeleton)
 
     def _on_y0_hat(self, x_history: Float[Tensor, "N H C"]) -> OnEstimate | None:
         """What the settings do to every clean estimate: a bound in motion space, a projection, or nothing."""
         bound = self.sampling.bound
         if bound > 0:
-            origin = self.representation.origin(x_history)[:, None]
-            return lambda y: self.transform((self.transform.inverse(y) + origin).clamp(-bound, bound) - origin)
+            seen = self.representation
+            return lambda y: seen.motion(seen.modelled(seen.decode(y, x_history).clamp(-bound, bound), x_history))
         return self.transform.project if self.sampling.wmsg == "y0_hat" else None
 
     def _after_steps(self, x_history: Float[Tensor, "N H C"], noise: WindowNoise) -> list[AfterStep]:
@@ -240,7 +248,7 @@ class Predictor:
         if self.sampling.wmsg == "every_step":
             after.append(lambda y, _: self.transform.project(y))
         if self.sampling.complete_history:
-            known = pad_history(x_history, self.representation.frames) - self.representation.origin(x_history)
+            known = self.representation.modelled(pad_history(x_history, self.representation.frames), x_history)
             after.append(history_completion(self.transform, known[:, None], self.representation.history, noise))
         return after
 

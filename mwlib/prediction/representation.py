@@ -2,17 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import torch
 from jaxtyping import Float
 from torch import Tensor
 
+from mwlib.body.kinematics import heading, turn_heading
 from mwlib.body.motion import Motion
+from mwlib.data.bodies import Bodies
 from mwlib.data.windowing import TrainingWindows
 from mwlib.prediction.config import ModelConfig, WindowConfig
-from mwlib.transforms import DCTTransform, PhaseTransform, ScaledTransform, Transform, WaveletTransform, fit_scale, pad_history
+from mwlib.transforms import (
+    DCTTransform,
+    PhaseTransform,
+    ScaledTransform,
+    TimeWaveletTransform,
+    Transform,
+    WaveletTransform,
+    fit_scale,
+    pad_history,
+)
 
 SCALES = ("mean", "deviation", "condition_mean", "condition_deviation")
 SCALE_WINDOWS = 2048  # drawn for the scales: deviations are then known to 1.6 %, whatever the size of the data
@@ -26,37 +37,81 @@ class Representation:
         motion: scaled transform of what is modelled.
         condition: scaled transform of the padded history.
         history, frames: H and T.
-        relative: whether the motion minus its last observed pose is modelled ("displacement").
+        relative: to what the motion is modelled: nothing ("pose"), its last observed pose ("displacement"), or what is
+            observed, and then a pose that relaxes from the last observed one to the resting one ("relaxing").
+        rest: the resting pose (C,), the mean over training windows.
+        fade: frames after which a share 1/e of the last observed pose is left.
+        facing: bodies whose motions are turned so that the hips of the last observed pose lie along the first horizontal
+            axis; None = motions are modelled as they face.
     """
 
     motion: ScaledTransform
     condition: ScaledTransform
     history: int
     frames: int
-    relative: bool
+    relative: str
+    rest: Float[Tensor, " C"]
+    fade: float
+    facing: Bodies | None = None
 
-    def origin(self, x_history: Float[Tensor, "N H C"]) -> Float[Tensor, "N 1 C"]:
-        """What the modelled motion is relative to: nothing, or the last observed pose."""
+    def origin(self, x_history: Float[Tensor, "N H C"]) -> Float[Tensor, "N _T C"]:
+        """What the modelled motion is relative to, for all frames or for each; of turned histories, where they are turned."""
         last = x_history[:, -1:]
-        return last if self.relative else torch.zeros_like(last)
+        if self.relative == "pose":
+            return torch.zeros_like(last)
+        if self.relative == "displacement":
+            return last
+        rest = self.rest.to(last)
+        ahead = torch.arange(1, self.frames - self.history + 1).to(last)[:, None]
+        return torch.cat([x_history, rest + (last - rest) * torch.exp(-ahead / self.fade)], dim=1)
+
+    def modelled(self, x: Float[Tensor, "N *S T C"], x_history: Float[Tensor, "N H C"]) -> Float[Tensor, "N *S T C"]:
+        """Motions, metres, as what is transformed: turned, minus their origin."""
+        origin = self.origin(self._turned(x_history, x_history, -1))
+        return self._turned(x, x_history, -1) - _beside(origin, x)
+
+    def placed(self, r: Float[Tensor, "N *S T C"], x_history: Float[Tensor, "N H C"]) -> Float[Tensor, "N *S T C"]:
+        """Inverse of `modelled`."""
+        origin = self.origin(self._turned(x_history, x_history, -1))
+        return self._turned(r + _beside(origin, r), x_history, 1)
 
     def encode(self, x: Float[Tensor, "N T C"]) -> Float[Tensor, "N rows columns"]:
         """Whole windows, metres, to scaled coefficients."""
-        return self.motion(x - self.origin(x[:, : self.history]))
+        return self.motion(self.modelled(x, x[:, : self.history]))
 
     def encode_history(self, x_history: Float[Tensor, "N H C"]) -> Float[Tensor, "N rows columns"]:
         """Observed frames, held over the future, to the coefficients of the condition."""
-        return self.condition(pad_history(x_history, self.frames))
+        return self.condition(pad_history(self._turned(x_history, x_history, -1), self.frames))
 
     def decode(self, y: Float[Tensor, "N S rows columns"], x_history: Float[Tensor, "N H C"]) -> Float[Tensor, "N S T C"]:
         """Coefficients to whole motions (T frames), metres."""
-        return self.motion.inverse(y) + self.origin(x_history)[:, None]
+        return self.placed(self.motion.inverse(y), x_history)
+
+    def _turned(self, x: Tensor, x_history: Tensor, sign: int) -> Tensor:
+        return turned(x, x_history, self.facing, sign)
 
     def learnt(self) -> dict[str, Tensor]:
         """Scales, and what the transform learnt: all that `make_representation` needs to build this one again."""
         scales = (self.motion.mean, self.motion.deviation, self.condition.mean, self.condition.deviation)
         out = {f"scale.{name}": torch.as_tensor(scale) for name, scale in zip(SCALES, scales, strict=True)}
+        out |= {"rest": self.rest} if self.relative == "relaxing" else {}
         return out | {f"transform.{name}": tensor for name, tensor in self.motion.base.tensors().items()}
+
+
+def _beside(origin: Float[Tensor, "N _T C"], x: Tensor) -> Tensor:
+    """An origin with an axis for the samples, where x has one."""
+    return origin if x.ndim == 3 else origin[:, None]
+
+
+def turned(
+    x: Float[Tensor, "N *S T C"], x_history: Float[Tensor, "N H C"], facing: Bodies | None, sign: int
+) -> Float[Tensor, "N *S T C"]:
+    """Motions turned by the heading of their last observed pose, or against it (-1); as they are without bodies."""
+    if facing is None:
+        return x
+    angle = sign * heading(x_history[:, -1], facing.skeleton, facing.up)
+    lead = x.shape[:-2]
+    return turn_heading(x, angle.reshape(-1, *[1] * (len(lead) - 1)).expand(lead), facing.up)
 
 
 def make_transform(model: ModelConfig, frames: int, channels: int, fps: float, seed: int = 0) -> Transform:
@@ -73,11 +128,13 @@ def make_transform(model: ModelConfig, frames: int, channels: int, fps: float, s
         return PhaseTransform(frames, channels, model.phases, max(window, 3), fps, seed)
     if model.transform == "dct":
         return DCTTransform(frames, channels, model.dct_rows or max(1, round(frames * 20 / 125)))
+    if model.transform == "time_wavelet":
+        return TimeWaveletTransform(frames, channels, model.wavelet, model.level, model.omit)
     return WaveletTransform(frames, channels, model.wavelet, model.mode, model.level)
 
 
 def make_representation(
-    base: Transform, learnt: Mapping[str, Tensor], windows: WindowConfig, model: ModelConfig
+    base: Transform, learnt: Mapping[str, Tensor], windows: WindowConfig, model: ModelConfig, bodies: Bodies
 ) -> Representation:
     """The representation that `Representation.learnt` describes.
 
@@ -85,12 +142,19 @@ def make_representation(
         base: the frequency view, fitted if it is one that is fitted.
         learnt: holds the scales.
         windows, model: lengths, and what is modelled.
+        bodies: whose motions.
     """
     mean, deviation, condition_mean, condition_deviation = (learnt[f"scale.{name}"] for name in SCALES)
     return Representation(
         ScaledTransform(base, mean, deviation), ScaledTransform(base, condition_mean, condition_deviation),
-        windows.history, windows.frames, model.representation == "displacement",
+        windows.history, windows.frames, model.representation, learnt.get("rest", torch.zeros(3 * (len(bodies.skeleton) - 1))),
+        model.fade_seconds * bodies.fps, _facing(model, bodies),
     )  # fmt: skip
+
+
+def training_windows(motions: Sequence[Motion], cut: WindowConfig) -> TrainingWindows:
+    """The windows that a training draws, as its settings say."""
+    return TrainingWindows(motions, cut.frames, cut.window_sampling, cut.augment, cut.other_speeds, cut.other_bones)
 
 
 def fit_representation(base: Transform, motions: Sequence[Motion], cut: WindowConfig, model: ModelConfig) -> Representation:
@@ -105,33 +169,55 @@ def fit_representation(base: Transform, motions: Sequence[Motion], cut: WindowCo
         cut: how they are cut and drawn.
         model: kind of scaling, and what is modelled.
     """
-    source = TrainingWindows(motions, cut.frames, cut.window_sampling, cut.augment)
+    source, bodies = training_windows(motions, cut), Bodies.of(motions)
+
+    def draw(count: int, generator: torch.Generator) -> Tensor:
+        x = source.draw(count, generator)
+        return turned(x, x[:, : cut.history], _facing(model, bodies), -1)
+
     if isinstance(base, PhaseTransform):
-        _fit_phase(base, source, cut.history, model)
-    count = 1 if model.coefficient_scale == "none" else SCALE_WINDOWS
-    x = source.draw(count, torch.Generator().manual_seed(0))
-    return make_representation(base, fit_scales(base, x, cut.history, model), cut, model)
+        _fit_phase(base, draw, cut, model)
+    count = 1 if model.coefficient_scale == "none" and model.representation != "relaxing" else SCALE_WINDOWS
+    x = draw(count, torch.Generator().manual_seed(0))
+    return make_representation(base, fit_scales(base, x, cut, model, bodies), cut, model, bodies)
 
 
-def fit_scales(base: Transform, x: Float[Tensor, "N T C"], history: int, model: ModelConfig) -> dict[str, Tensor]:
-    """Means and deviations of the coefficients of motion and condition over training windows, as in `Representation.learnt`."""
-    relative = model.representation == "displacement"
-    mean, deviation = fit_scale(base, x - x[:, history - 1, None] if relative else x, model.coefficient_scale)
-    scales = [mean, deviation, mean, deviation]
-    if relative:
-        padded = pad_history(x[:, :history], x.shape[1])
-        scales[2:] = fit_scale(base, padded, model.coefficient_scale)
-    return {f"scale.{name}": scale.clone() for name, scale in zip(SCALES, scales, strict=True)}
+def fit_scales(
+    base: Transform, x: Float[Tensor, "N T C"], cut: WindowConfig, model: ModelConfig, bodies: Bodies
+) -> dict[str, Tensor]:
+    """Means and deviations of the coefficients of motion and condition over training windows, as in `Representation.learnt`.
+
+    Args:
+        base: the frequency view.
+        x: windows, turned if the model's are.
+        cut, model, bodies: as in `fit_representation`.
+    """
+    unit = (torch.zeros(base.shape), torch.ones(base.shape))
+    learnt = {f"scale.{name}": scale for name, scale in zip(SCALES, (*unit, *unit), strict=True)}
+    if model.representation == "relaxing":
+        learnt["rest"] = x.mean((0, 1))
+    seen, kind = x[:, : cut.history], model.coefficient_scale
+    origin = make_representation(base, learnt, cut, model, bodies).origin(seen)
+    mean, deviation = fit_scale(base, x - origin, kind)
+    of_condition = (mean, deviation) if model.representation == "pose" else fit_scale(base, pad_history(seen, cut.frames), kind)
+    scales = zip(SCALES, (mean, deviation, *of_condition), strict=True)
+    return learnt | {f"scale.{name}": scale.clone() for name, scale in scales}
 
 
-def _fit_phase(base: PhaseTransform, source: TrainingWindows, history: int, model: ModelConfig) -> None:
+def _facing(model: ModelConfig, bodies: Bodies) -> Bodies | None:
+    return bodies if model.heading == "body" else None
+
+
+def _fit_phase(
+    base: PhaseTransform, draw: Callable[[int, torch.Generator], Tensor], cut: WindowConfig, model: ModelConfig
+) -> None:
     """Train on what is modelled and on what is conditioned on, sixteen windows at a time."""
 
-    def draw(generator: torch.Generator) -> Tensor:
-        x = source.draw(16, generator)
+    def both(generator: torch.Generator) -> Tensor:
+        x = draw(16, generator)
         if model.representation == "pose":
             return x
-        observed = x[:, :history]  # a displacement to model, and a condition that is a pose
-        return torch.cat([x - observed[:, -1:], pad_history(observed, source.frames)])
+        observed = x[:, : cut.history]  # a displacement to model, and a condition that is a pose
+        return torch.cat([x - observed[:, -1:], pad_history(observed, cut.frames)])
 
-    base.fit(draw, model.phase_steps)
+    base.fit(both, model.phase_steps)

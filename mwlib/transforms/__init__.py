@@ -6,8 +6,9 @@ from mwlib.transforms.linear import LinearTransform, Transform
 from mwlib.transforms.padding import pad_history
 from mwlib.transforms.phase import PhaseTransform, periodic_parameters
 from mwlib.transforms.scaled import ScaledTransform, fit_scale
+from mwlib.transforms.time_wavelet import TimeWaveletTransform
 
 __all__ = [
-    "DCTTransform", "LinearTransform", "PhaseTransform", "ScaledTransform", "Transform", "WaveletTransform", "fit_scale",
-    "pad_history", "periodic_parameters",
+    "DCTTransform", "LinearTransform", "PhaseTransform", "ScaledTransform", "TimeWaveletTransform", "Transform",
+    "WaveletTransform", "fit_scale", "pad_history", "periodic_parameters",
 ]  # fmt: skip

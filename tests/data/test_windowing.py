@@ -10,11 +10,11 @@ import pytest
 import torch
 
 from mwlib import Motion
-from mwlib.body.kinematics import bone_lengths
+from mwlib.body.kinematics import bone_lengths, bones_of
 from mwlib.body.skeleton import H36M17
 from mwlib.data.bodies import prepare
 from mwlib.data.synthetic.script import synthetic_motions
-from mwlib.data.windowing import TrainingWindows, windows
+from mwlib.data.windowing import TrainingWindows, at_speed, windows
 
 T = 10
 JOINT = {name: i for i, name in enumerate(H36M17.joints)}
@@ -147,6 +147,33 @@ def test_humanmac_changes_a_whole_batch_alike_by_three_coins(people):
     assert {(1, 1), (1, -1), (-1, 1), (-1, -1), "turned"} <= set(kinds)
     assert all(5 < kinds[signs] < 40 for signs in [(1, 1), (1, -1), (-1, 1), (-1, -1)])
     assert abs(kinds["turned"] - 80) < 25 and abs(kinds["mirrored"] - 80) < 25
+
+
+def test_other_bodies_make_the_same_movements(people):
+    """Every bone keeps its direction and its share of the body: one factor for a window's bone, alike on both sides."""
+    plain, source = (TrainingWindows(people, T, "uniform", "none", bones=bones) for bones in (0.0, 0.1))
+    before, after = (bones_of(s.draw(512, torch.Generator().manual_seed(0)), H36M17) for s in (plain, source))
+    lengths, others = before.norm(dim=-1), after.norm(dim=-1)
+    torch.testing.assert_close(after / others[..., None], before / lengths[..., None], atol=1e-4, rtol=0)
+    factor = (others / lengths).double()
+    assert factor.std(1).max() < 1e-4, "the same in all frames"
+    factor = factor[:, 0]
+    mirrored = torch.from_numpy(H36M17.mirror[1:] - 1)
+    torch.testing.assert_close(factor[:, mirrored], factor, atol=1e-4, rtol=0)
+    assert abs(float(factor.mean()) - 1) < 0.02 and abs(float(factor.std()) - 0.1 * 2**0.5) < 0.01
+    whole = factor.mean(1).std()
+    assert 0.1 < whole < 0.12, "one factor for the body beside those of the bones"
+
+
+def test_clips_are_also_drawn_faster_and_slower():
+    """At two speeds up to 1 + speeds, and at their inverses."""
+    motion = counted(100)
+    source = TrainingWindows([motion], T, "uniform", "none", speeds=0.5)
+    x = source.draw(2000, torch.Generator().manual_seed(0))[:, :, 0]
+    speed = (x[:, 1:] - x[:, :-1]).mean(1)
+    found = sorted({round(float(v), 2) for v in speed})
+    np.testing.assert_allclose(found, [1 / 1.5, 0.8, 1, 1.25, 1.5], atol=0.01)
+    assert motion.resample(50.0) is not at_speed(motion, 2.0) and at_speed(motion, 2.0).fps == 50.0
 
 
 def test_too_short_clips_are_left_out_or_refused():

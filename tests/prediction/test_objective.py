@@ -50,11 +50,12 @@ def test_the_condition_is_dropped_per_sample_or_per_batch():
         assert found == kinds
 
 
+@pytest.mark.parametrize("level", ["uniform", "snr"])
 @pytest.mark.parametrize("weight", ["uniform", "metric"])
 @pytest.mark.parametrize("prediction", ["eps", "y0", "v"])
-def test_the_loss_by_hand(weight, prediction):
+def test_the_loss_by_hand(weight, prediction, level):
     """Displacements, the condition of every fifth window dropped, every quantity from the formulas of the paper."""
-    cfg = small(representation="displacement", drop_condition=0.2, loss_weight=weight, prediction=prediction)
+    cfg = small(representation="displacement", drop_condition=0.2, loss_weight=weight, level_weight=level, prediction=prediction)
     representation, x, spy = untrained(representation="displacement").representation, batch(200), Spy()
     found = DenoisingLoss(representation, cfg.diffusion, cfg.objective)(spy, x, torch.Generator().manual_seed(0))
 
@@ -69,6 +70,8 @@ def test_the_loss_by_hand(weight, prediction):
     torch.testing.assert_close(spy.y_t.double(), y_t, atol=1e-4, rtol=1e-4)
     target = {"eps": eps, "y0": y, "v": a.sqrt() * eps - (1 - a).sqrt() * y}[prediction]
     error = (y_t - target) ** 2 * (variance / variance.mean() if weight == "metric" else 1)
+    if level == "snr":
+        error = error * (a / (1 - a)).clamp(0.05, 5)
     assert float(found) == pytest.approx(float(error.mean()), rel=1e-5)
 
 

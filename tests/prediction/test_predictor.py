@@ -8,6 +8,7 @@ import pytest
 import torch
 
 import mwlib.prediction.predictor as predictor_module
+from mwlib.body.kinematics import bones_of, turn_heading
 from mwlib.data.windowing import windows
 from mwlib.diffusion import Step, WindowNoise
 from mwlib.experiments import load_run
@@ -101,7 +102,7 @@ def test_every_setting_of_the_sampling_arrives(past, monkeypatch, name):
 
 
 def test_no_setting_of_the_sampling_is_left_out():
-    others = {"method", "noise_on"}  # the evaluation's; what only a network on a device can tell
+    others = {"method", "noise_on", "bones"}  # the evaluation's; what only a network on a device can tell; tested below
     assert {*SETTINGS, *others} == {field.name for field in fields(SamplingConfig)}
 
 
@@ -113,7 +114,7 @@ def test_every_sampler_and_place_of_the_projection_is_reached(past, monkeypatch)
         assert shaping(spied(predictor, past, monkeypatch, wmsg=place), predictor) == place
 
 
-@pytest.mark.parametrize("kind", ["pose", "displacement"])
+@pytest.mark.parametrize("kind", ["pose", "displacement", "relaxing"])
 def test_the_bound_is_one_of_poses_whatever_is_modelled(past, kind):
     predictor = untrained(representation=kind, bound=0.4)
     motion = predictor.predict(past, 2)
@@ -162,7 +163,29 @@ def test_with_sampling_changes_the_sampling_alone(predictor, past):
         predictor.with_sampling(etta=0.1)
 
 
-@pytest.mark.parametrize("kind", ["pose", "displacement"])
+@pytest.mark.parametrize("kind", ["pose", "displacement", "relaxing"])
+def test_a_person_who_faces_another_way_is_predicted_alike(past, kind):
+    """With motions turned by their heading, a turned history has turned futures; else it has others."""
+    angle = torch.linspace(0.3, 5.0, 5)
+    for heading, same in (("body", True), ("world", False)):
+        for changes in ({}, {"complete_history": True, "wmsg": "off"}):
+            predictor = untrained(representation=kind, heading=heading, **changes)
+            turned = predictor.predict(turn_heading(past, angle), 2, 0)
+            expected = turn_heading(predictor.predict(past, 2, 0), angle[:, None].expand(5, 2))
+            assert ((turned - expected).abs().max() < 1e-3) == same
+
+
+def test_bones_keep_the_length_that_was_seen_and_their_direction(past):
+    skeleton, predictor = two_people().train[0].skeleton, untrained()
+    free, kept = (bones_of(predictor.with_sampling(bones=bones).predict(past, 3), skeleton) for bones in ("free", "observed"))
+    seen = bones_of(past[:, -1], skeleton).norm(dim=-1)
+    torch.testing.assert_close(kept.norm(dim=-1), seen[:, None, None].expand(kept.shape[:-1]), atol=1e-5, rtol=1e-4)
+    assert ((free.norm(dim=-1) - seen[:, None, None]).abs() > 1e-2).any()
+    cosine = (kept * free).sum(-1) / (kept.norm(dim=-1) * free.norm(dim=-1))
+    torch.testing.assert_close(cosine, torch.ones_like(cosine), atol=1e-4, rtol=0)
+
+
+@pytest.mark.parametrize("kind", ["pose", "displacement", "relaxing"])
 def test_complete_history_puts_the_history_back(past, kind):
     predictor = untrained(complete_history=True, wmsg="off", representation=kind)
     *_, last = predictor.steps(past[:2], 2)

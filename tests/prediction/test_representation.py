@@ -2,15 +2,21 @@
 
 from __future__ import annotations
 
+import math
+
 import pytest
 import torch
 
+from mwlib.body.kinematics import turn_heading
+from mwlib.body.skeleton import H36M17
+from mwlib.data.bodies import Bodies
 from mwlib.data.windowing import windows
 from mwlib.prediction.objective import PredictionObjective
-from mwlib.prediction.representation import Representation, fit_scales, make_representation, make_transform
+from mwlib.prediction.representation import Representation, fit_scales, make_representation, make_transform, turned
 from tests.sample_settings import small, two_people
 
 H, F, C = 6, 14, 48
+KINDS = ["pose", "displacement", "relaxing"]
 
 
 @pytest.fixture(scope="module")
@@ -21,7 +27,9 @@ def x() -> torch.Tensor:
 def fitted(x: torch.Tensor, **changes) -> Representation:
     cfg = small(**changes)
     base = make_transform(cfg.model, H + F, C, cfg.data.fps)
-    return make_representation(base, fit_scales(base, x, H, cfg.model), cfg.windows, cfg.model)
+    bodies = Bodies.of(two_people().train)
+    x = turned(x, x[:, :H], bodies if cfg.model.heading == "body" else None, -1)
+    return make_representation(base, fit_scales(base, x, cfg.windows, cfg.model, bodies), cfg.windows, cfg.model, bodies)
 
 
 def held(x: torch.Tensor) -> torch.Tensor:
@@ -44,9 +52,10 @@ def test_coefficients_by_hand(x, kind):
         torch.testing.assert_close(coefficients, (raw - of.mean(0)) / deviation, atol=1e-3, rtol=1e-4)
 
 
-@pytest.mark.parametrize("kind", ["pose", "displacement"])
-def test_decoding_gives_the_motion_back(x, kind):
-    found = fitted(x, representation=kind)
+@pytest.mark.parametrize("heading", ["world", "body"])
+@pytest.mark.parametrize("kind", KINDS)
+def test_decoding_gives_the_motion_back(x, kind, heading):
+    found = fitted(x, representation=kind, heading=heading)
     decoded = found.decode(found.encode(x[:9])[:, None], x[:9, :H])
     torch.testing.assert_close(decoded[:, 0], x[:9], atol=1e-5, rtol=1e-5)
 
@@ -58,6 +67,33 @@ def test_the_last_observed_pose_of_a_displacement_is_zero(x):
     assert torch.equal(found.origin(x[:9, :H]), x[:9, H - 1 : H])
 
 
+def test_a_relaxing_pose_by_hand(x):
+    """History as it is; then from the last pose to the mean one, a share 1/e of the way being left after half a second."""
+    found = fitted(x, representation="relaxing", fade_seconds=0.5, coefficient_scale="none")  # 10 frames a second
+    origin, rest = found.origin(x[:3, :H]), x.mean((0, 1))
+    torch.testing.assert_close(origin[:, :H], x[:3, :H], atol=0, rtol=0)
+    for k in (1, 5, F):
+        expected = rest + (x[:3, H - 1] - rest) * math.exp(-k / 5)
+        torch.testing.assert_close(origin[:, H - 1 + k], expected, atol=1e-5, rtol=0)
+    modelled = found.motion.inverse(found.encode(x[:3]))
+    torch.testing.assert_close(modelled, x[:3] - origin, atol=1e-4, rtol=0)
+    again = make_representation(found.motion.base, found.learnt(), small().windows, small(representation="relaxing").model,
+                                Bodies.of(two_people().train))  # fmt: skip
+    torch.testing.assert_close(again.origin(x[:3, :H]), origin)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_turned_body_has_the_same_coefficients(x, kind):
+    """The last observed pose faces one way, whichever way it was recorded; its hips lie along the first axis."""
+    found = fitted(x, representation=kind, heading="body", coefficient_scale="none")
+    turned = turn_heading(x[:9], torch.linspace(0, 6, 9))
+    torch.testing.assert_close(found.encode(turned), found.encode(x[:9]), atol=1e-4, rtol=0)
+    torch.testing.assert_close(found.encode_history(turned[:, :H]), found.encode_history(x[:9, :H]), atol=1e-4, rtol=0)
+    seen = found.condition.inverse(found.encode_history(x[:9, :H]))[:, H - 1].unflatten(-1, (-1, 3))
+    across = seen[:, H36M17.joints.index("left_hip") - 1] - seen[:, H36M17.joints.index("right_hip") - 1]
+    assert across[:, 0].min() > 0.1 and across[:, 1].abs().max() < 1e-4
+
+
 class Spy(torch.nn.Module):
     """Answers nothing, and remembers the condition."""
 
@@ -66,7 +102,7 @@ class Spy(torch.nn.Module):
         return torch.zeros_like(y)
 
 
-@pytest.mark.parametrize("kind", ["pose", "displacement"])
+@pytest.mark.parametrize("kind", KINDS)
 def test_the_condition_sees_no_future_frame(x, kind):
     objective, spy = PredictionObjective(small(representation=kind), two_people().train), Spy()
     seen = []
