@@ -11,7 +11,7 @@ from mwlib.experiments.grids import Grid, grids_file, read_grids
 from mwlib.experiments.report import write_curves, write_storyboards
 from mwlib.experiments.runs import get_run
 from mwlib.experiments.systems import system
-from mwlib.experiments.tables import lines, measure, provenance
+from mwlib.experiments.tables import details, differences, lines, measure, provenance
 from mwlib.files import write_atomic
 from mwlib.prediction.config import Config
 from mwlib.prediction.system import load_data
@@ -92,6 +92,11 @@ def _grid_table(args: Namespace) -> int:
     found = measure(grid, cfg, progress=True, given=given)
     about = provenance(grid, cfg, found, given) | {"preset": args.preset}
     plots.save_table(lines(found, columns, errors=True), args.out, grid.id, provenance=about)
+    kind = system(grid.system)
+    apart = differences(found, {**columns, **details(kind)}, grid.reference)
+    for name, rows in (("details", lines(found, details(kind), errors=True)), ("paired", apart)):
+        if rows and len(rows[0]) > 1:
+            plots.save_table(rows, args.out, f"{grid.id}_{name}", provenance=about)
     actions = [{"row": row["name"], "action": action, **means} for row in found for action, means in row["actions"].items()]
     if actions:
         plots.save_table(actions, args.out, f"{grid.id}_actions", provenance=about)

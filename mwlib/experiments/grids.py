@@ -66,6 +66,7 @@ class Grid:
         base: changes that all rows share.
         rows: the lines.
         budgets: by size of the configuration; beyond the last one nothing is cut.
+        reference: name of the row that the others are compared with in pairs; empty = the first.
     """
 
     id: str
@@ -77,6 +78,7 @@ class Grid:
     base: dict[str, Any]
     rows: tuple[Row, ...]
     budgets: tuple[Budget, ...]
+    reference: str = ""
 
     def budget(self, cfg: Settings) -> Budget:
         """What a row may cost for this configuration; three seeds and no cut for the paper's sizes."""
@@ -114,7 +116,7 @@ def read_grids(path: Path | None = None) -> dict[str, Grid]:
 MAPPING, LIST, TEXT = ("a mapping", (dict, type(None))), ("a list", (list,)), ("a text", (str,))
 NUMBER, COUNT = ("a number", (int, float)), ("a whole number", (int, type(None)))
 GRID = {"title": TEXT, "rows": LIST, "system": TEXT, "paper": TEXT, "notebook": TEXT, "trains": ("true or false", (bool,)),
-        "base": MAPPING, "budgets": LIST}  # fmt: skip
+        "base": MAPPING, "budgets": LIST, "reference": TEXT}  # fmt: skip
 ROW = {"name": ("a name", (str, int, float)), "set": MAPPING, "paper": MAPPING, "seeds": COUNT}
 BUDGET = {"until": NUMBER, "seeds": ("a whole number", (int,)), "share": NUMBER, "set": MAPPING}
 
@@ -135,8 +137,10 @@ def _grid(where: str, name: str, body: dict[str, Any]) -> Grid:
         budgets.append(Budget(budget["until"], budget["seeds"], budget.get("share", 1.0), budget.get("set") or {}))
     grid = Grid(
         name, body.get("system", "prediction"), body["title"], body.get("paper", ""), body.get("notebook", ""),
-        bool(body.get("trains")), body.get("base") or {}, tuple(rows), tuple(budgets),
+        bool(body.get("trains")), body.get("base") or {}, tuple(rows), tuple(budgets), body.get("reference") or rows[0].name,
     )  # fmt: skip
+    if grid.reference not in {row.name for row in rows}:
+        raise ValueError(f"{where}: reference is {grid.reference!r}; expected the name of a row")
     for row in rows:
         try:
             system(grid.system).Config().override(**{**grid.base, **row.changes})

@@ -8,14 +8,15 @@ from pathlib import Path
 from statistics import mean, stdev
 from typing import Any
 
+import numpy as np
 import torch
 
 from mwlib.data.known import acknowledgement
 from mwlib.experiments.grids import Grid, changes, row_config
 from mwlib.experiments.results import get_result
-from mwlib.experiments.systems import Data, system
+from mwlib.experiments.systems import Data, System, system
 from mwlib.material import course_folder
-from mwlib.metrics import Column
+from mwlib.metrics import Column, clustered_error
 from mwlib.settings import Settings
 from mwlib.version import __version__
 
@@ -34,7 +35,8 @@ def measure(
 
     Returns:
         Per row: "name", "paper", "seeds", "windows", "seconds", and by metric "mean" over seeds, "seed_deviation" (None for
-        one seed), "standard_error" over windows (of the first seed); "actions", the first seed's means of each action.
+        one seed), "standard_error" (of the first seed; None where there is none) and "values", one per window, means over seeds;
+        "clips" of the windows; "actions", the first seed's means of each action.
 
     Raises:
         ValueError: rows of the grid differ in a given field.
@@ -45,16 +47,24 @@ def measure(
     for row in grid.rows:
         configs = [row_config(grid, row, cfg, seed, given) for seed in grid.seeds(row, cfg)]
         results = [get_result(changed, data, progress) for changed in configs]
-        found.append({"name": row.name, "paper": row.paper, **_over_seeds(results, kind.METRICS)})
+        found.append({"name": row.name, "paper": row.paper, **_over_seeds(results, {**kind.METRICS, **details(kind)})})
     return found
 
 
+def details(kind: System) -> dict[str, Column]:
+    """Columns of a system's second table, if it has one."""
+    return dict(getattr(kind, "DETAILS", {}))
+
+
 def _over_seeds(results: Sequence[dict[str, Any]], metrics: Mapping[str, Column]) -> dict[str, Any]:
-    values = {m: [r["mean"][m] for r in results] for m in metrics}
+    values = {m: [r["mean"][m] for r in results] for m in metrics if m in results[0]["mean"]}
+    windows = [r.get("values", {}) for r in results]
     return {
         "mean": {m: mean(v) for m, v in values.items()},
         "seed_deviation": {m: stdev(v) if len(v) > 1 else None for m, v in values.items()},
-        "standard_error": {m: results[0]["standard_error"][m] for m in metrics},
+        "standard_error": {m: results[0]["standard_error"].get(m) for m in values},
+        "values": {m: np.mean([w[m] for w in windows], axis=0).tolist() for m in values if m in windows[0]},
+        "clips": results[0].get("clips", []),
         "windows": results[0]["windows"],
         "seeds": len(results),
         "seconds": sum(r["seconds"] for r in results),
@@ -79,15 +89,53 @@ def lines(
     for row in found:
         line: dict[str, object] = {first: row["name"]}
         for m, column in metrics.items():
+            if m not in row["mean"]:
+                continue
             heading, scale = column.heading, column.scale
             if any(m in other["paper"] for other in found):
                 line[f"{heading}, paper"] = row["paper"].get(m)
             spread = row["seed_deviation"][m]
             value = scale * row["mean"][m]
             line[heading] = value if spread is None else (value, scale * spread)
-            if errors:
-                line[f"{heading}, standard error"] = scale * row["standard_error"][m]
+            if errors and (error := row["standard_error"][m]) is not None:
+                line[f"{heading}, standard error"] = scale * error
         out.append(line | ({"seeds": row["seeds"], "windows": row["windows"]} if errors else {}))
+    return out
+
+
+def differences(
+    found: Sequence[dict[str, Any]], metrics: Mapping[str, Column], reference: str, *, first: str = "row"
+) -> list[dict[str, object]]:
+    """How far each row is from one of them, window by window: mean differences and their standard errors over clips.
+
+    Both rows see the same windows; what makes a window hard for both goes out of the difference.
+
+    Args:
+        found: what `measure` returned.
+        metrics: columns, in order.
+        reference: name of the row that the others are compared with.
+        first: heading of the rows' names.
+
+    Returns:
+        A line for each other row that was measured on the same windows.
+
+    Raises:
+        ValueError: no row is called so.
+    """
+    rows = {row["name"]: row for row in found}
+    if reference not in rows:
+        raise ValueError(f"reference is {reference!r}; expected one of {', '.join(rows)}")
+    base, out = rows.pop(reference), []
+    for name, row in rows.items():
+        if not row["clips"] or row["clips"] != base["clips"]:
+            continue
+        line: dict[str, object] = {first: f"{name} - {reference}"}
+        for m, column in metrics.items():
+            if m in row["values"] and m in base["values"]:
+                apart = column.scale * np.subtract(row["values"][m], base["values"][m])
+                line[column.heading] = float(np.nanmean(apart))
+                line[f"{column.heading}, standard error"] = clustered_error(apart, row["clips"])
+        out.append(line)
     return out
 
 
@@ -130,7 +178,7 @@ def provenance(grid: Grid, cfg: Settings, found: Sequence[dict[str, Any]], given
         "budget_share": budget.share, "settings_of_the_first_row": first.changed_from(type(first)()),
         "rows": {row.name: changes(grid, row, cfg, given) for row in grid.rows},
         "test_windows": found[0]["windows"],
-        "standard_error_over_windows": {row["name"]: row["standard_error"] for row in found},
+        "standard_error_over_clips": {row["name"]: row["standard_error"] for row in found},
         "seconds_of_sampling": {row["name"]: row["seconds"] for row in found},
         "mwlib": __version__, "torch": torch.__version__.split("+")[0],
         "device": "cuda" if torch.cuda.is_available() else "cpu",

@@ -16,7 +16,9 @@ from mwlib.metrics.prediction import (
     mmfde,
     step_length,
 )  # fmt: skip
+from mwlib.metrics.realism import error_at, jerk, pose_change, speed
 from mwlib.metrics.table import MetricTable
+from mwlib.metrics.uncertainty import clustered_error
 
 __all__ = [
     "Column",
@@ -26,11 +28,16 @@ __all__ = [
     "apd",
     "apde",
     "bone_length_jitter",
+    "clustered_error",
     "cmd",
+    "error_at",
     "fde",
+    "jerk",
     "mmade",
     "mmfde",
     "multimodal_apd",
     "multimodal_futures",
+    "pose_change",
+    "speed",
     "step_length",
 ]

@@ -11,7 +11,10 @@ from torch import Tensor
 from mwlib.body.skeleton import Skeleton
 from mwlib.metrics.multimodal import MultimodalFutures
 from mwlib.metrics.prediction import ade, apd, bone_length_jitter, by_action, check_shapes, cmd, fde, mmade, mmfde, step_length
+from mwlib.metrics.realism import error_at, jerk, pose_change, speed
+from mwlib.metrics.uncertainty import clustered_error
 
+HORIZONS = (0.2, 0.4, 1.0)  # seconds ahead at which errors are reported beside FDE
 MM_SINGLETONS = ("keep", "skip_all", "skip_mm")
 
 
@@ -22,6 +25,8 @@ class MetricTable:
         gs: multimodal sets of all N windows of the test set, from `multimodal_futures` or a list of tensors.
         actions: class of each window, for the table per action and for CMD; None: one class.
         skeleton: if given, `bone_length_jitter` is reported too.
+        fps: if given, so are `speed`, `pose_change` and `jerk`, and the errors 0.2, 0.4 and 1 s ahead ("error_0.2s", ...).
+        clips: where each window comes from; windows of one clip are not independent.
         mm_singletons: what becomes of windows whose set holds only themselves: "keep" (DLow, HumanMAC, BeLFusion; the
             default, as MotionWavelet follows HumanMAC), "skip_all": left out of every number (GSPS, STARS),
             "skip_mm": left out of MMADE and MMFDE only (CoMusion).
@@ -46,6 +51,8 @@ class MetricTable:
         actions: Sequence[Hashable] | None = None,
         skeleton: Skeleton | None = None,
         mm_singletons: str = "keep",
+        fps: float | None = None,
+        clips: Sequence[Hashable] | None = None,
     ) -> None:
         if mm_singletons not in MM_SINGLETONS:
             raise ValueError(f"mm_singletons is {mm_singletons!r}; expected one of {', '.join(MM_SINGLETONS)}")
@@ -53,7 +60,11 @@ class MetricTable:
             raise ValueError(f"{len(actions)} actions for {len(gs)} windows; expected one each")
         self.gs, self.skeleton, self.mm_singletons = MultimodalFutures.of(gs), skeleton, mm_singletons
         self.actions = ["all"] * len(gs) if actions is None else list(actions)
+        self.fps, self.clips = fps, list(range(len(gs))) if clips is None else list(clips)
+        ahead = self.gs.futures.shape[1] / fps if fps else 0
+        self.horizons = {f"error_{seconds:g}s": seconds for seconds in HORIZONS if seconds <= ahead}
         names = ["apd", "ade", "fde", "mmade", "mmfde"] + ["bone_length_jitter"] * (skeleton is not None)
+        names += ["speed", "pose_change", "jerk", *self.horizons] if fps else []
         self.values = {name: torch.full((len(gs),), torch.nan, dtype=torch.float64) for name in names}
         self._steps = torch.full((2, len(gs), self.gs.futures.shape[1] - 1), torch.nan, dtype=torch.float64)
 
@@ -70,6 +81,9 @@ class MetricTable:
         found = {"apd": apd(p), "ade": ade(p, g), "fde": fde(p, g), "mmade": mmade(p, sets), "mmfde": mmfde(p, sets)}
         if self.skeleton is not None:
             found["bone_length_jitter"] = bone_length_jitter(p, self.skeleton)
+        if self.fps:
+            found |= {"speed": speed(p, self.fps), "pose_change": pose_change(p), "jerk": jerk(p, self.fps)}
+            found |= {name: error_at(p, g, self.fps, seconds) for name, seconds in self.horizons.items()}
         for name, value in found.items():
             self.values[name][windows] = value.double().cpu()
         for row, motion in zip(self._steps, (p, g[:, None]), strict=True):
@@ -80,8 +94,8 @@ class MetricTable:
 
         Returns:
             {"mean": {metric: metres}, "standard_error": {metric: metres}, "windows": {metric: count}, "cmd": metres,
-            "actions": {action: the first three for its windows}}. The standard error takes windows as independent; they
-            overlap, so it is a lower bound. NaN where there is nothing to average.
+            "actions": {action: the first three for its windows}, "values": {metric: one number per window}, "clips": the clip of
+            each window}. The standard error is `clustered_error` over clips. NaN where there is nothing to average.
         """
         alone = self.gs.sizes == 1
         counted = self.values["apd"].isfinite() & ~(alone if self.mm_singletons == "skip_all" else torch.zeros_like(alone))
@@ -90,14 +104,17 @@ class MetricTable:
         hidden = alone if self.mm_singletons == "skip_mm" else torch.zeros_like(alone)
         kept = {k: v.masked_fill(hidden, torch.nan)[rows] if k.startswith("mm") else v[rows] for k, v in self.values.items()}
         predicted, truth = self._steps[:, rows]
-        per_action = {a: _row({k: v[i] for k, v in kept.items()}) for a, i in by_action(actions).items()}
-        return {**_row(kept), "cmd": float(cmd(predicted, truth, actions)), "actions": per_action}
+        clips = [self.clips[i] for i in rows]
+        per_action = {a: _row({k: v[i] for k, v in kept.items()}, [clips[n] for n in i]) for a, i in by_action(actions).items()}
+        return {
+            **_row(kept, clips), "cmd": float(cmd(predicted, truth, actions)), "actions": per_action,
+            "values": {name: v.tolist() for name, v in kept.items()}, "clips": clips,
+        }  # fmt: skip
 
 
-def _row(values: dict[str, Tensor]) -> dict[str, dict]:
-    values = {name: v[v.isfinite()] for name, v in values.items()}
+def _row(values: dict[str, Tensor], clips: Sequence[Hashable]) -> dict[str, dict]:
     return {
-        "mean": {name: float(v.mean()) for name, v in values.items()},
-        "standard_error": {name: float(v.std() / len(v) ** 0.5) if len(v) > 1 else torch.nan for name, v in values.items()},
-        "windows": {name: len(v) for name, v in values.items()},
+        "mean": {name: float(v.nanmean()) for name, v in values.items()},
+        "standard_error": {name: clustered_error(v.numpy(), clips) for name, v in values.items()},
+        "windows": {name: int(v.isfinite().sum()) for name, v in values.items()},
     }

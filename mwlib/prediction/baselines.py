@@ -10,6 +10,7 @@ from mwlib.body.kinematics import AXES, horizontal, turn_heading
 
 ALIGN = ("none", "heading")
 DISTANCE = ("history", "last_frame")
+FUTURES = ("pose", "displacement")
 _BUDGET = 2**23  # distances held at once, 64 MiB
 
 
@@ -53,6 +54,7 @@ class NearestHistory:
             and its future with it; "none" takes it as it is.
         distance: "history" compares all H frames flattened, "last_frame" the last pose alone.
         up: the up-axis, "y" or "z".
+        futures: "pose" gives the neighbours' poses, "displacement" what they do after the query's last pose.
 
     Own choice: plain retrieval; turned, because a motion's heading is arbitrary and training turns motions about the
     up-axis too.
@@ -75,8 +77,15 @@ class NearestHistory:
         align: str = "heading",
         distance: str = "history",
         up: str = "z",
+        futures: str = "pose",
     ) -> None:
-        for name, value, known in (("align", align, ALIGN), ("distance", distance, DISTANCE), ("up", up, tuple(AXES))):
+        options = (
+            ("align", align, ALIGN),
+            ("distance", distance, DISTANCE),
+            ("up", up, tuple(AXES)),
+            ("futures", futures, FUTURES),
+        )
+        for name, value, known in options:
             if value not in known:
                 raise ValueError(f"{name} is {value!r}; expected one of {', '.join(known)}")
         if not 1 <= history < x.shape[1]:
@@ -84,7 +93,8 @@ class NearestHistory:
         if not 1 <= samples <= len(x):
             raise ValueError(f"samples is {samples}; expected 1 to {len(x)}, the number of training windows")
         self.history, self.samples, self.align, self.distance, self.up = history, samples, align, distance, up
-        self.future = x[:, history:]
+        self.relative = futures == "displacement"
+        self.future = x[:, history:] - x[:, history - 1 : history] if self.relative else x[:, history:]
         self._plane, self._height = self._features(x[:, :history])
         self._energy = self._plane.abs().square().sum(1) + self._height.square().sum(1)
 
@@ -99,7 +109,8 @@ class NearestHistory:
         chunk = max(1, _BUDGET // len(self.future))
         found = [self._nearest(rows) for rows in x_history.split(chunk)]
         index, turn = (torch.cat(part) for part in zip(*found, strict=True))
-        return turn_heading(self.future[index], turn, self.up)
+        found = turn_heading(self.future[index], turn, self.up)
+        return found + x_history[:, None, -1:] if self.relative else found
 
     def _features(self, x: Float[Tensor, "M H C"]) -> tuple[Complex[Tensor, "M plane"], Float[Tensor, "M height"]]:
         """Horizontal coordinates as complex numbers, and heights; float64, as squared distances are differences."""

@@ -78,7 +78,9 @@ class ObjectiveConfig:
 class SamplingConfig:
     """The reverse process, its guidance and how much of it to run."""
 
-    method: Literal["diffusion", "zero_velocity", "constant_velocity", "nearest_history"] = "diffusion"  # or a baseline
+    method: Literal["diffusion", "zero_velocity", "constant_velocity", "nearest_history", "nearest_displacement", "truth"] = (
+        "diffusion"  # or a baseline; "truth" is what is to be predicted, for its speed and jerk
+    )
     samples: Count = 50  # S, futures of each history
     sampler: Literal["ddim", "dpmpp", "eq6"] = "ddim"  # "dpmpp": DPM-Solver++(2M); "eq6": the paper's Eq. 6 taken literally
     ddim_steps: Count = 100  # denoising steps

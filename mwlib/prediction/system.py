@@ -12,13 +12,13 @@ from torch import Tensor
 from mwlib.data.sources import Split, split_motions
 from mwlib.data.windowing import too_short
 from mwlib.prediction.config import Config
-from mwlib.prediction.evaluation import METRICS, evaluate, make_predict, test_windows
+from mwlib.prediction.evaluation import DETAILS, METRICS, evaluate, make_predict, test_windows
 from mwlib.prediction.objective import PredictionObjective
 from mwlib.prediction.predictor import Predictor
 
 MOST_NAMES = 12
 
-__all__ = ["METRICS", "Config", "evaluate", "load_data", "make_objective", "open_model", "preview"]
+__all__ = ["DETAILS", "METRICS", "Config", "evaluate", "load_data", "make_objective", "open_model", "preview"]
 
 
 def load_data(cfg: Config) -> Split:

@@ -64,6 +64,7 @@ def test_the_papers_grids_are_complete():
         ({"budgets": [{"until": "1e3", "seeds": 1}]}, "until is '1e3'; expected a number"),
         ({"trains": "no"}, "trains is 'no'; expected true or false"),
         ({"system": ["prediction"]}, "system is .*expected a text"),
+        ({"reference": "db9"}, "reference is 'db9'; expected the name of a row"),
     ],
 )
 def test_a_grid_that_does_not_fit_is_refused(tmp_path, parts, message):
@@ -135,6 +136,10 @@ def test_a_grid_is_measured_once(tmp_path, monkeypatch):
     assert "ADE, deviation" in header and "ADE, standard error" in header and first.startswith("haar")
     text = (tmp_path / "out" / "bases.md").read_text()
     assert text.startswith("| row") and "±" in text and "**" in text
+    details = (tmp_path / "out" / "bases_details.csv").read_text().splitlines()
+    assert "speed (m/s), standard error" in details[0] and len(details) == 4
+    paired = (tmp_path / "out" / "bases_paired.csv").read_text().splitlines()
+    assert [line.split(",")[0] for line in paired] == ["row", "db2 - haar", "db3 - haar"] and "jerk" in paired[0]
     actions = (tmp_path / "out" / "bases_actions.csv").read_text().splitlines()
     assert actions[0].startswith("row,action,") and len(actions) > len(found)
 

@@ -8,7 +8,8 @@ import pytest
 
 from mwlib.experiments import tables
 from mwlib.experiments.grids import Budget, Grid, Row, row_config
-from mwlib.experiments.tables import lines, measure
+from mwlib.experiments.tables import differences, lines, measure
+from mwlib.metrics import Column
 from mwlib.prediction.config import Config
 from mwlib.prediction.evaluation import METRICS
 
@@ -53,7 +54,7 @@ def test_numbers_over_seeds_by_hand(asked):
     k = [40 + s**2 + 3 * s for s in (0, 1, 2)]
     for i, m in enumerate(METRICS):
         assert first["mean"][m] == pytest.approx(mean(k) + i) and first["seed_deviation"][m] == pytest.approx(stdev(k))
-        assert first["standard_error"][m] == pytest.approx(0.4), "over windows, of the first seed"
+        assert first["standard_error"][m] == pytest.approx(0.4), "of the first seed"
         assert first["actions"]["walk"][m] == 40 + i
         assert second["mean"][m] == pytest.approx(mean(k) - 10 + i) and once["seed_deviation"][m] is None
     assert [(row["seeds"], row["windows"], row["seconds"]) for row in (first, second, once)] == [(3, 5, 6.0)] * 2 + [(1, 5, 2.0)]
@@ -69,6 +70,38 @@ def test_lines_are_in_the_unit_of_their_column(asked):
         assert once[column.heading] == pytest.approx(column.scale * found[2]["mean"][m])
     assert (line["ADE, paper"], second["ADE, paper"]) == (0.4, None) and "FDE, paper" not in line
     assert (line["seeds"], once["seeds"], line["windows"]) == (3, 1, 5)
+
+
+def measured(name: str, values: list[float], clips: str = "aabbc") -> dict:
+    """A row as `measure` gives it, with one metric."""
+    mean_of = {"ade": mean(values), "worst": 2.0}
+    about = {"seeds": 1, "windows": 5, "paper": {}, "seed_deviation": {"ade": None, "worst": None}}
+    errors = {"ade": 0.1, "worst": None}
+    return {"name": name, "mean": mean_of, "standard_error": errors, "values": {"ade": values}, "clips": [*clips], **about}
+
+
+def test_differences_are_taken_window_by_window():
+    """What both rows find hard goes out of the difference, and windows of a clip count as one observation."""
+    hard = [0.0, 5.0, 10.0, 20.0, 40.0]
+    apart = [0.1, 0.1, 0.3, 0.3, 0.2]
+    rows = [measured("ours", hard), measured("theirs", [h + d for h, d in zip(hard, apart, strict=True)])]
+    rows.append(measured("elsewhere", hard, "aabbb"))
+    (line,) = differences(rows, {"ade": Column("ADE (mm)", scale=1000.0), "fde": Column("FDE")}, "ours")
+    totals = [-0.2, 0.2, 0.0]  # of a, b and c around the mean, 0.2
+    expected = (3 / 2 * sum(t**2 for t in totals)) ** 0.5 / 5
+    assert line.pop("row") == "theirs - ours"
+    assert line == {"ADE (mm)": pytest.approx(200), "ADE (mm), standard error": pytest.approx(1000 * expected)}
+    with pytest.raises(ValueError, match="reference is 'nobody'; expected one of ours, theirs, elsewhere"):
+        differences(rows, METRICS, "nobody")
+
+
+def test_what_a_row_lacks_is_left_out():
+    """A largest value has no standard error; a table of details has only what was measured."""
+    rows = [measured("ours", [1.0, 2.0, 3.0, 4.0, 5.0])]
+    columns = {"ade": Column("ADE"), "worst": Column("worst"), "jerk": Column("jerk")}
+    assert lines(rows, columns, errors=True) == [
+        {"row": "ours", "ADE": 3.0, "ADE, standard error": 0.1, "worst": 2.0, "seeds": 1, "windows": 5}
+    ]
 
 
 def test_a_row_wins_over_the_base_and_the_base_over_the_budget():

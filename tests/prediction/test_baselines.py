@@ -9,7 +9,7 @@ import torch
 
 from mwlib import metrics
 from mwlib.body.kinematics import turn_heading
-from mwlib.prediction.baselines import NearestHistory, constant_velocity, zero_velocity
+from mwlib.prediction.baselines import FUTURES, NearestHistory, constant_velocity, zero_velocity
 
 M, H, F, C = 40, 6, 10, 12
 
@@ -72,6 +72,15 @@ def test_chunks_of_queries_do_not_matter(monkeypatch):
     whole = NearestHistory(x, H, samples=4).predict(queries)
     monkeypatch.setattr("mwlib.prediction.baselines._BUDGET", 1)
     torch.testing.assert_close(NearestHistory(x, H, samples=4).predict(queries), whole)
+
+
+def test_displacements_go_on_from_the_last_pose():
+    """The neighbours are the same; what they do is added to where the query is."""
+    x = _walks()
+    queries = x[3:8, :H] + 0.2
+    poses, moves = (NearestHistory(x, H, samples=4, align="none", futures=kind).predict(queries) for kind in FUTURES)
+    near = torch.cdist(queries.flatten(1), x[:, :H].flatten(1)).topk(4, largest=False).indices
+    torch.testing.assert_close(moves, poses - x[near][:, :, H - 1 : H] + queries[:, None, -1:], atol=1e-5, rtol=0)
 
 
 def test_refusals():

@@ -12,11 +12,11 @@ import torch
 from mwlib import metrics
 from mwlib.data.sources import Split
 from mwlib.prediction.config import EvaluationConfig
-from mwlib.prediction.evaluation import METRICS, baseline, evaluate, score, test_windows, trained
+from mwlib.prediction.evaluation import DETAILS, METRICS, baseline, evaluate, score, test_windows, trained
 from mwlib.prediction.predictor import Predictor
 from tests.sample_settings import small, two_people
 
-BASELINES = ("zero_velocity", "constant_velocity", "nearest_history")
+BASELINES = ("zero_velocity", "constant_velocity", "nearest_history", "nearest_displacement", "truth")
 
 
 def never():
@@ -50,7 +50,7 @@ def test_baselines_are_scored_without_a_model(split, method):
     test = every.thin(9)
     ids = [i for i in range(len(every)) if any(torch.equal(every.x[i], x) for x in test.x)]
     p = baseline(cfg, split)(test.x_history, ids)
-    assert found["windows"] == 9 and p.shape[1] == (4 if method == "nearest_history" else 1)
+    assert found["windows"] == 9 and p.shape[1] == (4 if method.startswith("nearest") else 1)
     assert found["mean"]["ade"] == pytest.approx(float(metrics.ade(p, test.x_future).mean()), rel=1e-5)
     sets = metrics.multimodal_futures(every.x_history[:, -1], every.x_future, 0.5)
     assert found["mean"]["mmade"] == pytest.approx(float(metrics.mmade(p, sets.take(ids)).mean()), rel=1e-5)
@@ -62,6 +62,21 @@ def test_every_column_is_measured_and_every_action_has_a_row(split):
     assert set(found["actions"]) == {m.action for m in split.test}
     assert set(METRICS) <= set(found["actions"]["walk"])
     assert METRICS["bone_length_jitter"].scale == 1000 and {column.better for column in METRICS.values()} == {"", "lower"}
+
+
+def test_the_truth_has_no_error_and_standing_still_is_the_measure_of_the_worst(split):
+    truth, still = (evaluate(small(method=method), never, split) for method in ("truth", "zero_velocity"))
+    assert truth["mean"]["ade"] == truth["mean"]["error_1s"] == truth["mean"]["worst"] == 0
+    assert set(DETAILS) <= set(truth["mean"]) and truth["mean"]["speed"] > 0.1 and still["mean"]["speed"] == 0
+    assert still["mean"]["worst"] == pytest.approx(1) and truth["mean"]["jerk"] > 0 == still["mean"]["jerk"]
+    every = test_windows(split, small().windows).thin(small().windows.test_windows)
+    clips = every.clip.tolist()
+    assert truth["clips"] == clips and len(truth["values"]["jerk"]) == len(every)
+    expected = metrics.clustered_error(np.array(still["values"]["ade"]), clips)
+    assert still["standard_error"]["ade"] == expected
+    sets = metrics.multimodal_futures(every.x_history[:, -1], every.x_future, 0.5)
+    if len(every) == len(test_windows(split, small().windows)):
+        assert truth["multimodal_apd"] == pytest.approx(float(metrics.multimodal_apd(sets).mean()))
 
 
 class Known(Predictor):
@@ -100,19 +115,24 @@ def test_evaluation_by_hand(split):
 
     clips = [m.root_relative().astype(np.float32) for m in split.test]
     every = [
-        (clip[s : s + 20], m.action) for clip, m in zip(clips, split.test, strict=True) for s in range(0, len(clip) - 20, 11)
+        (clip[s : s + 20], m.action, m.name)
+        for clip, m in zip(clips, split.test, strict=True)
+        for s in range(0, len(clip) - 20, 11)
     ]
     ids = [round(i * (len(every) - 1) / 18) for i in range(19)]
     assert asked == ids
     rows = []
     for i in ids:
         x = every[i][0].astype(np.float64)
-        near = [other[6:] for other, _ in every if np.linalg.norm(other[5] - x[5]) < 0.6]
+        near = [other[6:] for other, *_ in every if np.linalg.norm(other[5] - x[5]) < 0.6]
         rows.append(by_hand(x[5] + 0.1 * drawn(2, 5, i).numpy(), x[6:], near))
     table, names = np.array(rows), ["apd", "ade", "fde", "mmade", "mmfde"]
     assert (table[:, 1] != table[:, 3]).any(), "some windows have neighbours"
     np.testing.assert_allclose([found["mean"][name] for name in names], table.mean(0), rtol=1e-4)
-    np.testing.assert_allclose([found["standard_error"][name] for name in names], table.std(0, ddof=1) / 19**0.5, rtol=1e-4)
+    names_of = [every[i][2] for i in ids]
+    totals = [sum(row - table.mean(0) for row, of in zip(table, names_of, strict=True) if of == name) for name in {*names_of}]
+    expected = (len(totals) / (len(totals) - 1) * np.square(totals).sum(0)) ** 0.5 / 19
+    np.testing.assert_allclose([found["standard_error"][name] for name in names], expected, rtol=1e-4)
     walk = [row for row, i in zip(rows, ids, strict=True) if every[i][1] == "walk"]
     np.testing.assert_allclose([found["actions"]["walk"][name] for name in names], np.mean(walk, axis=0), rtol=1e-4)
     assert found["windows"] == 19

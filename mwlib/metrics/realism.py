@@ -1,0 +1,77 @@
+"""Whether predictions move as people do: how fast, how far, how smoothly; and how the error grows with the horizon.
+
+Errors of the best of many samples do not tell: standing still, or shaking, can have a good one. Each number here is to be
+read beside the same number of the truth.
+"""
+
+from __future__ import annotations
+
+from jaxtyping import Float
+from torch import Tensor
+
+from mwlib.metrics.prediction import check_shapes
+
+SPEED_SECONDS = 0.2  # speeds over shorter times measure a recording's noise
+
+
+def speed(p: Float[Tensor, "N S F C"], fps: float) -> Float[Tensor, " N"]:
+    """How fast a joint moves, m/s: mean over samples, joints and frames of the way in 0.2 s.
+
+    Source: own choice.
+
+    Raises:
+        ValueError: p is not (N, S, F, C), not finite or shorter than that.
+
+    >>> steady = torch.arange(20.0)[:, None] * torch.tensor([0.03, 0.04, 0.0])
+    >>> round(float(speed(steady[None, None], fps=10.0)), 4)
+    0.5
+    """
+    step = max(round(SPEED_SECONDS * fps), 1)
+    check_shapes(p, frames=step + 1)
+    joints = p.unflatten(-1, (-1, 3))
+    return (joints[:, :, step:] - joints[:, :, :-step]).norm(dim=-1).mean((1, 2, 3)) * fps / step
+
+
+def pose_change(p: Float[Tensor, "N S F C"]) -> Float[Tensor, " N"]:
+    """How far the last predicted pose is from the first, metres over the C values; mean over samples.
+
+    Source: own choice.
+
+    >>> pose_change(torch.tensor([0.0, 5.0, 3.0]).reshape(1, 1, 3, 1))
+    tensor([3.])
+    """
+    check_shapes(p)
+    return (p[:, :, -1] - p[:, :, 0]).norm(dim=-1).mean(1)
+
+
+def jerk(p: Float[Tensor, "N S F C"], fps: float) -> Float[Tensor, " N"]:
+    """Third derivative of a joint's place, m/s³: mean length over samples, joints and frames of the third difference.
+
+    Source: own choice; Flash and Hogan, 1985, take it as the measure of smoothness.
+
+    Raises:
+        ValueError: p is not (N, S, F, C), not finite or of fewer than four frames.
+
+    >>> cubic = (torch.arange(8.0) / 10) ** 3
+    >>> round(float(jerk(torch.stack([cubic, 0 * cubic, 0 * cubic], -1)[None, None], fps=10.0)), 3)
+    6.0
+    """
+    check_shapes(p, frames=4)
+    return p.unflatten(-1, (-1, 3)).diff(n=3, dim=2).norm(dim=-1).mean((1, 2, 3)) * fps**3
+
+
+def error_at(p: Float[Tensor, "N S F C"], g: Float[Tensor, "N F C"], fps: float, seconds: float) -> Float[Tensor, " N"]:
+    """Error of the best sample at one time ahead, metres over the C values: `fde`, had the prediction ended there.
+
+    Raises:
+        ValueError: shapes do not fit, or the prediction does not reach so far.
+
+    >>> p, g = torch.tensor([1.0, 4.0]).reshape(1, 1, 2, 1), torch.zeros(1, 2, 1)
+    >>> error_at(p, g, fps=10.0, seconds=0.1), error_at(p, g, fps=10.0, seconds=0.2)
+    (tensor([1.]), tensor([4.]))
+    """
+    frame = round(seconds * fps)
+    check_shapes(p, g)
+    if not 1 <= frame <= p.shape[2]:
+        raise ValueError(f"seconds is {seconds:g}; expected a time within the {p.shape[2] / fps:g} s that are predicted")
+    return (p[:, :, frame - 1] - g[:, None, frame - 1]).norm(dim=-1).amin(1)
