@@ -23,7 +23,7 @@ from mwlib.experiments import load_run, train_run
 from mwlib.prediction import baselines
 from mwlib.prediction.config import EvaluationConfig
 from mwlib.prediction.control import controlled, feathered, frame_mask, joint_mask
-from mwlib.prediction.evaluation import score
+from mwlib.prediction.evaluation import METRICS, score
 from mwlib.transforms import DCTTransform, WaveletTransform, fit_scale
 from tests.sample_settings import small, two_people
 
@@ -133,7 +133,7 @@ def evaluation() -> Iterator[tuple[str, Tensor]]:
     (_, predictor), w = trained("displacement"), cut()
     found = score(lambda past, ids: predictor.predict(past, 4, 0, window_ids=ids), w.thin(20), w, EvaluationConfig())
     for kind in ("mean", "standard_error"):
-        yield f"metrics/{kind}", torch.tensor([found[kind][name] for name in sorted(found[kind])], dtype=torch.float64)
+        yield f"metrics/{kind}", torch.tensor([found[kind][name] for name in sorted(METRICS)], dtype=torch.float64)
     yield "metrics/cmd", torch.tensor([found["cmd"]], dtype=torch.float64)
     yield "baseline/nearest", baselines.NearestHistory(w.x[20:], 6, 4).predict(w.x_history[:5])
     yield "baseline/constant", baselines.constant_velocity(w.x_history[:5], 14)

@@ -18,6 +18,8 @@ from mwlib.training.config import TrainingConfig
 
 MOST_SIGNAL = 0.15  # alpha_bar where sampling starts from noise; 20 leading steps of the cosine schedule start at 0.006
 
+Method = Literal["diffusion", "zero_velocity", "constant_velocity", "nearest_history", "nearest_displacement", "truth"]
+
 
 @dataclass(frozen=True)
 class WindowConfig:
@@ -78,9 +80,7 @@ class ObjectiveConfig:
 class SamplingConfig:
     """The reverse process, its guidance and how much of it to run."""
 
-    method: Literal["diffusion", "zero_velocity", "constant_velocity", "nearest_history", "nearest_displacement", "truth"] = (
-        "diffusion"  # or a baseline; "truth" is what is to be predicted, for its speed and jerk
-    )
+    method: Method = "diffusion"  # or a baseline; "truth" is what is to be predicted, for its speed and jerk
     samples: Count = 50  # S, futures of each history
     sampler: Literal["ddim", "dpmpp", "eq6"] = "ddim"  # "dpmpp": DPM-Solver++(2M); "eq6": the paper's Eq. 6 taken literally
     ddim_steps: Count = 100  # denoising steps
