@@ -133,7 +133,7 @@ def differences(
         for m, column in metrics.items():
             if m in row["values"] and m in base["values"]:
                 apart = column.scale * np.subtract(row["values"][m], base["values"][m])
-                line[column.heading] = float(np.nanmean(apart))
+                line[column.heading] = float(np.nanmean(apart)) if np.isfinite(apart).any() else float("nan")
                 line[f"{column.heading}, standard error"] = clustered_error(apart, row["clips"])
         out.append(line)
     return out

@@ -12,6 +12,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
+from mwlib.body.kinematics import bones_of
 from mwlib.body.skeleton import Skeleton
 from mwlib.metrics.multimodal import MultimodalFutures, check_finite
 
@@ -174,10 +175,7 @@ def bone_length_jitter(p: Float[Tensor, "N S F C"], skeleton: Skeleton) -> Float
     check_shapes(p, frames=2)
     if p.shape[-1] != 3 * (len(skeleton) - 1):
         raise ValueError(f"p has {p.shape[-1]} channels; expected {3 * (len(skeleton) - 1)} for {skeleton.name} without root")
-    joints = torch.nn.functional.pad(p, (3, 0)).unflatten(-1, (-1, 3))
-    parent, child = (torch.tensor(ends, device=p.device) for ends in zip(*skeleton.bones, strict=True))
-    bones = joints.index_select(-2, child) - joints.index_select(-2, parent)
-    return bones.norm(dim=-1).diff(dim=2).abs().mean((1, 2, 3))
+    return bones_of(p, skeleton).norm(dim=-1).diff(dim=2).abs().mean((1, 2, 3))
 
 
 def by_action(actions: Sequence[Hashable]) -> dict[Hashable, list[int]]:

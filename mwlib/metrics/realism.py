@@ -6,12 +6,15 @@ read beside the same number of the truth.
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 from jaxtyping import Float
 from torch import Tensor
 
-from mwlib.metrics.prediction import check_shapes
+from mwlib.metrics.prediction import check_shapes, fde
 
 SPEED_SECONDS = 0.2  # speeds over shorter times measure a recording's noise
+HORIZONS = (0.2, 0.4, 1.0)  # seconds ahead at which errors are reported beside FDE
 
 
 def speed(p: Float[Tensor, "N S F C"], fps: float) -> Float[Tensor, " N"]:
@@ -26,7 +29,7 @@ def speed(p: Float[Tensor, "N S F C"], fps: float) -> Float[Tensor, " N"]:
     >>> round(float(speed(steady[None, None], fps=10.0)), 4)
     0.5
     """
-    step = max(round(SPEED_SECONDS * fps), 1)
+    step = _step(fps)
     check_shapes(p, frames=step + 1)
     joints = p.unflatten(-1, (-1, 3))
     return (joints[:, :, step:] - joints[:, :, :-step]).norm(dim=-1).mean((1, 2, 3)) * fps / step
@@ -71,7 +74,25 @@ def error_at(p: Float[Tensor, "N S F C"], g: Float[Tensor, "N F C"], fps: float,
     (tensor([1.]), tensor([4.]))
     """
     frame = round(seconds * fps)
-    check_shapes(p, g)
     if not 1 <= frame <= p.shape[2]:
         raise ValueError(f"seconds is {seconds:g}; expected a time within the {p.shape[2] / fps:g} s that are predicted")
-    return (p[:, :, frame - 1] - g[:, None, frame - 1]).norm(dim=-1).amin(1)
+    return fde(p[:, :, :frame], g[:, :frame])
+
+
+def motion_metrics(frames: int, fps: float) -> dict[str, Callable[[Tensor, Tensor], Tensor]]:
+    """By name those metrics of this module that futures of so many frames are long enough for: functions of p and g."""
+    found: dict[str, Callable[[Tensor, Tensor], Tensor]] = {}
+    if frames > _step(fps):
+        found["speed"] = lambda p, g: speed(p, fps)
+    found["pose_change"] = lambda p, g: pose_change(p)
+    if frames > 3:
+        found["jerk"] = lambda p, g: jerk(p, fps)
+    for seconds in HORIZONS:
+        if 1 <= round(seconds * fps) <= frames:
+            found[f"error_{seconds:g}s"] = lambda p, g, seconds=seconds: error_at(p, g, fps, seconds)
+    return found
+
+
+def _step(fps: float) -> int:
+    """Frames over which speed is measured."""
+    return max(round(SPEED_SECONDS * fps), 1)

@@ -11,10 +11,9 @@ from torch import Tensor
 from mwlib.body.skeleton import Skeleton
 from mwlib.metrics.multimodal import MultimodalFutures
 from mwlib.metrics.prediction import ade, apd, bone_length_jitter, by_action, check_shapes, cmd, fde, mmade, mmfde, step_length
-from mwlib.metrics.realism import error_at, jerk, pose_change, speed
+from mwlib.metrics.realism import motion_metrics
 from mwlib.metrics.uncertainty import clustered_error
 
-HORIZONS = (0.2, 0.4, 1.0)  # seconds ahead at which errors are reported beside FDE
 MM_SINGLETONS = ("keep", "skip_all", "skip_mm")
 
 
@@ -25,7 +24,8 @@ class MetricTable:
         gs: multimodal sets of all N windows of the test set, from `multimodal_futures` or a list of tensors.
         actions: class of each window, for the table per action and for CMD; None: one class.
         skeleton: if given, `bone_length_jitter` is reported too.
-        fps: if given, so are `speed`, `pose_change` and `jerk`, and the errors 0.2, 0.4 and 1 s ahead ("error_0.2s", ...).
+        fps: if given, so are `speed`, `pose_change` and `jerk`, and the errors 0.2, 0.4 and 1 s ahead ("error_0.2s", ...), as far
+            as the futures are long enough for them.
         clips: where each window comes from; windows of one clip are not independent.
         mm_singletons: what becomes of windows whose set holds only themselves: "keep" (DLow, HumanMAC, BeLFusion; the
             default, as MotionWavelet follows HumanMAC), "skip_all": left out of every number (GSPS, STARS),
@@ -60,11 +60,9 @@ class MetricTable:
             raise ValueError(f"{len(actions)} actions for {len(gs)} windows; expected one each")
         self.gs, self.skeleton, self.mm_singletons = MultimodalFutures.of(gs), skeleton, mm_singletons
         self.actions = ["all"] * len(gs) if actions is None else list(actions)
-        self.fps, self.clips = fps, list(range(len(gs))) if clips is None else list(clips)
-        ahead = self.gs.futures.shape[1] / fps if fps else 0
-        self.horizons = {f"error_{seconds:g}s": seconds for seconds in HORIZONS if seconds <= ahead}
-        names = ["apd", "ade", "fde", "mmade", "mmfde"] + ["bone_length_jitter"] * (skeleton is not None)
-        names += ["speed", "pose_change", "jerk", *self.horizons] if fps else []
+        self.clips = list(range(len(gs))) if clips is None else list(clips)
+        self.motion = motion_metrics(self.gs.futures.shape[1], fps) if fps else {}
+        names = ["apd", "ade", "fde", "mmade", "mmfde"] + ["bone_length_jitter"] * (skeleton is not None) + [*self.motion]
         self.values = {name: torch.full((len(gs),), torch.nan, dtype=torch.float64) for name in names}
         self._steps = torch.full((2, len(gs), self.gs.futures.shape[1] - 1), torch.nan, dtype=torch.float64)
 
@@ -81,9 +79,7 @@ class MetricTable:
         found = {"apd": apd(p), "ade": ade(p, g), "fde": fde(p, g), "mmade": mmade(p, sets), "mmfde": mmfde(p, sets)}
         if self.skeleton is not None:
             found["bone_length_jitter"] = bone_length_jitter(p, self.skeleton)
-        if self.fps:
-            found |= {"speed": speed(p, self.fps), "pose_change": pose_change(p), "jerk": jerk(p, self.fps)}
-            found |= {name: error_at(p, g, self.fps, seconds) for name, seconds in self.horizons.items()}
+        found |= {name: metric(p, g) for name, metric in self.motion.items()}
         for name, value in found.items():
             self.values[name][windows] = value.double().cpu()
         for row, motion in zip(self._steps, (p, g[:, None]), strict=True):

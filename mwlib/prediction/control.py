@@ -84,6 +84,8 @@ def controlled(
     Source: MotionWavelet Sec. 4.6; Appendix A: the mask acts in the first 90 of 100 steps. With `active` = 1 it acts in the
     last one too, with the clean target, and the constraint holds exactly.
 
+    Bones are as long as they come, whatever the settings say: a prescribed joint stays where it is prescribed.
+
     Args:
         predictor: a trained model.
         x_target: where the mask is not 0, what is to happen, metres; elsewhere its values do not matter.
@@ -101,11 +103,13 @@ def controlled(
         progress: show a bar.
 
     Raises:
-        ValueError: the shapes of target and mask do not fit, the mask leaves 0 to 1, the target is not finite under it, or
-            `active` is not a share.
+        ValueError: the shapes of target and mask do not fit, the mask leaves 0 to 1, the target is not finite under it, `active`
+            is not a share, or the model turns motions by their heading and the mask treats the coordinates of a joint apart.
     """
     _check(x_target, mask, active, space)
     representation, indices = predictor.representation, predictor.indices()
+    if representation.facing is not None and (mask.unflatten(-1, (-1, 3)) != mask.unflatten(-1, (-1, 3))[..., :1]).any():
+        raise ValueError("the mask treats coordinates of a joint apart; expected whole joints, as the model turns motions")
     samples = predictor.sampling.samples if samples is None else samples
     seed = predictor.sampling.sampling_seed if seed is None else seed
     count = round(active * len(indices))

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-import torch
 from torch import Tensor
 from tqdm import tqdm
 
+from mwlib.data.bodies import Bodies
 from mwlib.data.sources import Split
 from mwlib.data.windowing import Windows, windows
 from mwlib.metrics import Column, MetricTable, multimodal_apd, multimodal_futures
@@ -99,22 +99,21 @@ def score(
     number = {(c, s): i for i, (c, s) in enumerate(zip(all_test.clip.tolist(), all_test.start.tolist(), strict=True))}
     ids = [number[key] for key in zip(test.clip.tolist(), test.start.tolist(), strict=True)]
     sets = multimodal_futures(all_test.x_history[:, -1], all_test.x_future, options.mm_threshold)
-    first = all_test.motions[0]
-    clips = all_test.clip.tolist()
-    table = MetricTable(sets, all_test.actions, first.skeleton, mm_singletons=options.mm_singletons, fps=first.fps, clips=clips)
+    body, clips = Bodies.of(all_test.motions), all_test.clip.tolist()
+    table = MetricTable(sets, all_test.actions, body.skeleton, mm_singletons=options.mm_singletons, fps=body.fps, clips=clips)
     for first in tqdm(range(0, len(test), chunk), desc=progress, disable=progress is None, leave=False):
         part = slice(first, first + chunk)
         table.update(predict(test.x_history[part], ids[part]), test.x_future[part], ids[part])
     found = table.summary()
     found["multimodal_apd"] = float(multimodal_apd(sets)[ids].mean())
-    found["mean"]["worst"] = _worst(found["values"]["ade"], test)
+    found["mean"]["worst"] = _worst(table.values["ade"][ids], test)
     return found
 
 
-def _worst(errors: list[float], test: Windows) -> float:
+def _worst(errors: Tensor, test: Windows) -> float:
     """The largest ADE in units of that of standing still; of those who hardly move, in units of 5 cm."""
     still = (test.x_future - test.x_history[:, -1:]).norm(dim=-1).mean(-1).clamp_min(0.05)
-    return float((torch.tensor(errors) / still).max())
+    return float((errors / still).max())
 
 
 def evaluate(cfg: Config, get_model: Callable[[], Predictor], split: Split, progress: bool = False) -> dict[str, Any]:

@@ -21,7 +21,7 @@ _LAPTOP: dict[str, Any] = _STABLE | dict(
 )  # fmt: skip
 
 # What measurements on people held out chose instead (RESULTS.md, "A predictor that moves"). Few tokens make a step cheap, and
-# a wide network affordable; the body's heading, other bones and other speeds make one hour of motion go further.
+# a wide network affordable; the body's heading, other bones and other speeds make ten minutes of motion go further.
 _PLUS: dict[str, Any] = _LAPTOP | dict(
     transform="time_wavelet", wavelet="bior6.8", level=3, omit=2, coefficient_scale="none", loss_weight="uniform",
     level_weight="snr", representation="relaxing", fade_seconds=1.0, heading="body", other_speeds=0.25, other_bones=0.08,

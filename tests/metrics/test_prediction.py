@@ -181,6 +181,17 @@ def test_streaming_equals_batch(sizes):
     assert summary["cmd"] == pytest.approx(metrics.cmd(*steps, list("aabbaab")).item())
 
 
+@pytest.mark.parametrize("frames, names", [
+    (12, ["speed", "pose_change", "jerk", "error_0.2s"]), (10, ["pose_change", "jerk", "error_0.2s"]), (3, ["pose_change"]),
+])  # fmt: skip
+def test_short_futures_have_the_metrics_that_fit(frames, names):
+    """At 50 frames a second, speed needs eleven and jerk four."""
+    p, g = torch.randn(2, 3, frames, 9), torch.randn(2, frames, 9)
+    table = metrics.MetricTable([g[:1], g[1:]], fps=50.0)
+    table.update(p, g, [0, 1])
+    assert [*table.summary()["mean"]][5:] == names
+
+
 def test_part_of_the_windows():
     p, g, _, gs = _case()
     table = metrics.MetricTable(gs)

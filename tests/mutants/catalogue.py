@@ -298,7 +298,8 @@ MUTANTS = [
         ("speed-per-frame", ".mean((1, 2, 3)) * fps / step", ".mean((1, 2, 3)) * fps"),
         ("jerk-of-the-second-difference", ".diff(n=3, dim=2)", ".diff(n=2, dim=2)"),
         ("jerk-in-another-unit", "* fps**3", "* fps"),
-        ("error-a-frame-late", "(p[:, :, frame - 1] - g[:, None, frame - 1])", "(p[:, :, frame - 2] - g[:, None, frame - 2])"),
+        ("error-a-frame-early", "fde(p[:, :, :frame], g[:, :frame])", "fde(p[:, :, : frame - 1], g[:, : frame - 1])"),
+        ("speed-of-futures-too-short", "if frames > _step(fps):", "if frames > 1:", "metrics/test_prediction.py"),
         ("change-since-the-second-frame", "(p[:, :, -1] - p[:, :, 0])", "(p[:, :, -1] - p[:, :, 1])"),
     ),
     *of(

@@ -16,10 +16,11 @@ from tests.sample_settings import two_people, untrained
 T, C = 20, 48
 
 
-@pytest.fixture(scope="module", params=["pose", "displacement"])
+@pytest.fixture(scope="module", params=[("pose", "world"), ("displacement", "world"), ("relaxing", "body")])
 def model(request):
     """A predictor, and three windows to follow."""
-    return untrained(representation=request.param), windows(two_people().train[:4], 6, 14, 5).x[:3]
+    kind, heading = request.param
+    return untrained(representation=kind, heading=heading), windows(two_people().train[:4], 6, 14, 5).x[:3]
 
 
 def test_masks_hold_what_they_say():
@@ -42,6 +43,15 @@ def test_the_constraint_holds_when_the_mask_acts_to_the_end(model, space):
         assert exact.shape == (3, 2, T, C) and constraint_error(exact, x, mask).max() < 1e-5
         assert constraint_error(loose, x, mask).min() > 10 * constraint_error(exact, x, mask).max()
         assert not torch.allclose(exact[:, 0][:, ~mask], exact[:, 1][:, ~mask])  # the rest stays free
+
+
+def test_a_model_that_turns_motions_takes_masks_of_whole_joints():
+    x = windows(two_people().train[:4], 6, 14, 5).x[:1]
+    heights = torch.zeros(T, C, dtype=torch.bool)
+    heights[15:, 2::3] = True
+    assert controlled(untrained(heading="world"), x, heights, 1).isfinite().all()
+    with pytest.raises(ValueError, match="coordinates of a joint apart; expected whole joints"):
+        controlled(untrained(heading="body"), x, heights, 1)
 
 
 def test_a_feathered_mask_rises_as_half_a_cosine():

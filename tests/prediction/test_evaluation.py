@@ -79,6 +79,12 @@ def test_the_truth_has_no_error_and_standing_still_is_the_measure_of_the_worst(s
         assert truth["multimodal_apd"] == pytest.approx(float(metrics.multimodal_apd(sets).mean()))
 
 
+def test_windows_that_are_skipped_do_not_stop_the_table(split):
+    for option in ("skip_all", "skip_mm"):
+        found = evaluate(small(method="zero_velocity", mm_singletons=option, mm_threshold=0.05), never, split)
+        assert found["mean"]["worst"] == pytest.approx(1) and 0 < found["windows"]
+
+
 class Known(Predictor):
     """A predictor that predicts as it is told."""
 
