@@ -5,17 +5,18 @@ from __future__ import annotations
 import math
 import warnings
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 import torch
 from jaxtyping import Float, Int
 from torch import Tensor
 
-from mwlib.body.kinematics import AXES, scale_bones
+from mwlib.body.kinematics import AXES
 from mwlib.body.motion import Motion
 from mwlib.data.bodies import Bodies
 from mwlib.data.sides import unmirrored
+from mwlib.data.variation import Variation
 
 PAIRS = 'Names like left_hand and right_hand, or "left" and "right" in skeleton.json, pair them'
 
@@ -125,9 +126,7 @@ class TrainingWindows:
             labels not swapped); "heading" (each window turned by its own angle); "heading_mirror" (also mirrored with
             probability 1/2, left and right joints exchanged). The latter two are our own choice: they keep bodies bodies.
             Where left and right joints do not pair up, "heading_mirror" warns and does what "heading" does.
-        speeds: the clips are also drawn played at two speeds up to 1 + `speeds` and at their inverses.
-        bones: deviation of one random factor for all bones of a window, and of one for each pair of bones, left and right.
-            Own choice, both: new people move at other speeds and have other bones.
+        variation: how the drawn windows differ from the recorded ones beyond that; by default they do not.
 
     Raises:
         ValueError: no clip is longer than `frames`, or the clips do not match each other.
@@ -138,24 +137,22 @@ class TrainingWindows:
     """
 
     def __init__(
-        self, motions: Sequence[Motion], frames: int, sampling: str, augment: str, speeds: float = 0.0, bones: float = 0.0
+        self, motions: Sequence[Motion], frames: int, sampling: str, augment: str, variation: Variation | None = None
     ) -> None:
-        if speeds:
-            faster = 1 + speeds / 2, 1 + speeds
-            motions = [at_speed(m, f) for f in (1, *faster, *(1 / f for f in faster)) for m in motions]
-        long_enough = [m for m in motions if len(m) > frames]
+        self.variation = variation or Variation()
+        long_enough = [m for m in self.variation.clips(motions) if len(m) > frames]
         if not long_enough:
             raise ValueError(_none_longer("training clip", motions, frames))
         flat, offset, lengths = _flatten(long_enough)
-        self.frames, self.augment, self.bones = frames, augment, bones
+        self.frames, self.augment = frames, augment
         if augment == "heading_mirror" and (reason := unmirrored(long_enough)):
             warnings.warn(f"training does not mirror: {reason}. {PAIRS}", stacklevel=2)
             self.augment = "heading"
         self.flat = flat
         skeleton = long_enough[0].skeleton
         self.skeleton, self.mirror = skeleton, torch.from_numpy(skeleton.mirror[1:] - 1)
-        up = AXES[long_enough[0].up]
-        self.level = [0, 3 - up]  # the two horizontal axes
+        self.up = long_enough[0].up
+        self.level = [0, 3 - AXES[self.up]]  # the two horizontal axes
         self.first = torch.from_numpy(np.concatenate([o + np.arange(n - frames) for o, n in zip(offset, lengths, strict=True)]))
         self.weight = torch.from_numpy(_subject_action_weights(long_enough, frames)) if sampling == "subject_action" else None
 
@@ -173,7 +170,7 @@ class TrainingWindows:
         index = self.first[pick][:, None] + torch.arange(self.frames)
         x = self.flat[index.to(self.flat.device)]
         x = x if self.augment == "none" else self._augment(x, generator)
-        return self._other_bones(x, generator) if self.bones else x
+        return self.variation(x, self.skeleton, self.up, generator)
 
     def _augment(self, x: Float[Tensor, "B T C"], generator: torch.Generator) -> Float[Tensor, "B T C"]:
         per_batch = self.augment == "humanmac"
@@ -197,18 +194,6 @@ class TrainingWindows:
             other[..., a] *= -1
             turned = torch.where(coins[1][..., None], other, turned)
         return turned.flatten(-2)
-
-    def _other_bones(self, x: Float[Tensor, "B T C"], generator: torch.Generator) -> Float[Tensor, "B T C"]:
-        """The same motions of other bodies: left and right alike, the root where it is."""
-        size, pair = len(self.skeleton), torch.from_numpy(self.skeleton.mirror).minimum(torch.arange(len(self.skeleton)))
-        each = torch.randn((len(x), 1, size), generator=generator)[..., pair[1:]]
-        factor = (1 + self.bones * each) * (1 + self.bones * torch.randn((len(x), 1, 1), generator=generator))
-        return scale_bones(x, factor.clamp_min(0.1).to(x.device), self.skeleton)
-
-
-def at_speed(motion: Motion, factor: float) -> Motion:
-    """The clip played so many times as fast, at its own frame rate."""
-    return replace(motion.resample(motion.fps / factor), fps=motion.fps)
 
 
 def _subject_action_weights(motions: Sequence[Motion], frames: int) -> np.ndarray:

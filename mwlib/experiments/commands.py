@@ -10,6 +10,7 @@ from mwlib import plots
 from mwlib.experiments.grids import Grid, grids_file, read_grids
 from mwlib.experiments.report import write_curves, write_storyboards
 from mwlib.experiments.runs import get_run
+from mwlib.experiments.shipped import CARD, RECIPES, recipe, ship
 from mwlib.experiments.systems import system
 from mwlib.experiments.tables import details, differences, lines, measure, provenance
 from mwlib.files import write_atomic
@@ -32,12 +33,27 @@ def add_parser(subparsers: _SubParsersAction) -> None:
     grid_options(parser)
     parser.set_defaults(run=_grid_table)
 
+    text = "make a model that comes with the package again: train it, measure it, write its card"
+    parser = subparsers.add_parser("ship", help=text, description=f"{text.capitalize()}.", epilog=_SHIPPING)
+    parser.add_argument("name", choices=[*RECIPES], help="which")
+    parser.add_argument(
+        "--out", type=Path, default=Path("build/models"), help="gets a folder of that name; default: build/models"
+    )
+    parser.set_defaults(run=_ship)
+
     text = "draw predictions of people never seen, and the loss curves; trains the model if it is missing"
     parser = subparsers.add_parser("storyboards", help=text, description=f"{text.capitalize()}.")
     parser.add_argument("--preset", default="laptop", help=f"one of {', '.join(Config.presets)} (default: laptop)")
     add_set(parser)
+    parser.add_argument("--clips", nargs="+", default=[], metavar="NAME", help="test clips; default: three windows")
     parser.add_argument("--out", type=Path, default=Path("build/storyboards"), help="default: build/storyboards")
     parser.set_defaults(run=_storyboards)
+
+
+_SHIPPING = (
+    "synthetic takes about an hour of one core, cmu half an hour and the clips under MWLIB_DATA; a graphics card is used where "
+    "there is one. A training that was stopped goes on."
+)
 
 
 def add_set(parser: ArgumentParser) -> None:
@@ -86,6 +102,13 @@ def _train(args: Namespace) -> int:
     return 0
 
 
+def _ship(args: Namespace) -> int:
+    title, cfg = recipe(args.name)
+    ship(cfg, args.out / args.name, title, f"mwlib ship {args.name}", progress=True)
+    print((args.out / args.name / CARD).read_text(encoding="utf-8"), end="")
+    return 0
+
+
 def _grid_table(args: Namespace) -> int:
     grid = chosen_grid(args)
     cfg, given, columns = configuration(grid, args), [*given_changes(args)], system(grid.system).METRICS
@@ -111,6 +134,6 @@ def _storyboards(args: Namespace) -> int:
     cfg = Config.preset(args.preset, **parse_changes(args.set))
     split = load_data(cfg)
     write_curves(cfg, split, args.out)
-    write_storyboards(cfg, split, args.out)
+    write_storyboards(cfg, split, args.out, args.clips)
     print(args.out)
     return 0

@@ -4,8 +4,11 @@ from __future__ import annotations
 
 import hashlib
 import os
+import platform
 from collections.abc import Iterator
 from pathlib import Path
+
+import torch
 
 from mwlib.data.hints import LEVELS_UP
 from mwlib.data.known import named_source
@@ -66,3 +69,9 @@ def package_hash(package: Path = PACKAGED.parent) -> str:
         if path.is_file() and "__pycache__" not in inside.parts and inside.parts[0] not in ("course", PACKAGED.name):
             digest.update(inside.as_posix().encode() + b"\0" + path.read_bytes() + b"\0")
     return digest.hexdigest()
+
+
+def machine() -> dict[str, str]:
+    """What numbers are computed on: processor or graphics card, and torch's version."""
+    device = torch.cuda.get_device_name() if torch.cuda.is_available() else f"{platform.machine()} CPU"
+    return {"device": device, "torch": torch.__version__.split("+")[0]}

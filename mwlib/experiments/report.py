@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import platform
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +14,7 @@ from torch import Tensor
 from mwlib import plots
 from mwlib.data.known import acknowledgement
 from mwlib.data.sources import Split
+from mwlib.data.windowing import Windows
 from mwlib.experiments.runs import get_model, get_run
 from mwlib.prediction.config import Config
 from mwlib.prediction.evaluation import baseline, test_windows
@@ -36,12 +38,33 @@ def _closest(futures: Tensor, truth: Tensor) -> Tensor:
     return futures[(futures - truth).norm(dim=-1).mean(-1).argmin()]
 
 
-def write_storyboards(cfg: Config, split: Split, out: Path, count: int = 3) -> None:
-    """Truth above predictions for a few test windows, spread evenly over the test set."""
+def _picked(every: Windows, clips: Sequence[str], count: int) -> dict[str, int]:
+    """Windows to draw, by the picture's name: the middle one of each clip; without clips `count`, spread evenly."""
+    if not clips:
+        return {str(n + 1): int(i) for n, i in enumerate(torch.linspace(0, len(every) - 1, 2 * count + 1).long()[1::2])}
+    inside = {name: [i for i, clip in enumerate(every.clip.tolist()) if every.motions[clip].name == name] for name in clips}
+    if missing := [name for name, windows in inside.items() if not windows]:
+        known = sorted({every.motions[clip].name for clip in every.clip.tolist()})
+        raise ValueError(f"clips are {', '.join(missing)}; expected some of the test people: {', '.join(known)}")
+    return {name: windows[len(windows) // 2] for name, windows in inside.items()}
+
+
+def write_storyboards(cfg: Config, split: Split, out: Path, clips: Sequence[str] = (), count: int = 3) -> None:
+    """Truth above predictions for a few test windows.
+
+    Args:
+        cfg, split: the model, trained if it is missing, and its people.
+        out: folder.
+        clips: names of test clips, of each of which the middle window is drawn.
+        count: without them, how many windows, spread evenly over the test set.
+
+    Raises:
+        ValueError: no test window is of a clip of that name; the message lists those there are.
+    """
     cut, about, every = cfg.windows, provenance(cfg, split), test_windows(split, cfg.windows)
     predictor = get_model(cfg, split)
     looked_up, still = (baseline(cfg.override(method=name), split) for name in ("nearest_history", "zero_velocity"))
-    for picture, i in enumerate(torch.linspace(0, len(every) - 1, 2 * count + 1).long()[1::2].tolist()):
+    for picture, i in _picked(every, clips, count).items():
         past, truth = every.x_history[i : i + 1], every.x_future[i]
         futures = predictor.predict(past, window_ids=[i])[0]
         found = looked_up(past, [i])[0]
@@ -57,7 +80,7 @@ def write_storyboards(cfg: Config, split: Split, out: Path, count: int = 3) -> N
         )
         where = about | {"clip": clip.name, "start_frame": int(every.start[i]), "window": i}
         data = {name.replace(" ", "_"): row.numpy() for name, row in board.items()}
-        plots.save(fig, out, f"storyboard_{picture + 1}", data=data, alt=alt, provenance=where)
+        plots.save(fig, out, f"storyboard_{picture}", data=data, alt=alt, provenance=where)
 
 
 def write_curves(cfg: Config, split: Split, out: Path) -> None:

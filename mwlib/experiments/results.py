@@ -9,13 +9,13 @@ from typing import Any
 
 import torch
 
-from mwlib.experiments.origins import file_hash, models_used, package_hash
+from mwlib.experiments.origins import file_hash, machine, models_used, package_hash
 from mwlib.experiments.runs import get_model, get_run
-from mwlib.experiments.store import locked, runs_folder
+from mwlib.experiments.store import locked, read_result, runs_folder
 from mwlib.experiments.systems import Data, system_of
 from mwlib.files import write_json
 from mwlib.settings import Settings
-from mwlib.training import MODEL, read_outcome
+from mwlib.training import MODEL
 from mwlib.version import __version__
 
 
@@ -67,7 +67,7 @@ def _measure(cfg: Settings, data: Data, progress: bool) -> dict[str, Any]:
 
     def model() -> Any:
         run = get_run(cfg, data, progress)
-        outcome["training"], outcome["models"] = read_outcome(run), {run.name: file_hash(run / MODEL)}
+        outcome["training"], outcome["models"] = read_result(run, cfg.training_hash()), {run.name: file_hash(run / MODEL)}
         outcome["started"] = time.monotonic()
         return get_model(cfg, data).to("cuda" if torch.cuda.is_available() else "cpu")
 
@@ -75,4 +75,4 @@ def _measure(cfg: Settings, data: Data, progress: bool) -> dict[str, Any]:
     found = system_of(cfg).evaluate(cfg, model, data, progress)
     seconds = round(time.monotonic() - outcome["started"], 1)
     depends = {"settings": cfg.hash(), "data": list(data.fingerprints()), "mwlib": package_hash(), "models": outcome["models"]}
-    return {**found, "seconds": seconds, "training": outcome["training"], "depends": depends}
+    return {**found, "seconds": seconds, "training": outcome["training"], "machine": machine(), "depends": depends}

@@ -13,7 +13,7 @@ from accelerate.state import PartialState
 from accelerate.utils import broadcast_object_list
 from tqdm import tqdm
 
-from mwlib.experiments.origins import file_hash, models_used, package_hash
+from mwlib.experiments.origins import file_hash, machine, models_used, package_hash
 from mwlib.experiments.store import locked, read_result, runs_folder, write_result
 from mwlib.experiments.systems import Data, read_config, system_of
 from mwlib.files import sweep, write_atomic
@@ -22,6 +22,7 @@ from mwlib.training import MODEL, TrainingStep, read_model, read_outcome, train
 from mwlib.version import __version__
 
 CONFIG = "config.yaml"
+SHIPPED = Path(__file__).resolve().parents[1] / "models"  # a run's folder for each model that comes with the package
 PATIENCE = 60.0  # seconds after which waiting processes tell each other that they still wait, lest their connection expires
 
 
@@ -99,7 +100,8 @@ def _train_to_end(cfg: Settings, data: Data, folder: Path, progress: bool) -> No
     if _rank() == 0:
         depends = {"settings": cfg.training_hash(), "data": data.fingerprints()[0], "mwlib": package_hash()}
         model = {"model": file_hash(folder / MODEL)}
-        write_result(folder, read_outcome(folder), cfg.training_hash(), depends | model)
+        outcome = read_outcome(folder) | {"machine": machine()}
+        write_result(folder, outcome, cfg.training_hash(), depends | model)
 
 
 def get_model(cfg: Settings, data: Data | None = None, progress: bool = False) -> Any:
@@ -113,16 +115,31 @@ def get_model(cfg: Settings, data: Data | None = None, progress: bool = False) -
     return _opened(cfg, get_run(cfg, data, progress))
 
 
+def shipped() -> list[str]:
+    """Names of the trained models that come with the package."""
+    return sorted(config.parent.name for config in SHIPPED.glob(f"*/{CONFIG}"))
+
+
 def load_run(folder: str | Path) -> Any:
     """The trained model of a run folder, of whichever system, on the CPU (``.to(device)`` moves it).
+
+    Args:
+        folder: of a run; or "synthetic" or "cmu", the models that come with the package. A folder of that name comes first.
 
     Raises:
         FileNotFoundError: the folder holds no finished model; the message names the missing file.
         ValueError: the run was made by a version before 0.2, or its configuration is not valid.
+
+    >>> history = mw.windows(mw.load_motions("synthetic", fps=50)[:2], history=25, future=100, stride=100).x_history
+    >>> mw.load_run("synthetic").predict(history[:1], samples=2).shape
+    torch.Size([1, 2, 100, 48])
     """
     folder = Path(folder)
+    if not (folder / CONFIG).exists() and str(folder) in shipped():
+        folder = SHIPPED / folder
     if not (folder / CONFIG).exists():
-        raise FileNotFoundError(f"{folder / CONFIG} is missing: no training run in this folder")
+        known = f"; models that come with mwlib: {', '.join(shipped())}"
+        raise FileNotFoundError(f"{folder / CONFIG} is missing: no training run in this folder{known}")
     return _opened(read_config(folder / CONFIG), folder)
 
 

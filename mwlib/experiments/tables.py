@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import csv
 from collections.abc import Collection, Mapping, Sequence
+from math import isfinite, nan
 from pathlib import Path
 from statistics import mean, stdev
 from typing import Any
 
 import numpy as np
-import torch
 
 from mwlib.data.known import acknowledgement
 from mwlib.experiments.grids import Grid, changes, row_config
@@ -57,7 +57,7 @@ def details(kind: System) -> dict[str, Column]:
 
 
 def _over_seeds(results: Sequence[dict[str, Any]], metrics: Mapping[str, Column]) -> dict[str, Any]:
-    values = {m: [r["mean"][m] for r in results] for m in metrics if m in results[0]["mean"]}
+    values = {m: [r["mean"][m] for r in results] for m in metrics if isfinite(results[0]["mean"].get(m, nan))}
     windows = [r.get("values", {}) for r in results]
     return {
         "mean": {m: mean(v) for m, v in values.items()},
@@ -68,6 +68,8 @@ def _over_seeds(results: Sequence[dict[str, Any]], metrics: Mapping[str, Column]
         "windows": results[0]["windows"],
         "seeds": len(results),
         "seconds": sum(r["seconds"] for r in results),
+        "training_seconds": sum((r.get("training") or {"seconds": 0.0})["seconds"] for r in results),
+        "machines": sorted({" with torch ".join(r["machine"].values()) for r in results if "machine" in r}),
         "actions": results[0].get("actions", {}),
     }
 
@@ -180,6 +182,6 @@ def provenance(grid: Grid, cfg: Settings, found: Sequence[dict[str, Any]], given
         "test_windows": found[0]["windows"],
         "standard_error_over_clips": {row["name"]: row["standard_error"] for row in found},
         "seconds_of_sampling": {row["name"]: row["seconds"] for row in found},
-        "mwlib": __version__, "torch": torch.__version__.split("+")[0],
-        "device": "cuda" if torch.cuda.is_available() else "cpu",
+        "seconds_of_training": {row["name"]: row["training_seconds"] for row in found},
+        "mwlib": __version__, "machines": sorted({name for row in found for name in row["machines"]}),
     } | acknowledgement(data)  # fmt: skip

@@ -16,7 +16,7 @@ from mwlib.metrics.prediction import (
     mmfde,
     step_length,
 )  # fmt: skip
-from mwlib.metrics.realism import error_at, jerk, pose_change, speed
+from mwlib.metrics.realism import coverage, error_at, jerk, pose_change, speed
 from mwlib.metrics.table import MetricTable
 from mwlib.metrics.uncertainty import clustered_error
 
@@ -30,6 +30,7 @@ __all__ = [
     "bone_length_jitter",
     "clustered_error",
     "cmd",
+    "coverage",
     "error_at",
     "fde",
     "jerk",

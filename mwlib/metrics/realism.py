@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+import torch
 from jaxtyping import Float
 from torch import Tensor
 
@@ -15,6 +16,7 @@ from mwlib.metrics.prediction import check_shapes, fde
 
 SPEED_SECONDS = 0.2  # speeds over shorter times measure a recording's noise
 HORIZONS = (0.2, 0.4, 1.0)  # seconds ahead at which errors are reported beside FDE
+BANDS = (0.5, 0.9)  # shares of the samples in whose middle the truth is looked for
 
 
 def speed(p: Float[Tensor, "N S F C"], fps: float) -> Float[Tensor, " N"]:
@@ -79,6 +81,33 @@ def error_at(p: Float[Tensor, "N S F C"], g: Float[Tensor, "N F C"], fps: float,
     return fde(p[:, :, :frame], g[:, :frame])
 
 
+def coverage(p: Float[Tensor, "N S F C"], g: Float[Tensor, "N F C"], share: float) -> Float[Tensor, " N"]:
+    """How often a coordinate of the truth lies in the middle `share` of the samples; NaN for a single sample.
+
+    The truth's rank among S samples stands for an interval of length 1/(S+1); what counts is how much of it lies in the band.
+    So `share` is what comes out, for any S, where the truth is as one more sample would be. Source: own choice; ranks after the
+    verification rank histogram of weather forecasts (Hamill, 2001).
+
+    Raises:
+        ValueError: shapes do not fit, a value is not finite, or share is not between 0 and 1.
+
+    >>> p = torch.arange(3.0).reshape(1, 3, 1, 1)
+    >>> [float(coverage(p, torch.full((1, 1, 1), g), share=0.5)) for g in (-0.5, 0.5, 5.0)]
+    [0.0, 1.0, 0.0]
+    """
+    check_shapes(p, g)
+    if not 0 < share < 1:
+        raise ValueError(f"share is {share:g}; expected more than 0 and less than 1")
+    samples = p.shape[1]
+    if samples == 1:
+        return p.new_full((len(p),), torch.nan)
+    below, equal = ((relation(p, g[:, None])).sum(1, dtype=p.dtype) for relation in (torch.lt, torch.eq))
+    first = (below + equal / 2) / (samples + 1)
+    last, edge = first + 1 / (samples + 1), (1 - share) / 2
+    inside = (last.clamp_max(1 - edge) - first.clamp_min(edge)).clamp_min(0) * (samples + 1)
+    return inside.mean((1, 2))
+
+
 def motion_metrics(frames: int, fps: float) -> dict[str, Callable[[Tensor, Tensor], Tensor]]:
     """By name those metrics of this module that futures of so many frames are long enough for: functions of p and g."""
     found: dict[str, Callable[[Tensor, Tensor], Tensor]] = {}
@@ -90,6 +119,8 @@ def motion_metrics(frames: int, fps: float) -> dict[str, Callable[[Tensor, Tenso
     for seconds in HORIZONS:
         if 1 <= round(seconds * fps) <= frames:
             found[f"error_{seconds:g}s"] = lambda p, g, seconds=seconds: error_at(p, g, fps, seconds)
+    for share in BANDS:
+        found[f"coverage_{share:g}"] = lambda p, g, share=share: coverage(p, g, share)
     return found
 
 

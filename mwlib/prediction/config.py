@@ -34,6 +34,9 @@ class WindowConfig:
     augment: Literal["none", "humanmac", "heading", "heading_mirror"] = "heading_mirror"  # see TrainingWindows
     other_speeds: BelowOne = 0.0  # also train on the clips played faster and slower, by up to this share
     other_bones: BelowOne = 0.0  # deviation of a random factor of each bone's length, and of one of the whole body's
+    backwards: Share = 0.0  # of the training windows: played backwards
+    slowed: Share = 0.0  # of the training windows: played at a random share of their speed
+    other_arms: Share = 0.0  # of the training windows: with another window's arms
 
     @property
     def frames(self) -> int:
@@ -74,6 +77,7 @@ class ObjectiveConfig:
     drop_per: Literal["sample", "batch"] = "sample"  # one coin each, or one for all
     loss_weight: Literal["uniform", "metric"] = "uniform"  # "metric" weighs scaled coefficients by their variance in metres
     level_weight: Literal["uniform", "snr"] = "uniform"  # of noise levels; "snr": by signal over noise, see SNR_BOUNDS
+    blank_condition: BelowOne = 0.0  # share of the condition's coefficients that are set to zero, at random
 
 
 @dataclass(frozen=True)
@@ -85,6 +89,7 @@ class SamplingConfig:
     sampler: Literal["ddim", "dpmpp", "eq6"] = "ddim"  # "dpmpp": DPM-Solver++(2M); "eq6": the paper's Eq. 6 taken literally
     ddim_steps: Count = 100  # denoising steps
     spacing: Literal["leading", "trailing"] = "leading"  # of the retained diffusion indices, see ddim_indices
+    temperature: Positive = 1.0  # deviation of the noise that sampling starts from
     eta: NotNegative = 0.0  # share of the posterior deviation that DDIM draws anew
     guidance_form: Literal["eq7", "alg1"] = "eq7"  # spelling of classifier-free guidance, see classifier_free
     guidance_weight: float = 0.3  # w of that spelling

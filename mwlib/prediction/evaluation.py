@@ -33,6 +33,8 @@ DETAILS = {
     "error_0.2s": Column("error at 0.2 s", "lower"),
     "error_0.4s": Column("error at 0.4 s", "lower"),
     "error_1s": Column("error at 1 s", "lower"),
+    "coverage_0.5": Column("inside 50 %"),
+    "coverage_0.9": Column("inside 90 %"),
     "worst": Column("worst window / still", "lower"),
 }
 

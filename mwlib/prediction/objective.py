@@ -52,6 +52,9 @@ class DenoisingLoss:
         device, options = x.device, self.options
         y = self.representation.encode(x)
         condition = self.representation.encode_history(x[:, : self.representation.history])
+        if network.training and options.blank_condition:
+            kept = torch.rand(condition.shape, generator=generator) >= options.blank_condition
+            condition = condition * kept.to(device) / (1 - options.blank_condition)  # as dropout does
         t = torch.randint(1, len(self.alpha_bar), (len(x),), generator=generator)
         eps = torch.randn(y.shape, generator=generator).to(device)
         coins = torch.rand(len(x) if options.drop_per == "sample" else 1, generator=generator)

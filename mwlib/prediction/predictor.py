@@ -179,7 +179,7 @@ class Predictor:
         )
         after = _chain([*self._after_steps(x_history, noise), *([after_step] if after_step else [])])
         estimates = [function for function in (self._on_y0_hat(x_history), on_y0_hat) if function]
-        start, indices = noise(), self.indices()
+        start, indices = s.temperature * noise(), self.indices()
         shared = {"on_y0_hat": _compose(estimates), "after_step": after}
         if s.sampler == "ddim":
             yield from ddim(denoise, start, self.alpha_bar, indices, eta=s.eta, noise=noise, **shared)

@@ -12,6 +12,7 @@ from torch import Tensor
 from mwlib.body.kinematics import heading, turn_heading
 from mwlib.body.motion import Motion
 from mwlib.data.bodies import Bodies
+from mwlib.data.variation import Variation
 from mwlib.data.windowing import TrainingWindows
 from mwlib.prediction.config import ModelConfig, WindowConfig
 from mwlib.transforms import (
@@ -154,7 +155,8 @@ def make_representation(
 
 def training_windows(motions: Sequence[Motion], cut: WindowConfig) -> TrainingWindows:
     """The windows that a training draws, as its settings say."""
-    return TrainingWindows(motions, cut.frames, cut.window_sampling, cut.augment, cut.other_speeds, cut.other_bones)
+    variation = Variation(cut.other_speeds, cut.other_bones, cut.backwards, cut.slowed, cut.other_arms, pivot=cut.history - 1)
+    return TrainingWindows(motions, cut.frames, cut.window_sampling, cut.augment, variation)
 
 
 def fit_representation(base: Transform, motions: Sequence[Motion], cut: WindowConfig, model: ModelConfig) -> Representation:

@@ -14,7 +14,8 @@ from mwlib.body.kinematics import bone_lengths, bones_of
 from mwlib.body.skeleton import H36M17
 from mwlib.data.bodies import prepare
 from mwlib.data.synthetic.script import synthetic_motions
-from mwlib.data.windowing import TrainingWindows, at_speed, windows
+from mwlib.data.variation import Variation, at_speed
+from mwlib.data.windowing import TrainingWindows, windows
 
 T = 10
 JOINT = {name: i for i, name in enumerate(H36M17.joints)}
@@ -151,7 +152,7 @@ def test_humanmac_changes_a_whole_batch_alike_by_three_coins(people):
 
 def test_other_bodies_make_the_same_movements(people):
     """Every bone keeps its direction and its share of the body: one factor for a window's bone, alike on both sides."""
-    plain, source = (TrainingWindows(people, T, "uniform", "none", bones=bones) for bones in (0.0, 0.1))
+    plain, source = (TrainingWindows(people, T, "uniform", "none", Variation(bones=bones)) for bones in (0.0, 0.1))
     before, after = (bones_of(s.draw(512, torch.Generator().manual_seed(0)), H36M17) for s in (plain, source))
     lengths, others = before.norm(dim=-1), after.norm(dim=-1)
     torch.testing.assert_close(after / others[..., None], before / lengths[..., None], atol=1e-4, rtol=0)
@@ -168,7 +169,7 @@ def test_other_bodies_make_the_same_movements(people):
 def test_clips_are_also_drawn_faster_and_slower():
     """At two speeds up to 1 + speeds, and at their inverses."""
     motion = counted(100)
-    source = TrainingWindows([motion], T, "uniform", "none", speeds=0.5)
+    source = TrainingWindows([motion], T, "uniform", "none", Variation(speeds=0.5))
     x = source.draw(2000, torch.Generator().manual_seed(0))[:, :, 0]
     speed = (x[:, 1:] - x[:, :-1]).mean(1)
     found = sorted({round(float(v), 2) for v in speed})

@@ -20,6 +20,9 @@ def out(tmp_path_factory):
         patch.setenv("MWLIB_RUNS", str(folder / "runs"))
         write_curves(cfg, data, folder / "out")
         write_storyboards(cfg, data, folder / "out", count=2)
+        write_storyboards(cfg, data, folder / "out", [data.test[2].name])
+        with pytest.raises(ValueError, match="clips are nobody; expected some of the test people: P2_"):
+            write_storyboards(cfg, data, folder / "out", ["nobody"])
     return folder / "out"
 
 
@@ -35,6 +38,11 @@ def test_pictures_are_there_with_words_and_origin(out):
 def test_storyboards_say_which_clip_they_show(out):
     first, second = (json.loads((out / f"storyboard_{n}.json").read_text()) for n in (1, 2))
     assert first["window"] != second["window"] and first["clip"].startswith("P2_")
+
+
+def test_a_clip_is_drawn_by_its_name(out):
+    clip = two_people().validation[2].name
+    assert json.loads((out / f"storyboard_{clip}.json").read_text())["clip"] == clip
 
 
 def test_unknown_settings_are_refused(capsys):

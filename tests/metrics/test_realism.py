@@ -51,3 +51,25 @@ def test_the_error_at_the_end_is_fde():
 def test_too_few_frames_are_refused(function):
     with pytest.raises(ValueError, match="F >= "):
         function(torch.zeros(1, 1, 3, 3), FPS)
+
+
+@pytest.mark.parametrize("samples", [2, 3, 10, 50])
+@pytest.mark.parametrize("share", [0.5, 0.9])
+def test_one_more_sample_is_covered_as_often_as_said(samples, share):
+    draws = torch.Generator().manual_seed(0)
+    p, g = torch.randn(4, samples, 100, 60, generator=draws), torch.randn(4, 100, 60, generator=draws)
+    found = metrics.coverage(p, g, share)
+    assert found.shape == (4,) and abs(float(found.mean()) - share) < 0.015
+
+
+def test_coverage_tells_bands_that_are_too_narrow_or_beside_the_truth():
+    draws = torch.Generator().manual_seed(0)
+    p, g = torch.randn(2, 50, 100, 60, generator=draws), torch.randn(2, 100, 60, generator=draws)
+    # the quartiles of a normal of half the deviation are at 0.337 of the whole one, within which 26.4 % lie
+    assert float(metrics.coverage(p / 2, g, 0.5).mean()) == pytest.approx(0.264, abs=0.01)
+    assert metrics.coverage(p + 9, g, 0.9).max() == 0 and metrics.coverage(p - 9, g, 0.9).max() == 0
+    assert metrics.coverage(p[:, :1], g, 0.5).isnan().all()
+    assert float(metrics.coverage(torch.zeros(1, 5, 4, 3), torch.zeros(1, 4, 3), 0.5)) == pytest.approx(1)
+    for share in (0.0, 1.0):
+        with pytest.raises(ValueError, match="more than 0 and less than 1"):
+            metrics.coverage(p, g, share)

@@ -50,6 +50,22 @@ def test_the_condition_is_dropped_per_sample_or_per_batch():
         assert found == kinds
 
 
+def test_coefficients_of_the_condition_are_blanked_in_training_alone():
+    representation, spy, x = untrained().representation, Spy(), batch(400)
+    cfg = small(blank_condition=0.3)
+    loss, plain = (DenoisingLoss(representation, cfg.diffusion, c.objective) for c in (cfg, small()))
+    plain(spy, x, torch.Generator().manual_seed(0))
+    whole = spy.condition
+    loss(spy.eval(), x, torch.Generator().manual_seed(0))
+    assert torch.equal(spy.condition, whole)
+    loss(spy.train(), x, torch.Generator().manual_seed(0))
+    there = whole.abs() > 1e-6
+    blank = spy.condition == 0
+    assert abs(float(blank[there].double().mean()) - 0.3) < 0.01
+    torch.testing.assert_close(spy.condition[~blank], whole[~blank] / 0.7)
+    assert (blank.any(0) & ~blank.all(0))[there.any(0)].all(), "every coefficient of its own"
+
+
 @pytest.mark.parametrize("level", ["uniform", "snr"])
 @pytest.mark.parametrize("weight", ["uniform", "metric"])
 @pytest.mark.parametrize("prediction", ["eps", "y0", "v"])

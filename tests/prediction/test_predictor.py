@@ -82,6 +82,7 @@ SETTINGS = {  # of each setting of the sampling another value than the preset's,
     "bound": (0.4, lambda seen, predictor: bound_of(seen, predictor)),
     "complete_history": (True, lambda seen, _: seen["after_step"] is not None),
     "precision": ("bf16", lambda seen, _: seen["branches"].precision),
+    "temperature": (0.7, lambda seen, predictor: round(float((seen["start"] / predictor.noise(0, range(5), 3)()).mean()), 4)),
     "sampling_seed": (4, lambda seen, predictor: torch.equal(seen["start"], predictor.noise(4, range(5), 3)()) and 4),
 }
 

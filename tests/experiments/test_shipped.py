@@ -1,0 +1,81 @@
+"""Models that come with the package: found by name, true to their cards, made again by the same recipe."""
+
+from __future__ import annotations
+
+import json
+
+import pytest
+import torch
+
+import mwlib as mw
+from mwlib.__main__ import main
+from mwlib.experiments import get_run, load_run, system_of
+from mwlib.experiments.runs import CONFIG, SHIPPED, read_config, shipped
+from mwlib.experiments.shipped import CARD, METRICS, RECIPES, card, recipe, ship
+from mwlib.experiments.tables import details
+from mwlib.files import load_tensors
+from mwlib.prediction.evaluation import score, test_windows
+from mwlib.prediction.system import load_data
+from mwlib.training import MODEL
+from tests.sample_settings import small
+
+
+@pytest.mark.parametrize("name", RECIPES)
+def test_what_comes_along_is_what_the_recipe_makes(name):
+    title, cfg = recipe(name)
+    assert read_config(SHIPPED / name / CONFIG) == cfg and shipped() == sorted(RECIPES)
+    metrics, kind = json.loads((SHIPPED / name / METRICS).read_text(encoding="utf-8")), system_of(cfg)
+    again = card(title, f"mwlib ship {name}", cfg, metrics, {**kind.METRICS, **details(kind)})
+    assert (SHIPPED / name / CARD).read_text(encoding="utf-8") == again and metrics["about"]["settings"] == cfg.hash()
+    assert ("mocap.cs.cmu.edu" in again) == (name == "cmu")
+    weights, _ = load_tensors(SHIPPED / name / MODEL)
+    assert {t.dtype for key, t in weights.items() if key.startswith("net.")} == {torch.float16}
+    assert (SHIPPED / name / MODEL).stat().st_size < 9e6
+
+
+def test_the_synthetic_model_is_as_good_as_its_card_says():
+    """Ten samples of 24 windows, errors within what so few can tell; people walk on, as fast as the truth."""
+    _, cfg = recipe("synthetic")
+    split, model = load_data(cfg), mw.load_run("synthetic")
+    every = test_windows(split, cfg.windows)
+    some = every.thin(24)
+    found = score(lambda x, ids: model.predict(x, 10, 0, window_ids=ids), some, every, cfg.evaluation)["mean"]
+    said = json.loads((SHIPPED / "synthetic" / METRICS).read_text(encoding="utf-8"))
+    still = (some.x_future - some.x_history[:, -1:]).norm(dim=-1).mean()
+    assert found["ade"] < 0.8 * still and found["ade"] == pytest.approx(said["model"]["mean"]["ade"], abs=0.15)
+    assert found["speed"] == pytest.approx(said["truth"]["mean"]["speed"], rel=0.3)
+    assert found["bone_length_jitter"] < 1e-6
+
+
+def test_a_name_stands_for_the_model_that_comes_along_unless_a_folder_is_called_so(tmp_path, monkeypatch):
+    monkeypatch.setenv("MWLIB_RUNS", str(tmp_path / "runs"))
+    monkeypatch.chdir(tmp_path)
+    assert load_run("cmu").representation.frames == 125
+    get_run(small()).rename(tmp_path / "cmu")
+    assert load_run("cmu").representation.frames == 20
+    with pytest.raises(FileNotFoundError, match=r"kmu/config.yaml is missing.*models that come with mwlib: cmu, synthetic"):
+        load_run("kmu")
+    with pytest.raises(ValueError, match="'kmu'; expected one of synthetic, cmu"):
+        recipe("kmu")
+
+
+def test_a_shipped_model_is_its_run_in_half_precision(tmp_path, monkeypatch):
+    """Trained once, found again; what is written loads, and predicts what the run predicts but for rounding."""
+    monkeypatch.setenv("MWLIB_RUNS", str(tmp_path / "runs"))
+    cfg = small(data="synthetic", test_windows=6)
+    metrics = ship(cfg, tmp_path / "out", "Somebody", "mwlib ship somebody")
+    assert {file.name for file in (tmp_path / "out").iterdir()} == {CONFIG, MODEL, CARD, METRICS}
+    assert metrics["model"]["mean"]["ade"] > 0 == metrics["truth"]["mean"]["ade"] and metrics["training"]["steps"] == 12
+    text = (tmp_path / "out" / CARD).read_text(encoding="utf-8")
+    assert text.startswith("# Somebody\n") and f"| ADE | {metrics['model']['mean']['ade']:.3g} | 0 |" in text
+    run, written = load_run(get_run(cfg)), load_run(tmp_path / "out")
+    history = torch.randn(3, 6, 48, generator=torch.Generator().manual_seed(0))
+    torch.testing.assert_close(written.predict(history, 2), run.predict(history, 2), atol=0.02, rtol=0.02)
+    monkeypatch.setitem(RECIPES, "synthetic", ("Somebody", "tiny", {name: small().get(name) for name in ("history", "future")}))
+    assert recipe("synthetic")[1].get("history") == 6
+
+
+def test_the_command_says_which_models_there_are(capsys):
+    with pytest.raises(SystemExit):
+        main(["ship", "nobody"])
+    assert "'synthetic', 'cmu'" in capsys.readouterr().err.replace("synthetic, cmu", "'synthetic', 'cmu'")
