@@ -68,6 +68,7 @@ def test_a_shipped_model_is_its_run_in_half_precision(tmp_path, monkeypatch):
     assert metrics["model"]["mean"]["ade"] > 0 == metrics["truth"]["mean"]["ade"] and metrics["training"]["steps"] == 12
     text = (tmp_path / "out" / CARD).read_text(encoding="utf-8")
     assert text.startswith("# Somebody\n") and f"| ADE | {metrics['model']['mean']['ade']:.3g} | 0 |" in text
+    assert {t.dtype for key, t in load_tensors(tmp_path / "out" / MODEL)[0].items() if key.startswith("net.")} == {torch.float16}
     run, written = load_run(get_run(cfg)), load_run(tmp_path / "out")
     history = torch.randn(3, 6, 48, generator=torch.Generator().manual_seed(0))
     torch.testing.assert_close(written.predict(history, 2), run.predict(history, 2), atol=0.02, rtol=0.02)
