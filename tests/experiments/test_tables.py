@@ -125,3 +125,18 @@ def test_everything_that_is_counted_in_steps_is_cut_to_the_budgets_share():
     assert short == cfg.override(**{name: short.get(name) for name in (*lengths, "lr_milestones")}), "and nothing else"
     longer = cfg.override(train_steps=1001)
     assert row_config(grid, ROWS[2], longer) == longer
+
+
+def test_a_row_names_its_machines_adds_up_its_trainings_and_leaves_out_what_is_no_number(monkeypatch):
+    def result(cfg, data, progress):
+        device = f"card {cfg.get('seed') % 2}"
+        mean_of = {m: 1.0 for m in METRICS} | {"speed": float("nan")}
+        return {
+            "mean": mean_of, "standard_error": {}, "windows": 5, "seconds": 1.0, "training": {"seconds": 7.0},
+            "machine": {"device": device, "torch": "2.0"},
+        }  # fmt: skip
+
+    monkeypatch.setattr("mwlib.experiments.tables.get_result", result)
+    row = measure(grid_of(True), Config.preset("tiny"), data=DATA)[0]
+    assert row["machines"] == ["card 0 with torch 2.0", "card 1 with torch 2.0"]
+    assert row["training_seconds"] == 7.0 * row["seeds"] == 21 and "speed" not in row["mean"]
