@@ -1,0 +1,1 @@
+"""FreqDiffusionBridge: motions between two poses, by diffusion of cosine coefficients."""
