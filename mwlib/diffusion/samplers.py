@@ -9,7 +9,7 @@ from typing import NamedTuple
 from jaxtyping import Float
 from torch import Tensor
 
-from mwlib.diffusion.process import eps_of, y0_hat_of
+from mwlib.diffusion.process import eps_of, noised, y0_hat_of
 
 Denoise = Callable[[Tensor, int], Tensor]  # y_t, t -> eps
 OnEstimate = Callable[[Tensor], Tensor]  # y0_hat -> y0_hat
@@ -48,6 +48,7 @@ def ddim(
     indices: Sequence[int],
     *,
     eta: float = 0.0,
+    repeats: int = 1,
     noise: Callable[[], Tensor] | None = None,
     on_y0_hat: OnEstimate | None = None,
     after_step: AfterStep | None = None,
@@ -63,12 +64,16 @@ def ddim(
         alpha_bar: schedule, float64.
         indices: falling diffusion indices, see `schedule.ddim_indices`.
         eta: share of the posterior deviation that is drawn anew.
-        noise: draws a tensor like y; needed when eta > 0.
+        repeats: r, how often each step is taken. Between two times the result, `after_step` included, is noised from where it
+            came to back to where it left, so that what `after_step` imposes and the rest can come to terms. Source: RePaint
+            (Lugmayr et al., 2022), Algorithm 1, with jumps of one step; own choice: the last step is repeated, too. One item
+            is yielded for all times.
+        noise: draws a tensor like y; needed when eta > 0 or repeats > 1.
         on_y0_hat: applied to every clean estimate (e.g. a bound); eps is then re-derived from its result.
         after_step: (coefficients, their alpha_bar) -> coefficients, applied after every step (manifold shaping, masks).
 
     Raises:
-        ValueError: eta > 0 without a noise source.
+        ValueError: eta > 0 or repeats > 1 without a noise source, or fewer repeats than one.
 
     >>> from mwlib.diffusion import alpha_bar, ddim_indices
     >>> a, clean = alpha_bar("cosine", 100), torch.full((4, 3), 0.5)
@@ -79,14 +84,19 @@ def ddim(
     """
     if eta > 0 and noise is None:
         raise ValueError(f"eta is {eta}; expected a noise source with it")
+    if repeats < 1 or (repeats > 1 and noise is None):
+        raise ValueError(f"repeats is {repeats}; expected at least 1, and a noise source with more")
     for t, a, a_prev in _levels(alpha_bar, indices):
-        y0_hat, eps = _estimate(denoise, y, t, a, on_y0_hat)
         sigma = eta * ((1 - a_prev) / (1 - a) * (1 - a / a_prev)) ** 0.5
-        y = (a_prev**0.5 * y0_hat).add_(max(1 - a_prev - sigma**2, 0.0) ** 0.5 * eps)
-        if noise is not None and sigma > 0:
-            y = y + sigma * noise()
-        if after_step is not None:
-            y = after_step(y, a_prev)
+        for time in range(repeats):
+            if noise is not None and time > 0:
+                y = noised(y, noise(), a / a_prev)
+            y0_hat, eps = _estimate(denoise, y, t, a, on_y0_hat)
+            y = (a_prev**0.5 * y0_hat).add_(max(1 - a_prev - sigma**2, 0.0) ** 0.5 * eps)
+            if noise is not None and sigma > 0:
+                y = y + sigma * noise()
+            if after_step is not None:
+                y = after_step(y, a_prev)
         yield Step(t, y, y0_hat, eps)
 
 

@@ -12,10 +12,9 @@ from torch import Tensor
 from tqdm import tqdm
 
 from mwlib.body.skeleton import Skeleton
-from mwlib.diffusion import Mask, OnEstimate, masked
+from mwlib.diffusion import Mask, OnEstimate, masked, pasted
 from mwlib.prediction.histories import histories, identities
 from mwlib.prediction.predictor import Predictor
-from mwlib.transforms import Transform
 
 _STREAM = 1912  # own stream of noise beside the sampler's
 
@@ -127,7 +126,7 @@ def controlled(
         target = representation.modelled(x_target[part].to(predictor.device, torch.float32), history)
         noise = predictor.noise(own, ids[part], samples)
         step = masked(predictor.transform, target, mask, noise, reached[count])
-        after, estimate = (step, None) if space == "y_t" else (None, _imposed(predictor.transform, target, mask, count))
+        after, estimate = (step, None) if space == "y_t" else (None, _first(pasted(predictor.transform, target, mask), count))
         for state in predictor.steps(history, samples, seed, window_ids=ids[part], after_step=after, on_y0_hat=estimate):
             last = state
         motions.append(representation.decode(last.y, history).cpu())
@@ -147,16 +146,10 @@ def _check(x_target: Tensor, mask: Mask, active: float, space: str) -> None:
         raise ValueError(f"active is {active}; expected 0 to 1")
 
 
-def _imposed(tf: Transform, target: Float[Tensor, "N T C"], mask: Mask, steps: int) -> OnEstimate:
-    """The target in place of the masked part of a clean estimate, in the first so many calls, one a step."""
-    left, m = iter([True] * steps), mask.to(target)
-
-    def impose(y: Float[Tensor, "N S rows columns"]) -> Float[Tensor, "N S rows columns"]:
-        if not next(left, False):
-            return y
-        return tf(m * target[:, None] + (1 - m) * tf.inverse(y))
-
-    return impose
+def _first(function: OnEstimate, steps: int) -> OnEstimate:
+    """The function in the first so many calls, one a step."""
+    left = iter([True] * steps)
+    return lambda y: function(y) if next(left, False) else y
 
 
 def constraint_error(p: Float[Tensor, "N S T C"], x_target: Float[Tensor, "N T C"], mask: Mask) -> Float[Tensor, "N S"]:

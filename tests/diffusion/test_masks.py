@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import torch
 
-from mwlib.diffusion.masks import history_completion, masked
+from mwlib.diffusion.masks import history_completion, masked, pasted
 from mwlib.diffusion.process import noised
 from mwlib.transforms import DCTTransform, WaveletTransform, pad_history
 
@@ -68,3 +68,26 @@ def test_completion_draws_anew_each_step():
     y = torch.zeros(1, *tf.shape)
     complete = history_completion(tf, torch.zeros(1, H + F, C), H, lambda: torch.randn(y.shape, generator=generator))
     assert not torch.equal(complete(y, 0.5), complete(y, 0.5))
+
+
+@pytest.mark.parametrize("rows", [H + F, 5])
+def test_what_a_target_says_outside_of_the_mask_does_not_matter(rows, generator):
+    """Where rows are cut off, too: the noise is cut, the target is not."""
+    tf, mask, a = DCTTransform(H + F, C, rows), torch.zeros(H + F, dtype=torch.bool), 0.4
+    mask[[2, -1]] = True
+    x, z = _walks(1)[0], torch.randn(*tf.shape, generator=generator, dtype=torch.float64)
+    y = torch.randn(3, *tf.shape, generator=generator, dtype=torch.float64)
+    known = a**0.5 * x + (1 - a) ** 0.5 * tf.inverse(z)
+    expected = tf(torch.where(mask[:, None], known, tf.inverse(y)))
+    unknown = x.where(mask[:, None], torch.nan)
+    torch.testing.assert_close(masked(tf, unknown, mask, lambda: z)(y, a), expected)
+    pasted_by_hand = tf(torch.where(mask[:, None], x, tf.inverse(y)))
+    torch.testing.assert_close(pasted(tf, unknown, mask)(y), pasted_by_hand)
+
+
+def test_a_target_of_each_window_serves_all_its_samples(generator):
+    tf, mask, x = TRANSFORMS[1], torch.arange(H + F) < 2, _walks(3)
+    y = torch.randn(3, 4, *tf.shape, generator=generator, dtype=x.dtype)
+    for found in (pasted(tf, x, mask)(y), masked(tf, x, mask, lambda: y)(y, 1.0)):
+        torch.testing.assert_close(tf.inverse(found)[:, :, :2], x[:, None, :2].expand(3, 4, 2, C))
+        torch.testing.assert_close(tf.inverse(found)[:, :, 2:], tf.inverse(y)[:, :, 2:])

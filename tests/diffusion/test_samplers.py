@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 import torch
 
-from mwlib.diffusion import alpha_bar, ddim, ddim_indices, dpm_solver, eps_of, posterior_mean
+from mwlib.diffusion import alpha_bar, ddim, ddim_indices, dpm_solver, eps_of, noised, posterior_mean
 
 A_BAR = alpha_bar("cosine", 1000)
 
@@ -110,3 +110,43 @@ def test_hooks_see_every_step():
 def test_eta_needs_noise():
     with pytest.raises(ValueError, match="eta is 0.5"):
         next(ddim(some_denoiser, torch.ones(3), A_BAR, [500], eta=0.5))
+
+
+@pytest.mark.parametrize("eta", [0.0, 0.7])
+def test_a_step_taken_once_is_plain_ddim_to_the_bit(eta, generator):
+    """Against the loop without repeats, and draw by draw: nothing is drawn beside what eta needs."""
+    start, *draws = torch.randn(9, 6, generator=generator)
+    indices, y, left = ddim_indices(1000, 8), start, iter(draws)
+    after = lambda y, a: y.clamp(-2, 2) * a**0.1  # noqa: E731
+    for t, following in zip(indices, [*indices[1:], None], strict=True):
+        a, a_prev = float(A_BAR[t]), 1.0 if following is None else float(A_BAR[following])
+        eps = some_denoiser(y, t)
+        y0_hat = (y - torch.tensor((1 - a) ** 0.5) * eps) / torch.tensor(a**0.5)
+        sigma = eta * ((1 - a_prev) / (1 - a) * (1 - a / a_prev)) ** 0.5
+        y = (a_prev**0.5 * y0_hat).add_(max(1 - a_prev - sigma**2, 0.0) ** 0.5 * eps)
+        y = after(y + sigma * next(left) if sigma > 0 else y, a_prev)
+    for options in ({}, {"repeats": 1}):
+        source = iter(draws)
+        *_, last = ddim(
+            some_denoiser, start, A_BAR, indices, eta=eta, noise=lambda s=source: next(s), after_step=after, **options
+        )
+        assert torch.equal(last.y, y)
+
+
+def test_a_repeated_step_by_hand(generator):
+    """Down, noised back up by the forward process, down again; what is imposed is imposed each time."""
+    y, z = torch.randn(2, 4, 5, generator=generator, dtype=torch.float64)
+    a, a_prev = float(A_BAR[500]), float(A_BAR[200])
+    once = lambda y: next(ddim(some_denoiser, y, A_BAR, [500, 200], after_step=lambda y, level: y + level)).y  # noqa: E731
+    up = (a / a_prev) ** 0.5 * once(y) + (1 - a / a_prev) ** 0.5 * z
+    found = next(ddim(some_denoiser, y, A_BAR, [500, 200], repeats=2, noise=lambda: z, after_step=lambda y, level: y + level))
+    torch.testing.assert_close(found.y, once(up), atol=1e-12, rtol=0)
+    clean, eps = torch.randn(2, 4, 50_000, generator=generator)
+    again = noised(noised(clean, eps, a_prev), torch.randn(4, 50_000, generator=generator), a / a_prev)
+    assert abs(again.std() - 1) < 0.01 and abs((again * clean).mean() - a**0.5) < 0.01
+
+
+def test_repeats_need_noise():
+    for repeats, noise in ((2, None), (0, lambda: torch.ones(3))):
+        with pytest.raises(ValueError, match=f"repeats is {repeats}; expected at least 1"):
+            next(ddim(some_denoiser, torch.ones(3), A_BAR, [500], repeats=repeats, noise=noise))
