@@ -15,6 +15,7 @@ from mwlib.body.skeleton import Skeleton
 
 ROTATION_DTYPE = np.float32  # half the memory of float64; off by less than 5e-7 m on every file at hand
 MOVES = ("xposition", "yposition", "zposition")
+ALIKE, STILL = 0.03, 1e-3  # metres: left and right are built alike, and a joint stays where it is, up to here
 ANGLES = ("zrotation", "yrotation", "xrotation")  # in the order in which most BVH files have them
 
 
@@ -114,15 +115,65 @@ class Rig:
         points = np.array(self.points)
         if not np.array_equal(swap[parents[1:]], parents[swap[1:]]) or not np.array_equal(swap[points], points[order]):
             raise ValueError(f"left and right of {self.skeleton.name} are not built alike; expected pairs that hang from pairs")
-        flip = np.array([-1.0, 1.0, 1.0])
+        axis, world = self.across() or 0, np.array([-1.0, 1.0, 1.0])
+        flip = np.where(np.arange(3) == axis, -1.0, 1.0)
+        rotations = _tensor(self.rotations[:, swap]) * torch.tensor([1.0, *-flip])
+        rotations[:, 0] = _tensor(self.rotations[:, 0]) * torch.tensor([1.0, *-world])
+        if axis:  # from the world's mirror plane to that of the joints: half a turn about the third axis
+            rotations[:, 0] = multiply(rotations[:, 0], torch.eye(4, dtype=torch.float64)[4 - axis])
+        offsets = self.offsets[swap] * flip
+        offsets[0] = self.offsets[0] * world
         return replace(
             self,
-            offsets=self.offsets[swap] * flip,
-            rotations=self.rotations[:, swap] * np.array([1, 1, -1, -1], self.rotations.dtype),
-            root=self.root * flip,
+            offsets=offsets,
+            rotations=continuous(rotations).numpy().astype(self.rotations.dtype),
+            root=self.root * world,
             channels=tuple(self.channels[joint] for joint in swap),
             moves=None if self.moves is None else self.moves[:, swap] * flip,
         )
+
+    def across(self) -> int | None:
+        """The axis of the joints' own frames along which left and right are mirror images, within 3 cm; None: along none.
+
+        Of CMU's rigs and most others it is x. Of LaFAN1's, whose bones lie along x, it is z.
+        """
+        offsets = self.offsets[1:] if self.moves is None else self.moves[0, 1:]
+        swap = self.skeleton.mirror[1:] - 1
+        apart = [np.abs(offsets[swap] * (1 - 2 * unit) - offsets).max() for unit in np.eye(3)]
+        return int(np.argmin(apart)) if min(apart) < ALIKE else None
+
+    def rooted(self) -> Rig:
+        """The same places by a rig whose root is the motion's, and whose bones keep their lengths.
+
+        Own choice: Bandai-Namco's files hang the hips from a joint that stays on the floor, and give every joint a place of its
+        own in each frame, which does not change but for the hips. What does not hang from the motion's root is left out.
+
+        Raises:
+            ValueError: another joint moves against its parent by more than a millimetre, or a point would be lost.
+        """
+        root, parents = self.points[0], self.skeleton.parents
+        if root == 0 and self.moves is None:
+            return self
+        at = {root: 0}
+        for joint in range(root + 1, len(parents)):
+            if parents[joint] in at:
+                at[joint] = len(at)
+        kept, below = [*at], [*at][1:]
+        if lost := sorted({*self.points} - {*at}):
+            raise ValueError(f"{self.skeleton.joints[lost[0]]} does not hang from {self.skeleton.joints[root]}; expected all to")
+        moves = np.broadcast_to(self.offsets, (len(self.root), *self.offsets.shape)) if self.moves is None else self.moves
+        if (way := np.ptp(moves[:, below], axis=0).max()) > STILL:
+            raise ValueError(f"a joint of {self.skeleton.name} moves {way:.3g} m against its parent; expected bones of fixed length")
+        places, turns = self.world()
+        rotations = self.rotations[:, kept].copy()
+        rotations[:, 0] = turns[:, root]
+        sides = [tuple(at[j] for j in side if j in at) for side in (self.skeleton.left, self.skeleton.right)]
+        joints = tuple(self.skeleton.joints[j] for j in kept)
+        tree = Skeleton(self.skeleton.name, joints, (-1, *[at[parents[j]] for j in below]), *sides)
+        return Rig(
+            tree, moves.mean(axis=0)[kept], continuous(_tensor(rotations)).numpy().astype(rotations.dtype), places[:, root],
+            tuple(at[j] for j in self.points), (MOVES + ANGLES, *[self.channels[j] for j in below]),
+        )  # fmt: skip
 
 
 def _between(path: np.ndarray, low: np.ndarray, high: np.ndarray, share: np.ndarray) -> np.ndarray:

@@ -170,3 +170,43 @@ def shortest_arc(a: Float[Tensor, "*#lead 3"], b: Float[Tensor, "*#lead 3"]) -> 
     shortest = torch.eye(3, dtype=a.dtype, device=a.device)[a.abs().argmin(dim=-1)]
     axis = torch.where(w < 1e-12, torch.linalg.cross(a, shortest), torch.linalg.cross(a, b))
     return torch.nn.functional.normalize(torch.cat([w, axis], dim=-1), dim=-1)
+
+
+def six(q: Float[Tensor, "*lead 4"]) -> Float[Tensor, "*lead 6"]:
+    """The first two columns of each rotation matrix, one after the other: numbers without jumps and without signs to choose.
+
+    Source: Zhou et al. 2019, "On the continuity of rotation representations".
+    """
+    return matrix(q)[..., :2].transpose(-1, -2).flatten(-2)
+
+
+def from_six(numbers: Float[Tensor, "*lead 6"]) -> Float[Tensor, "*lead 4"]:
+    """The unit quaternions nearest in Gram and Schmidt's sense: the first column keeps its direction. Inverse of `six`.
+
+    >>> quarter = torch.tensor([0.5**0.5, 0.0, 0.0, 0.5**0.5])
+    >>> from_six(2 * six(quarter)).round(decimals=4)  # lengths do not matter
+    tensor([0.7071, 0.0000, 0.0000, 0.7071])
+    """
+    x = torch.nn.functional.normalize(numbers[..., :3], dim=-1)
+    across = numbers[..., 3:]
+    y = torch.nn.functional.normalize(across - (x * across).sum(dim=-1, keepdim=True) * x, dim=-1)
+    return from_matrix(torch.stack([x, y, torch.linalg.cross(x, y)], dim=-1))
+
+
+def from_matrix(m: Float[Tensor, "*lead 3 3"]) -> Float[Tensor, "*lead 4"]:
+    """Unit quaternions of rotation matrices, w at least 0 where it is the largest part. Inverse of `matrix`; gradients pass.
+
+    Source: Shepperd 1978: of the four ways to solve for the quaternion, the one that divides by the largest of its parts.
+    """
+    (xx, xy, xz), (yx, yy, yz), (zx, zy, zz) = (row.unbind(-1) for row in m.unbind(-2))
+    one = torch.ones_like(xx)
+    rows = (
+        one + xx + yy + zz, zy - yz, xz - zx, yx - xy,
+        zy - yz, one + xx - yy - zz, yx + xy, xz + zx,
+        xz - zx, yx + xy, one - xx + yy - zz, zy + yz,
+        yx - xy, xz + zx, zy + yz, one - xx - yy + zz,
+    )  # fmt: skip
+    ways = torch.stack(rows, dim=-1).unflatten(-1, (4, 4))  # 4 q_i q: each row is the quaternion, times four of its parts
+    largest = torch.diagonal(ways, dim1=-2, dim2=-1).argmax(dim=-1)
+    chosen = torch.take_along_dim(ways, largest[..., None, None], dim=-2).squeeze(-2)
+    return torch.nn.functional.normalize(chosen, dim=-1)

@@ -80,6 +80,9 @@ class TransLinear(nn.Module):
         feedforward: width of the hidden feed-forward layer.
         dropout: in feed-forward and Stylize.
         attention_dropout: on the attention weights; None = `dropout`. On the CPU anything but 0 forgoes fused attention.
+        told: further columns that enter beside the coefficients and are not predicted, such as what is known of a motion. Own
+            choice; no paper here has them.
+        conditioned: whether there is a layer for a condition at all.
 
     Raises:
         ValueError: odd `layers`, or `width` not an even multiple of `heads`.
@@ -95,6 +98,8 @@ class TransLinear(nn.Module):
         feedforward: int,
         dropout: float,
         attention_dropout: float | None = None,
+        told: int = 0,
+        conditioned: bool = True,
     ) -> None:
         super().__init__()
         if layers % 2:
@@ -103,8 +108,8 @@ class TransLinear(nn.Module):
             raise ValueError(f"width is {width}; expected an even multiple of heads ({heads})")
         self.rows, self.columns, self.width = rows, columns, width
         self.time = nn.Sequential(nn.Linear(width, width), nn.SiLU(), nn.Linear(width, width))
-        self.condition = nn.Linear(columns * rows, width)
-        self.enter = nn.Linear(columns, width)
+        self.condition = nn.Linear(columns * rows, width) if conditioned else None
+        self.enter = nn.Linear(columns + told, width)
         self.position = nn.Parameter(torch.randn(rows, width))
         attention_dropout = dropout if attention_dropout is None else attention_dropout
         self.blocks = nn.ModuleList(Block(width, heads, feedforward, dropout, attention_dropout) for _ in range(layers))
@@ -147,6 +152,8 @@ class TransLinear(nn.Module):
 
     def embed_condition(self, condition: Float[Tensor, "B rows columns"]) -> Float[Tensor, "B width"]:
         """The condition's share of the embedding; samples of one window can share it."""
+        if self.condition is None:
+            raise ValueError("the network was built without a layer for a condition; expected none")
         return self.condition(condition.flatten(-2))
 
     def embed_time(self, t: Int[Tensor, " B"] | int) -> Float[Tensor, "B width"]:
@@ -159,12 +166,12 @@ class TransLinear(nn.Module):
 
     def evaluate(
         self,
-        y_t: Float[Tensor, "B rows columns"],
+        y_t: Float[Tensor, "B rows entering"],
         t: Int[Tensor, " B"] | int,
         added: Float[Tensor, "B width"] | None,
         attention_rows: int = 0,
     ) -> tuple[Float[Tensor, "B rows columns"], Tensor | None]:
-        """Forward pass with the condition already embedded (zeros = unconditional).
+        """Forward pass with the condition already embedded (zeros = unconditional), and what is told beside the coefficients.
 
         Attention (attention_rows, 2, heads, rows, rows) of the middle two blocks is worked out for the first
         `attention_rows` items only; everywhere else fused attention keeps it implicit.

@@ -1,0 +1,143 @@
+"""A trained model: keyframes in, whole motions out."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import torch
+from jaxtyping import Bool, Float
+from torch import Tensor
+from tqdm import tqdm
+
+from mwlib.diffusion import Denoise, WindowNoise, alpha_bar, ddim_indices, keyframed, to_eps, with_keyframes
+from mwlib.inbetweening.config import Config
+from mwlib.inbetweening.network import KeyframeNetwork, make_network
+from mwlib.inbetweening.representation import Representation
+from mwlib.inbetweening.space import Space, space_from_json
+from mwlib.inbetweening.windows import interpolated
+
+CHUNK = 64  # motions sampled together on a processor
+
+
+class Bridge:
+    """A network with what it was trained for, and settings of the sampling.
+
+    Args:
+        net: trained weights (the moving average).
+        representation: windows as what is diffused.
+        space: what a state means.
+        cfg: of the training; the group `sampling` says how it samples.
+    """
+
+    def __init__(self, net: KeyframeNetwork, representation: Representation, space: Space, cfg: Config) -> None:
+        self.net, self.representation, self.space, self.cfg = net.eval(), representation, space, cfg
+        self.alpha_bar = alpha_bar(cfg.diffusion.schedule, cfg.diffusion.steps)
+
+    @classmethod
+    def from_tensors(
+        cls, cfg: Config, weights: Mapping[str, Tensor], learnt: Mapping[str, Tensor], about: Mapping[str, str]
+    ) -> Bridge:
+        """The bridge that a finished training left (see `mwlib.training.read_model`)."""
+        space = space_from_json(about["space"])
+        with torch.random.fork_rng([]):  # initial weights are drawn and thrown away
+            net = make_network(cfg.model, cfg.task, space.channels)
+        net.load_state_dict(weights)
+        return cls(net, Representation.restore(cfg.model, cfg.task.frames, learnt), space, cfg)
+
+    def to(self, device: torch.device | str) -> Bridge:
+        """Move the network."""
+        self.net.to(device)
+        return self
+
+    def with_sampling(self, **changes: Any) -> Bridge:
+        """The same model with other settings of the sampling, e.g. ``bridge.with_sampling(repeats=5)``.
+
+        Raises:
+            ValueError: unknown settings, bad values, or settings of the trained model.
+        """
+        if others := [name for name in changes if Config.owners().get(name) in {"data", "task", "model", "diffusion", "training"}]:
+            raise ValueError(f"{', '.join(others)} belongs to the trained model; expected settings of the sampling")
+        return Bridge(self.net, self.representation, self.space, self.cfg.override(**changes))
+
+    def check(self, frames: int, mask: Bool[Tensor, " T"]) -> None:
+        """Refuse lengths and keyframes that the model was not made for."""
+        task, model = self.cfg.task, self.cfg.model
+        if not task.fewest <= frames <= task.frames:
+            between = f"{task.fewest - 2} to {task.between}" if task.shortest else f"{task.between}"
+            raise ValueError(f"frames between is {frames - 2}; expected {between}, for which the model was trained")
+        told = model.keyframes == "told"
+        if told and int(mask.sum()) > 2 + model.more_keyframes:
+            raise ValueError(f"{int(mask.sum())} keyframes; expected at most {2 + model.more_keyframes}, as the model was told")
+        if told and not (mask[0] and mask[-1]):
+            raise ValueError("the first or last frame is no keyframe; expected both, as the model was told")
+
+    @torch.inference_mode()
+    def sample(
+        self,
+        x: Float[Tensor, "N T C"],
+        mask: Bool[Tensor, " T"] | None = None,
+        samples: int | None = None,
+        seed: int | None = None,
+        *,
+        window_ids: Sequence[int] | None = None,
+        progress: bool = False,
+    ) -> Float[Tensor, "N S T C"]:
+        """Whole motions as states, keyframes among them, on the CPU.
+
+        Args:
+            x: states seen from their first frames; what is between the keyframes is not looked at.
+            mask: True at keyframes; None: the first and the last frame.
+            samples, seed: None = the settings'.
+            window_ids: identity of each window (default 0..N-1): its noise depends on seed and identity only.
+            progress: show a bar.
+
+        Raises:
+            ValueError: the length or the keyframes do not fit the model, or no sample is asked for.
+        """
+        settings, frames = self.cfg.sampling, x.shape[-2]
+        mask = ends(frames) if mask is None else mask
+        samples = settings.samples if samples is None else samples
+        if samples < 1:
+            raise ValueError(f"samples is {samples}; expected at least 1")
+        self.check(frames, mask)
+        ids = [*range(len(x))] if window_ids is None else [*window_ids]
+        size = max(1, CHUNK // samples)
+        found = []
+        for first in tqdm(range(0, len(x), size), disable=not progress, desc="sampling", unit="chunk"):
+            part = x[first : first + size].to(self.net.device)
+            shape = (samples, *self.representation.transform(frames).shape)
+            noise = WindowNoise(
+                settings.sampling_seed if seed is None else seed, ids[first : first + size], shape, self.net.device
+            )
+            found.append(self._sample(part, mask.to(self.net.device), noise).cpu())
+        return torch.cat(found)
+
+    def _sample(self, x: Float[Tensor, "n T C"], mask: Bool[Tensor, " T"], noise: WindowNoise) -> Float[Tensor, "n S T C"]:
+        hint = interpolated(x, mask)
+        tf = self.representation.transform(x.shape[-2])
+        target = self.representation.modelled(torch.where(mask[:, None], x, hint), hint)
+        settings = self.cfg.sampling
+        indices = ddim_indices(self.cfg.diffusion.steps, settings.ddim_steps, settings.spacing)
+        z = keyframed(self._denoise(hint, mask), tf, target[:, None], mask, self.alpha_bar, indices, noise, self.cfg.imposing)
+        states = self.space.valid(self.representation.states(z, hint[:, None]))
+        return with_keyframes(states, x[:, None], mask)
+
+    def _denoise(self, hint: Float[Tensor, "n T C"], mask: Bool[Tensor, " T"]) -> Denoise:
+        """The network's noise estimate of (n, S, rows, C)."""
+        told = self.representation.told(hint, mask.expand(hint.shape[:-1])) if self.cfg.model.keyframes == "told" else None
+
+        def denoise(y: Tensor, t: int) -> Tensor:
+            items = y.flatten(0, 1)
+            beside = None if told is None else told[:, None].expand(*y.shape[:2], -1, -1).flatten(0, 1)
+            output = self.net(items, t, beside)
+            return to_eps(self.cfg.diffusion.prediction, output, items, self.alpha_bar[t]).reshape(y.shape)
+
+        return denoise
+
+
+def ends(frames: int) -> Bool[Tensor, " T"]:
+    """The paper's task: the first and the last frame are given."""
+    mask = torch.zeros(frames, dtype=torch.bool)
+    mask[[0, -1]] = True
+    return mask

@@ -1,0 +1,140 @@
+"""Settings of in-betweening: the task, the method, its training and its sampling."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any, ClassVar, Literal, Self
+
+from mwlib.data.sources import SourceConfig
+from mwlib.diffusion.config import DiffusionConfig
+from mwlib.diffusion.keyframes import KeyframeConfig
+from mwlib.diffusion.schedule import ddim_indices
+from mwlib.inbetweening.losses import Diversity, Smoothness
+from mwlib.inbetweening.presets import PRESETS
+from mwlib.settings import BelowOne, Count, Natural, NotNegative, Positive, Settings
+from mwlib.training.config import TrainingConfig
+
+Method = Literal["diffusion", "zero_velocity", "interpolation", "hermite", "minimum_jerk", "gaussian", "truth"]
+
+
+@dataclass(frozen=True)
+class TaskConfig:
+    """What is given and what is asked for."""
+
+    between: Count = 30  # N, frames between the two keyframes
+    shortest: Natural = 0  # the model is told its length: any N from here to `between`; 0 = always `between`
+    state: Literal["positions", "rotations"] = "positions"  # of the body: places of joints, or root and six numbers per rotation
+    mirror: bool = True  # also train on mirror images, where left and right are built alike
+    test_stride: Count = 40  # frames between the starts of the test windows
+    test_windows: Natural = 0  # evaluate this many windows, spread evenly; 0 = all
+
+    @property
+    def frames(self) -> int:
+        """T = N + 2."""
+        return self.between + 2
+
+    @property
+    def fewest(self) -> int:
+        """The smallest T that the model is for."""
+        return (self.shortest or self.between) + 2
+
+
+@dataclass(frozen=True)
+class ModelConfig:
+    """Tokens, and the network that denoises them."""
+
+    tokens: Literal["cosines", "frames"] = "cosines"  # DCT coefficients over time, or frames ("without DCT")
+    rows: Natural = 0  # cosines kept; 0 = all
+    target: Literal["motion", "departure"] = "motion"  # what is diffused: the motion, or how it departs from interpolation
+    keyframes: Literal["untold", "told"] = "untold"  # whether the network is shown the keyframes, or only the sampler
+    more_keyframes: Natural = 0  # where they are told: train on up to so many more, anywhere
+    width: Count = 512  # of the network
+    layers: Count = 8  # blocks, an even number
+    heads: Count = 8  # of the attention
+    feedforward: Count = 1024  # hidden width of the feed-forward layers
+    dropout: BelowOne = 0.2  # in feed-forward and style layers
+    attention_dropout: BelowOne = 0.0  # on attention weights; on the CPU anything but 0 is slow
+
+
+@dataclass(frozen=True)
+class ObjectiveConfig:
+    """Weights of the losses; those on bodies are multiplied by alpha_bar for each window."""
+
+    level_weight: Literal["uniform", "snr"] = "uniform"  # of noise levels; "snr": by signal over noise, bounded
+    diversity_weight: NotNegative = 0.0  # lambda_d
+    diversity: Diversity = "distance"  # how alike samples are, see diversity_loss
+    diversity_scale: Positive = 10.0  # metres², of "exponential"
+    draws: Count = 2  # M, noise draws of each window that are compared
+    smoothness_weight: NotNegative = 0.0  # lambda_s
+    smoothness: Smoothness = "step"  # see smoothness_loss
+    length_weight: NotNegative = 0.0  # lambda_l, of bone lengths
+    angle_weight: NotNegative = 0.0  # lambda_a, of angles between bones
+
+
+@dataclass(frozen=True)
+class SamplingConfig:
+    """The reverse process and how much of it to run."""
+
+    method: Method = "diffusion"  # or a baseline; "truth" is what is to be found, for its speed and jerk
+    samples: Count = 10  # K, motions for each pair of poses
+    ddim_steps: Count = 100  # denoising steps
+    spacing: Literal["leading", "trailing"] = "leading"  # of the retained diffusion indices, see ddim_indices
+    sampling_seed: Natural = 0  # of the noise
+
+
+@dataclass(frozen=True)
+class Config(Settings):
+    """Everything that a run of in-betweening depends on.
+
+    >>> cfg = Config.preset("tiny", between=20)
+    >>> cfg.task.frames, cfg.model.keyframes
+    (22, 'told')
+
+    Raises:
+        ValueError: see `Settings`, and settings that do not fit each other.
+    """
+
+    system: ClassVar[str] = "inbetweening"
+    presets = PRESETS
+    after_training: ClassVar[frozenset[str]] = frozenset({"sampling", "imposing", "test_stride", "test_windows", "checkpoint_every"})
+
+    data: SourceConfig = field(default_factory=SourceConfig)
+    task: TaskConfig = field(default_factory=TaskConfig)
+    model: ModelConfig = field(default_factory=ModelConfig)
+    diffusion: DiffusionConfig = field(default_factory=DiffusionConfig)
+    objective: ObjectiveConfig = field(default_factory=ObjectiveConfig)
+    training: TrainingConfig = field(default_factory=TrainingConfig)
+    sampling: SamplingConfig = field(default_factory=SamplingConfig)
+    imposing: KeyframeConfig = field(default_factory=KeyframeConfig)
+
+    @classmethod
+    def preset(cls, name: str, **changes: Any) -> Self:
+        """A named preset with some fields changed; with other data than the preset's own, its subjects are emptied."""
+        base = super().preset(name)
+        if changes.get("data", base.data.data) != base.data.data:  # other data, other people
+            base = base.override(train_subjects=(), validation_subjects=(), test_subjects=())
+        return base.override(**changes)
+
+    def check(self) -> None:
+        """Refuse values that do not fit each other."""
+        m, task, s = self.model, self.task, self.sampling
+        if m.width % m.heads or m.width % 2:
+            raise ValueError(f"width is {m.width}; expected an even multiple of heads ({m.heads})")
+        if m.layers % 2:
+            raise ValueError(f"layers is {m.layers}; expected an even number (long skips pair the blocks)")
+        if m.rows > task.fewest:
+            raise ValueError(f"rows is {m.rows}; expected at most the {task.fewest} frames of the shortest motion")
+        if m.rows and m.tokens == "frames":
+            raise ValueError(f"rows is {m.rows} with frames as tokens; expected 0: only cosines can be left out")
+        if task.shortest > task.between:
+            raise ValueError(f"shortest is {task.shortest}; expected at most between ({task.between})")
+        if m.more_keyframes and m.keyframes == "untold":
+            raise ValueError(f"more_keyframes is {m.more_keyframes}, but keyframes are untold; expected 0, or keyframes=told")
+        if m.target == "departure" and m.keyframes == "untold":
+            raise ValueError("target is departure, but keyframes are untold; expected keyframes=told: it departs from them")
+        if task.shortest and m.keyframes == "untold":
+            raise ValueError(f"shortest is {task.shortest}, but keyframes are untold; expected keyframes=told: with them the length")
+        if s.ddim_steps >= self.diffusion.steps:
+            raise ValueError(f"ddim_steps is {s.ddim_steps}; expected fewer than steps ({self.diffusion.steps})")
+        if ddim_indices(self.diffusion.steps, s.ddim_steps, s.spacing)[-1] == 0:
+            raise ValueError(f"ddim_steps is {s.ddim_steps} of {self.diffusion.steps}, which reaches t = 0; expected fewer")

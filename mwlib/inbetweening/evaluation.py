@@ -1,0 +1,196 @@
+"""How a configuration fills the frames between keyframes of people whom its model has never seen."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+from tqdm import tqdm
+
+from mwlib.body.skeleton import Skeleton
+from mwlib.data.sources import Split
+from mwlib.inbetweening.baselines import PACES, GaussianBetween, between
+from mwlib.inbetweening.bridge import Bridge, ends
+from mwlib.inbetweening.config import Config
+from mwlib.inbetweening.losses import bone_lengths
+from mwlib.inbetweening.space import Space
+from mwlib.inbetweening.windows import Clips, Cut, make_space
+from mwlib.metrics import (
+    NPSS,
+    Column,
+    apd,
+    bone_length_error,
+    clustered_error,
+    continued,
+    foot_skate,
+    jerk,
+    keyframe_error,
+    l2p,
+    l2q,
+    nearer_share,
+    path_length,
+    sample_ade,
+    seam_ratio,
+    speed,
+)
+
+METRICS = {  # the columns of every table
+    "l2p": Column("L2P", "lower"),
+    "l2q": Column("L2Q", "lower"),
+    "npss": Column("NPSS", "lower"),
+    "ade": Column("ADE", "lower"),
+    "ade_mean": Column("ADE, mean sample", "lower"),
+    "apd": Column("APD"),
+    "keyframe_error": Column("keyframe error (mm)", "lower", 1000.0),
+}
+
+# Beside them in a table of their own: is it a motion? To be read beside the truth's row.
+DETAILS = {
+    "seam": Column("seam ratio"),
+    "speed": Column("speed (m/s)"),
+    "path": Column("path of the root (m)"),
+    "jerk": Column("jerk (m/s³)"),
+    "skate": Column("foot skate (m/s)"),
+    "bone_error": Column("bone length error (mm)", "lower", 1000.0),
+    "nearer": Column("nearer than interpolation"),
+    "l2p_best": Column("L2P, best sample", "lower"),
+}
+
+STATISTICS_STRIDE = 20  # frames between the windows behind the deviations of L2P, as in LaFAN1's protocol
+CHUNK = 32  # windows scored together
+
+Fill = Callable[[Cut, list[int]], Tensor]  # windows, their numbers -> states (n, S, T, C)
+
+
+def make_fill(cfg: Config, get_model: Callable[[], Bridge], split: Split, space: Space) -> Fill:
+    """What `method` names: the trained model, asked for only here, or a baseline."""
+    method, frames = cfg.sampling.method, cfg.task.frames
+    if method == "diffusion":
+        model = get_model()
+        return lambda cut, ids: model.sample(cut.x, window_ids=ids)
+    if method == "truth":
+        return lambda cut, ids: cut.x[:, None]
+    if method == "gaussian":
+        gaussian = GaussianBetween(Clips(split.train, space).cut(frames, STATISTICS_STRIDE).x)
+        return lambda cut, ids: _met(space.valid(gaussian(cut.x)), cut.x)[:, None]
+    if method not in PACES:
+        raise ValueError(f"method is {method!r}; expected diffusion, truth, gaussian or one of {', '.join(PACES)}")
+    return lambda cut, ids: between(space, cut.x, method)[:, None]
+
+
+def _met(x: Tensor, keyframes: Tensor) -> Tensor:
+    """With the keyframes themselves at both ends."""
+    return torch.where(ends(x.shape[-2])[:, None], keyframes, x)
+
+
+class Score:
+    """Metrics of filled windows, one number each.
+
+    Args:
+        space: what a state means.
+        deviation: of each coordinate of the joints over the training windows, for L2P.
+    """
+
+    def __init__(self, space: Space, deviation: Float[Tensor, " C"]) -> None:
+        self.space, self.deviation = space, deviation
+        self.skeleton, self.fps = space.bodies.skeleton, space.bodies.fps
+        self.feet = feet(self.skeleton)
+        self.npss = NPSS()
+
+    @classmethod
+    def of(cls, split: Split, space: Space, frames: int) -> Score:
+        """With the statistics of the training windows, each about the mean of its root on the floor."""
+        cut = Clips(split.train, space).cut(frames, STATISTICS_STRIDE)
+        places = space.positions(cut.x, cut.offsets)
+        places[..., :2] -= places[:, :, :1, :2].mean(1, keepdim=True)
+        return cls(space, places.flatten(-2).flatten(0, 1).std(0, correction=0).clamp_min(1e-4))
+
+    def __call__(self, x: Float[Tensor, "n S T C"], cut: Cut) -> dict[str, Float[Tensor, " n"]]:
+        """Every metric but NPSS, which is summed up over all windows."""
+        offsets = cut.offsets[:, None]
+        p, g = self.space.positions(x, offsets), self.space.positions(cut.x[:, None], offsets)
+        straight = self.space.positions(between(self.space, cut.x, "interpolation"), cut.offsets).flatten(-2)
+        lengths = bone_lengths(g[:, :, 0], self.skeleton)
+        p, g = p.flatten(-2), g.flatten(-2)
+        inner, true = p[..., 1:-1, :], g[..., 1:-1, :]
+        each = l2p(inner, true, torch.zeros_like(self.deviation), self.deviation)
+        apart = sample_ade(inner, true[:, 0])
+        found = {
+            "l2p": each.mean(1),
+            "l2p_best": each.amin(1),
+            "ade": apart.amin(1),
+            "ade_mean": apart.mean(1),
+            "apd": apd(inner) if p.shape[1] > 1 else each.new_full((len(p),), torch.nan),
+            "keyframe_error": keyframe_error(p, g, keyframes=(0, -1)).amax(1),
+            "nearer": nearer_share(inner, true[:, 0], straight[:, 1:-1]),
+            "bone_error": bone_length_error(p, lengths, self.skeleton).mean(1),
+            **self._motion(p, self._floor(g)),
+        }
+        turns, truth = self.space.rotations(x, offsets), self.space.rotations(cut.x[:, None], offsets)
+        if turns is None or truth is None:
+            self.npss.update(inner, true)
+        else:
+            start = truth[:, :, 0]
+            turns, truth = turns[..., 1:-1, :, :], truth[..., 1:-1, :, :]
+            found["l2q"] = l2q(turns, truth, start=start).mean(1)
+            self.npss.update(continued(turns, start).flatten(-2), continued(truth, start).flatten(-2))
+        return found
+
+    def _floor(self, g: Float[Tensor, "n 1 T C"]) -> Float[Tensor, " n"]:
+        """Height of the lowest foot of the true window."""
+        return g.unflatten(-1, (-1, 3))[..., self.feet or [0], 2].flatten(1).amin(1)
+
+    def _motion(self, p: Float[Tensor, "n S T C"], floor: Float[Tensor, " n"]) -> dict[str, Float[Tensor, " n"]]:
+        joints = p.unflatten(-1, (-1, 3)).clone()
+        joints[..., 2] -= floor[:, None, None, None]
+        return {
+            "seam": seam_ratio(p).mean(1),
+            "speed": speed(p, self.fps),
+            "path": path_length(joints[..., 0, :2]).mean(1),
+            "jerk": jerk(p, self.fps),
+        } | ({"skate": foot_skate(joints.flatten(-2), self.feet, self.fps).nanmean(1)} if self.feet else {})
+
+
+def feet(skeleton: Skeleton) -> list[int]:
+    """The joints that touch the floor, by their names: toes, else feet, else ankles; none where nothing is called so."""
+    for word in ("toe", "foot", "ankle"):
+        if found := [i for i, name in enumerate(skeleton.joints) if word in name.lower()]:
+            return found
+    return []
+
+
+def evaluate(cfg: Config, get_model: Callable[[], Bridge], split: Split, progress: bool = False) -> dict[str, Any]:
+    """Metrics of a configuration on the test people of a split.
+
+    Args:
+        cfg: task, method and settings of the sampling.
+        get_model: the trained model, asked for only where the method needs one.
+        split: the data.
+        progress: show a bar on stderr.
+
+    Returns:
+        "mean" and "standard_error" (over clips) by metric, "windows", "values" of each window by metric with the "clips" that
+        they come from.
+    """
+    space = make_space(split.train, cfg.task.state)
+    cut = Clips(split.test, space).cut(cfg.task.frames, cfg.task.test_stride).thin(cfg.task.test_windows)
+    fill, score = make_fill(cfg, get_model, split, space), Score.of(split, space, cfg.task.frames)
+    parts = []
+    for first in tqdm(range(0, len(cut.x), CHUNK), desc=cfg.sampling.method, disable=not progress, leave=False):
+        rows = slice(first, first + CHUNK)
+        part = cut.pick(rows)
+        parts.append(score(fill(part, [*range(len(cut.x))][rows]), part))
+    values = {name: torch.cat([part[name] for part in parts]).double() for name in parts[0]}
+    clips = cut.clip.tolist()
+    mean = {name: float(value.nanmean()) for name, value in values.items()} | {"npss": score.npss.value()}
+    error = {name: clustered_error(value.numpy(), clips) for name, value in values.items()}
+    return {
+        "mean": mean,
+        "standard_error": error,
+        "windows": len(clips),
+        "values": {name: value.tolist() for name, value in values.items()},
+        "clips": clips,
+    }

@@ -1,0 +1,131 @@
+"""The four losses beside that of diffusion, on clean estimates in time: diversity, smoothness, bone length, bone angle.
+
+Source: FreqDiffusionBridge, Sec. 3.3. Its formulae are lost from the text that we have; what is ambiguous is a named option.
+"""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from typing import Literal
+
+import torch
+from jaxtyping import Float, Int
+from torch import Tensor
+
+from mwlib.body.skeleton import Skeleton
+
+Smoothness = Literal["step", "velocity", "acceleration"]
+Diversity = Literal["distance", "exponential"]
+
+
+def diversity_loss(samples: Float[Tensor, "*lead M F C"], kind: Diversity, scale: float = 1.0) -> Float[Tensor, "*lead"]:
+    """How alike the M samples of a clip are.
+
+    Args:
+        samples: at least two.
+        kind: "distance": minus the mean distance of two, flattened, as the paper has it, without a lower bound; "exponential":
+            mean of exp(-distance² / scale), as DLow (Yuan and Kitani 2020) has it, from 0 to 1.
+        scale: of "exponential".
+
+    Raises:
+        ValueError: fewer than two samples.
+
+    >>> samples = torch.tensor([[0.0, 0.0], [3.0, 4.0], [6.0, 8.0]])[:, None]
+    >>> [round(float(diversity_loss(samples, kind, 25.0)), 6) for kind in ("distance", "exponential")]
+    [-6.666667, 0.251358]
+    """
+    count = samples.shape[-3]
+    if count < 2:
+        raise ValueError(f"{count} sample; expected at least two to compare")
+    first, second = torch.triu_indices(count, count, 1, device=samples.device)
+    apart = (samples[..., first, :, :] - samples[..., second, :, :]).flatten(-2)
+    if kind == "distance":
+        return -apart.norm(dim=-1).mean(-1)
+    return torch.exp(-apart.square().sum(-1) / scale).mean(-1)
+
+
+def smoothness_loss(
+    x: Float[Tensor, "*lead F C"], truth: Float[Tensor, "*lead F C"] | None, kind: Smoothness
+) -> Float[Tensor, "*lead"]:
+    """How a motion changes from frame to frame; mean over frames of the squared length.
+
+    Args:
+        x: any numbers over time.
+        truth: of "velocity".
+        kind: "step", the paper's words: every step counts, so that standing still is best; "velocity": a step's difference from
+            the truth's; "acceleration": second differences.
+
+    >>> x = torch.tensor([0.0, 1.0, 1.0, 3.0])[:, None]
+    >>> [round(float(smoothness_loss(x, x, kind)), 6) for kind in ("step", "velocity", "acceleration")]
+    [1.666667, 0.0, 2.5]
+    """
+    change = x.diff(dim=-2)
+    if kind == "velocity":
+        if truth is None:
+            raise ValueError("truth is None; expected the true motion for kind 'velocity'")
+        change = change - truth.diff(dim=-2)
+    elif kind == "acceleration":
+        change = change.diff(dim=-2)
+    return change.square().sum(-1).mean(-1)
+
+
+def bone_length_loss(
+    positions: Float[Tensor, "*lead F joints 3"], lengths: Float[Tensor, "*#lead bones"], skeleton: Skeleton
+) -> Float[Tensor, "*lead"]:
+    """Mean over frames and bones of the squared difference from the given length, metres².
+
+    Args:
+        positions: metres.
+        lengths: in the order of `skeleton.bones`, metres.
+        skeleton: whose joints these are.
+
+    >>> arm = Skeleton("arm", ("shoulder", "elbow", "wrist"), (-1, 0, 1))
+    >>> bent = torch.tensor([[[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [1.0, 1.1, 0.0]]])
+    >>> round(float(bone_length_loss(bent, torch.ones(2), arm)), 6)
+    0.005
+    """
+    return (bone_lengths(positions, skeleton) - lengths[..., None, :]).square().mean((-2, -1))
+
+
+def bone_lengths(positions: Float[Tensor, "*lead joints 3"], skeleton: Skeleton) -> Float[Tensor, "*lead bones"]:
+    """`body.kinematics.bone_lengths` in torch: gradients pass."""
+    parent, child = torch.tensor(skeleton.bones, device=positions.device).T
+    return (positions[..., child, :] - positions[..., parent, :]).norm(dim=-1)
+
+
+def bone_angles(positions: Float[Tensor, "*lead joints 3"], skeleton: Skeleton) -> Float[Tensor, "*lead angles"]:
+    """Angle between the bone to a joint and each bone from it, radians: 0 where they go straight on, pi where they fold back.
+
+    By the arc tangent of sine and cosine, whose gradient is finite at both ends.
+    """
+    above, joint, below = _meetings(skeleton, positions.device)
+    u = positions[..., joint, :] - positions[..., above, :]
+    v = positions[..., below, :] - positions[..., joint, :]
+    cross = torch.linalg.cross(u, v).square().sum(-1)
+    return torch.atan2((cross + 1e-12).sqrt(), (u * v).sum(-1))
+
+
+def bone_angle_loss(
+    positions: Float[Tensor, "*lead F joints 3"], limits: Float[Tensor, " angles"], skeleton: Skeleton
+) -> Float[Tensor, "*lead"]:
+    """Mean over frames and angles of the squared excess over the limit, radians².
+
+    Args:
+        positions: metres.
+        limits: largest angle where two bones meet, in the order of `bone_angles`, radians.
+        skeleton: whose joints these are.
+
+    >>> arm = Skeleton("arm", ("shoulder", "elbow", "wrist"), (-1, 0, 1))
+    >>> bent = torch.tensor([[[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [1.0, 1.1, 0.0]]])
+    >>> round(float(bone_angle_loss(bent, torch.tensor([80.0]).deg2rad(), arm)), 6)
+    0.030462
+    """
+    return (bone_angles(positions, skeleton) - limits).clamp_min(0).square().mean((-2, -1))
+
+
+@lru_cache(maxsize=64)
+def _meetings(skeleton: Skeleton, device: torch.device) -> Int[Tensor, "3 angles"]:
+    """Triples parent, joint, child, one for every pair of bones that meet end to end."""
+    parents = skeleton.parents
+    rows = [(parents[joint], joint, child) for child, joint in enumerate(parents) if joint > 0]
+    return torch.tensor(rows, device=device).reshape(-1, 3).T

@@ -1,0 +1,142 @@
+"""What FreqDiffusionBridge trains: the loss of diffusion and four others, on random windows from keyframe to keyframe."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import NamedTuple
+
+import torch
+from jaxtyping import Bool, Float, Int
+from torch import Tensor, nn
+
+from mwlib.data.sources import Split
+from mwlib.diffusion import alpha_bar, network_target, noised, to_eps, y0_hat_of
+from mwlib.inbetweening.config import Config
+from mwlib.inbetweening.losses import (
+    bone_angle_loss,
+    bone_angles,
+    bone_length_loss,
+    bone_lengths,
+    diversity_loss,
+    smoothness_loss,
+)
+from mwlib.inbetweening.network import make_network
+from mwlib.inbetweening.representation import Representation
+from mwlib.inbetweening.windows import Clips, Cut, draw_keyframes, interpolated, make_space
+from mwlib.training import Objective, seeded
+
+SNR_BOUNDS = 0.05, 5.0  # Hang et al. 2023 above; own choice below: errors where all is noise must count for something
+FITTED_ON = 4000  # windows
+LIMIT = 0.995  # quantile of the training data's angles that is their limit: own choice, the paper's limits are not given
+
+
+class Batch(NamedTuple):
+    """Windows, and which of their frames are keyframes."""
+
+    cut: Cut
+    mask: Bool[Tensor, "B T"]
+
+
+class InbetweeningObjective(Objective):
+    """The training of a bridge, as `mwlib.training.train` takes it.
+
+    Args:
+        cfg: configuration.
+        split: clips for training, and for the validation loss.
+        learnt: what was learnt in an earlier part of the same training; empty: it is fitted now.
+    """
+
+    def __init__(self, cfg: Config, split: Split, learnt: Mapping[str, Tensor] | None = None) -> None:
+        self.cfg, self.task = cfg, cfg.task
+        self.space = make_space(split.train, cfg.task.state)
+        self.clips = Clips(split.train, self.space, cfg.task.mirror)
+        self.held_out = Clips(split.validation, self.space) if split.validation else None
+        self.alpha_bar = alpha_bar(cfg.diffusion.schedule, cfg.diffusion.steps)
+        snr = self.alpha_bar / (1 - self.alpha_bar)
+        self.level = snr.clamp(*SNR_BOUNDS).float() if cfg.objective.level_weight == "snr" else None
+        if learnt:
+            self.limits = learnt["limits"]
+            self.representation = Representation.restore(cfg.model, self.task.frames, learnt)
+        else:
+            with seeded(cfg.training.seed, 0) as generator:
+                cut = self.clips.draw(FITTED_ON, self.task.frames, generator)
+            self.representation = Representation.fit(cfg.model, self.task.frames, cut.x)
+            angles = bone_angles(self.space.positions(cut.x, cut.offsets)[:, ::4], self.space.bodies.skeleton)
+            self.limits = torch.quantile(angles.flatten(0, 1)[:200_000], LIMIT, dim=0)
+        with seeded(cfg.training.seed, 0):
+            self.network: nn.Module = make_network(cfg.model, cfg.task, self.space.channels)
+
+    def to(self, device: torch.device) -> None:
+        """Move the windows."""
+        self.clips.to(device)
+        if self.held_out is not None:
+            self.held_out.to(device)
+
+    def draw(self, batch: int, generator: torch.Generator) -> Batch:
+        """Windows of one length and their keyframes."""
+        frames = int(torch.randint(self.task.fewest, self.task.frames + 1, (1,), generator=generator))
+        mask = draw_keyframes(batch, frames, self.cfg.model.more_keyframes, generator)
+        return Batch(self.clips.draw(batch, frames, generator), mask.to(self.clips.flat.device))
+
+    def loss(self, network: nn.Module, batch: Batch, generator: torch.Generator) -> Float[Tensor, ""]:
+        """L = L_noise + lambda_d L_div + lambda_s L_smooth + lambda_l L_len + lambda_a L_ang; t uniform in 1..M-1."""
+        cut, mask = batch
+        options, told = self.cfg.objective, self.cfg.model.keyframes == "told"
+        draws = options.draws if options.diversity_weight else 1
+        hint = interpolated(cut.x, mask)
+        tf = self.representation.transform(cut.x.shape[-2])
+        y = tf(self.representation.modelled(cut.x, hint))
+        t = torch.randint(1, len(self.alpha_bar), (len(y),), generator=generator)
+        a = self.alpha_bar[t].repeat_interleave(draws)  # float64, on the CPU: not every device has that precision
+        y, steps = (v.repeat_interleave(draws, dim=0) for v in (y, t.to(y.device)))
+        eps = torch.randn(y.shape, generator=generator).to(y.device)
+        y_t = noised(y, eps, a)
+        hints = self.representation.told(hint, mask).repeat_interleave(draws, dim=0) if told else None
+        output = network(y_t, steps, hints)
+        error = (output - network_target(self.cfg.diffusion.prediction, y, eps, a)).square().mean((-2, -1))
+        if self.level is not None:
+            error = error * self.level.to(y.device)[steps]
+        total = error.mean()
+        if any((options.diversity_weight, options.smoothness_weight, options.length_weight, options.angle_weight)):
+            y0_hat = y0_hat_of(y_t, to_eps(self.cfg.diffusion.prediction, output, y_t, a), a)
+            total = total + self._of_bodies(tf.inverse(y0_hat), cut, hint, t, draws)
+        return total
+
+    def _of_bodies(self, z: Tensor, cut: Cut, hint: Tensor, t: Int[Tensor, " B"], draws: int) -> Float[Tensor, ""]:
+        """The four losses on clean estimates, metres, times alpha_bar: an error in eps is divided by it in the estimate."""
+        o, skeleton = self.cfg.objective, self.space.bodies.skeleton
+        x = self.representation.states(z.unflatten(0, (-1, draws)), hint[:, None])  # (B, M, T, C)
+        places = self.space.positions(x, cut.offsets[:, None])
+        truth = self.space.positions(cut.x, cut.offsets)[:, None]
+        flat, flat_truth = places.flatten(-2), truth.expand_as(places).flatten(-2)
+        total = x.new_zeros(len(x), draws)
+        if o.smoothness_weight:
+            total = total + o.smoothness_weight * smoothness_loss(flat, flat_truth, o.smoothness)
+        if o.length_weight:
+            lengths = bone_lengths(truth[:, :, 0], skeleton)
+            total = total + o.length_weight * bone_length_loss(places, lengths, skeleton)
+        if o.angle_weight:
+            total = total + o.angle_weight * bone_angle_loss(places, self.limits.to(x), skeleton)
+        if o.diversity_weight:
+            total = total + o.diversity_weight * diversity_loss(flat, o.diversity, o.diversity_scale)[:, None]
+        return (total.mean(1) * self.alpha_bar[t].to(x)).mean()
+
+    @torch.inference_mode()
+    def validate(self, network: nn.Module) -> float | None:
+        """Loss on windows of people held out, with fixed noise, without dropout."""
+        if self.held_out is None:
+            return None
+        network.eval()
+        with seeded(7, 7) as generator:
+            parts = [self.held_out.draw(256, self.task.frames, generator) for _ in range(2)]
+            masks = [draw_keyframes(256, self.task.frames, 0, generator).to(part.x.device) for part in parts]
+            losses = [self.loss(network, Batch(*pair), generator) for pair in zip(parts, masks, strict=True)]
+        return float(torch.stack(losses).mean())
+
+    def learnt(self) -> dict[str, Tensor]:
+        """Statistics of the windows, and the limits of the angles."""
+        return {**self.representation.learnt(), "limits": self.limits}
+
+    def about(self) -> dict[str, str]:
+        """The kind of body."""
+        return {"space": self.space.to_json()}

@@ -1,0 +1,259 @@
+"""What the numbers of a state mean: places of joints, or the root's place and rotations; and where a window is looked at from.
+
+A state is a row of vectors of three numbers. The first is the root's place, metres. A body that is carried elsewhere changes
+only this one; a body that turns about the up-axis turns the first `turned` of them.
+"""
+
+from __future__ import annotations
+
+import json
+from abc import ABC, abstractmethod
+from dataclasses import asdict, dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+import torch
+from jaxtyping import Float, Int
+from torch import Tensor
+
+from mwlib.body.kinematics import fk, heading, horizontal, turn_heading
+from mwlib.body.motion import Motion
+from mwlib.body.rig import ROTATION_DTYPE, Rig
+from mwlib.body.rotation import continuous, from_six, six
+from mwlib.body.skeleton import Skeleton
+from mwlib.data.bodies import Bodies
+
+UP = "z"
+
+
+class Placement(NamedTuple):
+    """Where windows stand in the world: the heading of a frame, radians, and its root's place on the floor, metres."""
+
+    angle: Float[Tensor, "*lead"]
+    origin: Float[Tensor, "*lead 2"]
+
+
+class Space(ABC):
+    """States of one kind of body, z up.
+
+    Args:
+        bodies: skeleton, frame rate and up-axis of the motions.
+        channels: numbers in a state, C.
+        turned: how many of its vectors turn with the body.
+    """
+
+    bodies: Bodies
+    channels: int
+    turned: int
+
+    @abstractmethod
+    def encode(self, motion: Motion) -> Float[Tensor, "T C"]:
+        """States of a motion, in the world."""
+
+    @abstractmethod
+    def offsets(self, motion: Motion) -> Float[Tensor, "rig 3"]:
+        """What else makes a body of a state: the offsets of its rig, metres; of places nothing, (0, 3)."""
+
+    @abstractmethod
+    def positions(self, x: Float[Tensor, "*lead T C"], offsets: Float[Tensor, "*lead rig 3"]) -> Float[Tensor, "*lead T J 3"]:
+        """Places of all joints of the skeleton, the root among them, metres."""
+
+    @abstractmethod
+    def rotations(self, x: Float[Tensor, "*lead T C"], offsets: Float[Tensor, "*lead rig 3"]) -> Tensor | None:
+        """Turns of the joints against the world, (*lead, T, joints, 4); None if the state has none."""
+
+    @abstractmethod
+    def decode(self, x: Float[Tensor, "T C"], like: Motion) -> Motion:
+        """The motion of a body with another's bones, where the state says nothing about them."""
+
+    def to_json(self) -> str:
+        """As text that a model file carries."""
+        return json.dumps({"bodies": self.bodies.to_json()})
+
+    @abstractmethod
+    def valid(self, x: Float[Tensor, "*lead C"]) -> Float[Tensor, "*lead C"]:
+        """The nearest numbers that are a state."""
+
+    def placement(self, x: Float[Tensor, "*lead T C"], offsets: Float[Tensor, "*lead rig 3"], frame: int = 0) -> Placement:
+        """Where a window stands, by one of its frames. Source: own choice, as of the two given poses one suffices for it."""
+        a, b, _ = horizontal(UP)
+        joints = self.positions(x[..., frame : frame + 1, :], offsets)[..., 0, :, :]
+        relative = (joints[..., 1:, :] - joints[..., :1, :]).flatten(-2)
+        return Placement(heading(relative, self.bodies.skeleton, UP), x[..., frame, [a, b]])
+
+    def seen_from(self, x: Float[Tensor, "*lead T C"], placement: Placement) -> Float[Tensor, "*lead T C"]:
+        """Windows in the world as seen from their placements: that frame's root above the origin, its left along x."""
+        moved = x.clone()
+        moved[..., :2] -= placement.origin[..., None, :]
+        return self._turn(moved, -placement.angle)
+
+    def placed(self, x: Float[Tensor, "*lead T C"], placement: Placement) -> Float[Tensor, "*lead T C"]:
+        """Inverse of `seen_from`."""
+        moved = self._turn(x, placement.angle)
+        moved[..., :2] += placement.origin[..., None, :]
+        return moved
+
+    def _turn(self, x: Tensor, angle: Tensor) -> Tensor:
+        turned = turn_heading(x[..., : 3 * self.turned], angle.to(x), UP)
+        return torch.cat([turned, x[..., 3 * self.turned :]], dim=-1)
+
+
+@dataclass(frozen=True, eq=False)
+class PositionSpace(Space):
+    """Places: the root's, and every other joint's from the root."""
+
+    bodies: Bodies
+
+    @property
+    def channels(self) -> int:  # pyright: ignore[reportIncompatibleVariableOverride]
+        """3 per joint."""
+        return 3 * len(self.bodies.skeleton)
+
+    @property
+    def turned(self) -> int:  # pyright: ignore[reportIncompatibleVariableOverride]
+        """All."""
+        return len(self.bodies.skeleton)
+
+    def encode(self, motion: Motion) -> Float[Tensor, "T C"]:
+        """See `Space`."""
+        return torch.from_numpy(np.concatenate([motion.positions[:, 0], motion.root_relative()], axis=1).astype(np.float32))
+
+    def offsets(self, motion: Motion) -> Float[Tensor, "rig 3"]:
+        """See `Space`."""
+        return torch.zeros(0, 3)
+
+    def positions(self, x: Float[Tensor, "*lead T C"], offsets: Float[Tensor, "*lead rig 3"]) -> Float[Tensor, "*lead T J 3"]:
+        """See `Space`."""
+        root, others = x[..., None, :3], x[..., 3:].unflatten(-1, (-1, 3))
+        return torch.cat([root, root + others], dim=-2)
+
+    def rotations(self, x: Float[Tensor, "*lead T C"], offsets: Float[Tensor, "*lead rig 3"]) -> None:
+        """See `Space`."""
+        return None
+
+    def decode(self, x: Float[Tensor, "T C"], like: Motion) -> Motion:
+        """See `Space`."""
+        return replace(like, positions=self.positions(x, torch.zeros(0, 3)).numpy().astype(like.positions.dtype), rig=None)
+
+    def valid(self, x: Float[Tensor, "*lead C"]) -> Float[Tensor, "*lead C"]:
+        """See `Space`."""
+        return x
+
+
+@dataclass(frozen=True, eq=False)
+class RotationSpace(Space):
+    """The root's place, and six numbers for the rotation of each joint that turns (Zhou et al. 2019).
+
+    Args:
+        bodies: of the motions.
+        tree: joints of the rig, End Sites among them.
+        turning: which of them have a rotation.
+        points: which of them stands at each joint of the skeleton.
+    """
+
+    bodies: Bodies
+    tree: Skeleton
+    turning: tuple[int, ...]
+    points: tuple[int, ...]
+
+    @classmethod
+    def of(cls, motion: Motion) -> RotationSpace:
+        """The space that a motion with a rig is in; see `rooted_rig` for what else it must have."""
+        rig = rooted_rig(motion)
+        turning = tuple(j for j, names in enumerate(rig.channels) if any("rotation" in name for name in names or ()))
+        return cls(Bodies.of([motion]), rig.skeleton, turning, rig.points)
+
+    @property
+    def channels(self) -> int:  # pyright: ignore[reportIncompatibleVariableOverride]
+        """3 for the root's place, 6 per joint."""
+        return 3 + 6 * len(self.turning)
+
+    @property
+    def turned(self) -> int:  # pyright: ignore[reportIncompatibleVariableOverride]
+        """The root's place and the two vectors of its rotation; the others are against their parents."""
+        return 3
+
+    def encode(self, motion: Motion) -> Float[Tensor, "T C"]:
+        """See `Space`.
+
+        Raises:
+            ValueError: the motion has no rig, or another tree of joints.
+        """
+        rig = rooted_rig(motion)
+        if rig.skeleton.parents != self.tree.parents or rig.points != self.points:
+            raise ValueError(
+                f"{motion.name or 'a motion'} has a rig of {len(rig.skeleton)} joints, {rig.skeleton.name}; expected the "
+                f"{len(self.tree)} of {self.tree.name}, as the others have"
+            )
+        turns = torch.from_numpy(rig.rotations[:, self.turning].astype(np.float32))
+        return torch.cat([torch.from_numpy(rig.root.astype(np.float32)), six(turns).flatten(-2)], dim=-1)
+
+    def offsets(self, motion: Motion) -> Float[Tensor, "rig 3"]:
+        """See `Space`."""
+        return torch.from_numpy(rooted_rig(motion).offsets.astype(np.float32))
+
+    def to_json(self) -> str:
+        """See `Space`."""
+        rows = {"tree": asdict(self.tree), "turning": self.turning, "points": self.points}
+        return json.dumps({"bodies": self.bodies.to_json(), **rows})
+
+    def local(self, x: Float[Tensor, "*lead C"]) -> Float[Tensor, "*lead rig 4"]:
+        """Rotations of all joints of the rig against their parents; those that do not turn have none."""
+        turns = from_six(x[..., 3:].unflatten(-1, (-1, 6)))
+        still = turns.new_tensor([1.0, 0.0, 0.0, 0.0]).expand(*turns.shape[:-2], 1, 4)
+        order = _places(self.turning, len(self.tree)).to(x.device)
+        return torch.cat([still, turns], dim=-2).index_select(-2, order)
+
+    def positions(self, x: Float[Tensor, "*lead T C"], offsets: Float[Tensor, "*lead rig 3"]) -> Float[Tensor, "*lead T J 3"]:
+        """See `Space`: forward kinematics."""
+        return self._world(x, offsets)[0][..., list(self.points), :]
+
+    def rotations(self, x: Float[Tensor, "*lead T C"], offsets: Float[Tensor, "*lead rig 3"]) -> Float[Tensor, "*lead T joints 4"]:
+        """See `Space`."""
+        return self._world(x, offsets)[1][..., list(self.turning), :]
+
+    def _world(self, x: Tensor, offsets: Tensor) -> tuple[Tensor, Tensor]:
+        turns = self.local(x)
+        return fk(turns, offsets.to(x)[..., None, :, :].expand(*turns.shape[:-1], 3), x[..., :3], self.tree)
+
+    def decode(self, x: Float[Tensor, "T C"], like: Motion) -> Motion:
+        """See `Space`."""
+        template = rooted_rig(like)
+        turns = continuous(self.local(x.double())).numpy().astype(ROTATION_DTYPE)
+        rig = Rig(template.skeleton, template.offsets, turns, x[:, :3].double().numpy(), template.points, template.channels)
+        return replace(like, positions=rig.positions().astype(like.positions.dtype), rig=rig)
+
+    def valid(self, x: Float[Tensor, "*lead C"]) -> Float[Tensor, "*lead C"]:
+        """See `Space`."""
+        return torch.cat([x[..., :3], six(from_six(x[..., 3:].unflatten(-1, (-1, 6)))).flatten(-2)], dim=-1)
+
+
+def space_from_json(text: str) -> Space:
+    """Inverse of `Space.to_json`."""
+    tree = json.loads(text)
+    bodies = Bodies.from_json(tree["bodies"])
+    if "tree" not in tree:
+        return PositionSpace(bodies)
+    rig = tree["tree"]
+    joints = Skeleton(rig["name"], *(tuple(rig[name]) for name in ("joints", "parents", "left", "right")))
+    return RotationSpace(bodies, joints, tuple(tree["turning"]), tuple(tree["points"]))
+
+
+def rooted_rig(motion: Motion) -> Rig:
+    """The rig of a motion, with the motion's root as its root and bones of fixed length.
+
+    Raises:
+        ValueError: it has no rig, or its bones change their lengths.
+    """
+    if motion.rig is None:
+        raise ValueError(
+            f"{motion.name or 'a motion'} has positions only; expected rotations, as files in BVH and AMC have, or state=positions"
+        )
+    return motion.rig.rooted()
+
+
+def _places(turning: tuple[int, ...], joints: int) -> Int[Tensor, " joints"]:
+    """For every joint of a rig its number among "none, then those that turn"."""
+    order = torch.zeros(joints, dtype=torch.long)
+    order[list(turning)] = torch.arange(1, len(turning) + 1)
+    return order

@@ -1,0 +1,159 @@
+"""Windows from keyframe to keyframe: cut, drawn, and seen from their first frame."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import torch
+from jaxtyping import Bool, Float, Int
+from torch import Tensor
+
+from mwlib.body.motion import Motion
+from mwlib.data.bodies import Bodies
+from mwlib.data.sides import unmirrored
+from mwlib.inbetweening.space import UP, Placement, PositionSpace, RotationSpace, Space, rooted_rig
+
+
+class Cut(NamedTuple):
+    """Windows as seen from their first frames, the offsets of their bodies, and where they come from."""
+
+    x: Float[Tensor, "N T C"]
+    offsets: Float[Tensor, "N rig 3"]
+    clip: Int[Tensor, " N"]
+    start: Int[Tensor, " N"]
+    placement: Placement
+
+    def pick(self, rows: Int[Tensor, " n"] | slice) -> Cut:
+        """Some of the windows."""
+        angle, origin = self.placement
+        return Cut(self.x[rows], self.offsets[rows], self.clip[rows], self.start[rows], Placement(angle[rows], origin[rows]))
+
+    def thin(self, count: int) -> Cut:
+        """At most `count` windows, spread evenly; 0 keeps all."""
+        if count == 0 or count >= len(self.x):
+            return self
+        return self.pick(torch.linspace(0, len(self.x) - 1, count, dtype=torch.float64).round().long())
+
+
+def make_space(motions: Sequence[Motion], state: str) -> Space:
+    """The space of the states of some clips.
+
+    Args:
+        motions: z up, of one skeleton and rate.
+        state: "positions" or "rotations".
+
+    Raises:
+        ValueError: the clips do not match each other, or rotations are asked for and the first has none.
+    """
+    bodies = Bodies.of(motions)
+    return PositionSpace(bodies) if state == "positions" else RotationSpace.of(motions[0])
+
+
+def ready(motions: Sequence[Motion], fps: float) -> list[Motion]:
+    """Clips with their own skeletons and rotations, z up, at `fps`; `data.bodies.prepare` is the other way, onto 17 joints."""
+    return [m.with_up(UP).resample(fps) for m in motions]
+
+
+class Clips:
+    """Clips of one kind of body, from which windows are cut or drawn without a loop.
+
+    Args:
+        motions: z up, of one skeleton and rate.
+        space: of their states.
+        mirror: also their mirror images. Where left and right are not built alike this warns and leaves them out.
+
+    Raises:
+        ValueError: a clip has no rig, or another, where the space needs one.
+    """
+
+    def __init__(self, motions: Sequence[Motion], space: Space, mirror: bool = False) -> None:
+        self.space, self.motions = space, [*motions]
+        if mirror:
+            self.motions += mirror_images(motions, space)
+        states = [space.encode(m) for m in self.motions]
+        self.flat = torch.cat(states)
+        self.offsets = torch.stack([space.offsets(m) for m in self.motions])
+        self.lengths = torch.tensor([len(m) for m in self.motions])
+        self.first = torch.cat([self.lengths.new_zeros(1), self.lengths.cumsum(0)[:-1]])
+
+    def to(self, device: torch.device) -> None:
+        """Move the states."""
+        self.flat, self.offsets = self.flat.to(device), self.offsets.to(device)
+
+    def take(self, clip: Int[Tensor, " N"], start: Int[Tensor, " N"], frames: int) -> Cut:
+        """The windows that begin there."""
+        index = (self.first[clip] + start)[:, None] + torch.arange(frames)
+        x, offsets = self.flat[index.to(self.flat.device)], self.offsets[clip.to(self.flat.device)]
+        placement = self.space.placement(x, offsets)
+        return Cut(self.space.seen_from(x, placement), offsets, clip, start, placement)
+
+    def starts(self, frames: int, stride: int) -> tuple[Int[Tensor, " N"], Int[Tensor, " N"]]:
+        """Clip and first frame of every window, starts `stride` apart and below L - T, clip by clip, as LaFAN1's protocol has it.
+
+        Raises:
+            ValueError: no clip is longer than that.
+        """
+        longest = int(self.lengths.max())
+        if longest <= frames:
+            raise ValueError(
+                f"no clip is longer than {frames} frames, the keyframes and what lies between; the longest has {longest}; "
+                "longer clips, fewer frames between or a smaller fps would do"
+            )
+        starts = [torch.arange(0, max(n - frames, 0), stride) for n in self.lengths.tolist()]
+        return torch.repeat_interleave(torch.tensor([len(s) for s in starts])), torch.cat(starts)
+
+    def cut(self, frames: int, stride: int) -> Cut:
+        """Every window of so many frames, see `starts`."""
+        return self.take(*self.starts(frames, stride), frames)
+
+    def draw(self, batch: int, frames: int, generator: torch.Generator) -> Cut:
+        """Random windows, every one as likely as another."""
+        room = (self.lengths - frames).clamp_min(0)
+        last = room.cumsum(0)
+        number = torch.randint(int(last[-1]), (batch,), generator=generator)
+        clip = torch.searchsorted(last, number, right=True)
+        return self.take(clip, number - (last - room)[clip], frames)
+
+
+def mirror_images(motions: Sequence[Motion], space: Space) -> list[Motion]:
+    """Mirror images of clips, if they have the same bodies; else none, and a warning."""
+    reason = unmirrored([*motions])
+    if not reason and isinstance(space, RotationSpace) and rooted_rig(motions[0]).across() is None:
+        reason = f"left and right joints of {space.tree.name} are not turned alike"
+    if reason:
+        warnings.warn(f"training does not mirror: {reason}", stacklevel=2)
+        return []
+    return [m.mirror() for m in motions]
+
+
+def draw_keyframes(batch: int, frames: int, most: int, generator: torch.Generator) -> Bool[Tensor, "B T"]:
+    """Masks that are True at the first and last frame, and in half of the windows at 1 to `most` random frames more."""
+    mask = torch.zeros(batch, frames, dtype=torch.bool)
+    mask[:, [0, -1]] = True
+    if most:
+        count = torch.randint(1, most + 1, (batch, 1), generator=generator)
+        count = count * (torch.rand(batch, 1, generator=generator) < 0.5)
+        mask |= torch.rand(batch, frames, generator=generator).argsort(dim=1).argsort(dim=1) < count
+    return mask
+
+
+def interpolated(x: Float[Tensor, "*lead T C"], mask: Bool[Tensor, "*#lead T"]) -> Float[Tensor, "*lead T C"]:
+    """Straight lines from keyframe to keyframe; before the first and after the last their states.
+
+    Args:
+        x: states; those that are not keyframes are not looked at.
+        mask: True at keyframes, at least one.
+    """
+    frames = x.shape[-2]
+    time = torch.arange(frames, device=mask.device)
+    before = torch.where(mask, time, -1).cummax(-1).values
+    after = torch.where(mask, time, frames).flip(-1).cummin(-1).values.flip(-1)
+    low = torch.where(before < 0, after, before)
+    high = torch.where(after >= frames, low, after)
+    share = ((time - low) / (high - low).clamp_min(1)).clamp(0, 1)[..., None].to(x)
+    low, high = (index[..., None].expand(x.shape).to(x.device) for index in (low, high))
+    return torch.gather(x, -2, low) * (1 - share) + torch.gather(x, -2, high) * share
+
+
