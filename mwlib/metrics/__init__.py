@@ -1,9 +1,11 @@
 """Every number that the papers report.
 
 For stochastic motion prediction, per window and over a whole test set: predictions p are (N, S, F, C), truths g are (N, F, C).
+For in-betweening, per sequence: p and g are (..., F, C), quaternions (..., F, J, 4).
 """
 
 from mwlib.metrics.column import Column
+from mwlib.metrics.inbetweening import NPSS, continued, l2p, l2q, npss
 from mwlib.metrics.multimodal import MultimodalFutures, multimodal_apd, multimodal_futures
 from mwlib.metrics.prediction import (
     ade,
@@ -12,33 +14,49 @@ from mwlib.metrics.prediction import (
     bone_length_jitter,
     cmd,
     fde,
+    mean_ade,
     mmade,
     mmfde,
+    sample_ade,
     step_length,
 )  # fmt: skip
 from mwlib.metrics.realism import coverage, error_at, jerk, pose_change, speed
 from mwlib.metrics.table import MetricTable
+from mwlib.metrics.transition import bone_length_error, foot_skate, keyframe_error, nearer_share, path_length, seam_ratio
 from mwlib.metrics.uncertainty import clustered_error
 
 __all__ = [
     "Column",
     "MetricTable",
     "MultimodalFutures",
+    "NPSS",
     "ade",
     "apd",
     "apde",
+    "bone_length_error",
     "bone_length_jitter",
     "clustered_error",
     "cmd",
+    "continued",
     "coverage",
     "error_at",
     "fde",
+    "foot_skate",
     "jerk",
+    "keyframe_error",
+    "l2p",
+    "l2q",
+    "mean_ade",
     "mmade",
     "mmfde",
     "multimodal_apd",
     "multimodal_futures",
+    "nearer_share",
+    "npss",
+    "path_length",
     "pose_change",
+    "sample_ade",
+    "seam_ratio",
     "speed",
     "step_length",
 ]

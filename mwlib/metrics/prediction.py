@@ -51,8 +51,31 @@ def ade(p: Float[Tensor, "N S F C"], g: Float[Tensor, "N F C"]) -> Float[Tensor,
     >>> ade(p, g), fde(p, g)
     (tensor([1.]), tensor([1.]))
     """
+    return sample_ade(p, g).amin(1)
+
+
+def mean_ade(p: Float[Tensor, "N S F C"], g: Float[Tensor, "N F C"]) -> Float[Tensor, " N"]:
+    """ADE of a sample drawn blindly, metres: mean over the samples where `ade` takes the smallest.
+
+    It does not fall with the number of samples. Source: own choice; the other reading where a paper says "ADE" only.
+
+    Raises:
+        ValueError: shapes do not fit or a value is not finite; the message names the window.
+
+    >>> mean_ade(torch.tensor([1.0, 2.0]).reshape(1, 2, 1, 1), torch.zeros(1, 1, 1))
+    tensor([1.5000])
+    """
+    return sample_ade(p, g).mean(1)
+
+
+def sample_ade(p: Float[Tensor, "N S F C"], g: Float[Tensor, "N F C"]) -> Float[Tensor, "N S"]:
+    """Average displacement error of each sample, metres over the C values of a frame: mean_t ‖p_s,t - g_t‖.
+
+    Raises:
+        ValueError: shapes do not fit or a value is not finite; the message names the window.
+    """
     check_shapes(p, g)
-    return torch.linalg.vector_norm(p - g[:, None], dim=-1).mean(-1).amin(1)
+    return torch.linalg.vector_norm(p - g[:, None], dim=-1).mean(-1)
 
 
 def fde(p: Float[Tensor, "N S F C"], g: Float[Tensor, "N F C"]) -> Float[Tensor, " N"]:

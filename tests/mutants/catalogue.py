@@ -268,8 +268,8 @@ MUTANTS = [
     *of(
         "metrics/prediction.py", "metrics/test_prediction.py",
         ("apd-of-ordered-pairs", "p.shape[1] * (p.shape[1] - 1) // 2", "p.shape[1] ** 2 // 2"),
-        ("ade-of-a-sample-per-frame", "dim=-1).mean(-1).amin(1)", "dim=-1).amin(1).mean(-1)"),
-        ("ade-of-the-mean-sample", "dim=-1).mean(-1).amin(1)", "dim=-1).mean(-1).mean(1)"),
+        ("ade-of-one-frame", "g[:, None], dim=-1).mean(-1)", "g[:, None], dim=-1)[:, :, 0]"),
+        ("ade-of-the-mean-sample", "sample_ade(p, g).amin(1)", "sample_ade(p, g).mean(1)"),
         ("fde-of-the-first-frame", "ade(p[:, :, -1:], g[:, -1:])", "ade(p[:, :, :1], g[:, :1])"),
         ("mmfde-of-all-frames", "mmade(p[:, :, -1:], MultimodalFutures(sets.futures[:, -1:], sets.members))", "mmade(p, sets)"),
         ("sets-of-one-size", "total / sets.sizes.to(p)", "total / sets.sizes.max().to(p)"),
