@@ -163,13 +163,15 @@ class Rig:
             raise ValueError(f"{self.skeleton.joints[lost[0]]} does not hang from {self.skeleton.joints[root]}; expected all to")
         moves = np.broadcast_to(self.offsets, (len(self.root), *self.offsets.shape)) if self.moves is None else self.moves
         if (way := np.ptp(moves[:, below], axis=0).max()) > STILL:
-            raise ValueError(f"a joint of {self.skeleton.name} moves {way:.3g} m against its parent; expected bones of fixed length")
+            raise ValueError(
+                f"a joint of {self.skeleton.name} moves {way:.3g} m against its parent; expected bones of fixed length"
+            )
         places, turns = self.world()
         rotations = self.rotations[:, kept].copy()
         rotations[:, 0] = turns[:, root]
-        sides = [tuple(at[j] for j in side if j in at) for side in (self.skeleton.left, self.skeleton.right)]
+        left, right = (tuple(at[j] for j in side if j in at) for side in (self.skeleton.left, self.skeleton.right))
         joints = tuple(self.skeleton.joints[j] for j in kept)
-        tree = Skeleton(self.skeleton.name, joints, (-1, *[at[parents[j]] for j in below]), *sides)
+        tree = Skeleton(self.skeleton.name, joints, (-1, *[at[parents[j]] for j in below]), left, right)
         return Rig(
             tree, moves.mean(axis=0)[kept], continuous(_tensor(rotations)).numpy().astype(rotations.dtype), places[:, root],
             tuple(at[j] for j in self.points), (MOVES + ANGLES, *[self.channels[j] for j in below]),

@@ -16,7 +16,9 @@ PACES: dict[str, Callable[[Tensor], Tensor]] = {
     "zero_velocity": lambda u: (u >= 1).to(u),  # the first frame until the last
     "interpolation": lambda u: u,
     "hermite": lambda u: u**2 * (3 - 2 * u),  # cubic, at rest at both ends
-    "minimum_jerk": lambda u: u**3 * (10 - 15 * u + 6 * u**2),  # Flash and Hogan 1985: at rest, without acceleration, at both ends
+    "minimum_jerk": lambda u: (
+        u**3 * (10 - 15 * u + 6 * u**2)
+    ),  # Flash and Hogan 1985: at rest, without acceleration, at both ends
 }
 
 

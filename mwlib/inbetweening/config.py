@@ -96,7 +96,9 @@ class Config(Settings):
 
     system: ClassVar[str] = "inbetweening"
     presets = PRESETS
-    after_training: ClassVar[frozenset[str]] = frozenset({"sampling", "imposing", "test_stride", "test_windows", "checkpoint_every"})
+    after_training: ClassVar[frozenset[str]] = frozenset(
+        {"sampling", "imposing", "test_stride", "test_windows", "checkpoint_every"}
+    )
 
     data: SourceConfig = field(default_factory=SourceConfig)
     task: TaskConfig = field(default_factory=TaskConfig)
@@ -133,7 +135,9 @@ class Config(Settings):
         if m.target == "departure" and m.keyframes == "untold":
             raise ValueError("target is departure, but keyframes are untold; expected keyframes=told: it departs from them")
         if task.shortest and m.keyframes == "untold":
-            raise ValueError(f"shortest is {task.shortest}, but keyframes are untold; expected keyframes=told: with them the length")
+            raise ValueError(
+                f"shortest is {task.shortest}, but keyframes are untold; expected keyframes=told: with them the length"
+            )
         if s.ddim_steps >= self.diffusion.steps:
             raise ValueError(f"ddim_steps is {s.ddim_steps}; expected fewer than steps ({self.diffusion.steps})")
         if ddim_indices(self.diffusion.steps, s.ddim_steps, s.spacing)[-1] == 0:

@@ -184,6 +184,7 @@ def evaluate(cfg: Config, get_model: Callable[[], Bridge], split: Split, progres
         part = cut.pick(rows)
         parts.append(score(fill(part, [*range(len(cut.x))][rows]), part))
     values = {name: torch.cat([part[name] for part in parts]).double() for name in parts[0]}
+    values = {name: torch.where(value.isfinite(), value, torch.nan) for name, value in values.items()}  # still ones have no seam
     clips = cut.clip.tolist()
     mean = {name: float(value.nanmean()) for name, value in values.items()} | {"npss": score.npss.value()}
     error = {name: clustered_error(value.numpy(), clips) for name, value in values.items()}

@@ -1,4 +1,4 @@
-"""The denoiser: TransLinear on frequency tokens, without MotionWavelet's condition; perhaps told the keyframes, and the length."""
+"""The denoiser: TransLinear on frequency tokens, without MotionWavelet's condition; perhaps told the keyframes."""
 
 from __future__ import annotations
 

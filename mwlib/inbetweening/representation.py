@@ -12,7 +12,7 @@ from torch import Tensor
 from mwlib.inbetweening.config import ModelConfig
 from mwlib.inbetweening.windows import interpolated
 from mwlib.transforms import DCTTransform, Transform
-from mwlib.transforms.linear import Constant, LinearTransform
+from mwlib.transforms.linear import LinearTransform
 
 LEAST = 1e-2  # deviation, metres or parts of a unit vector, below which a channel is not blown up to 1
 

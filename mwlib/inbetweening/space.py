@@ -208,7 +208,9 @@ class RotationSpace(Space):
         """See `Space`: forward kinematics."""
         return self._world(x, offsets)[0][..., list(self.points), :]
 
-    def rotations(self, x: Float[Tensor, "*lead T C"], offsets: Float[Tensor, "*lead rig 3"]) -> Float[Tensor, "*lead T joints 4"]:
+    def rotations(
+        self, x: Float[Tensor, "*lead T C"], offsets: Float[Tensor, "*lead rig 3"]
+    ) -> Float[Tensor, "*lead T joints 4"]:
         """See `Space`."""
         return self._world(x, offsets)[1][..., list(self.turning), :]
 
@@ -235,8 +237,10 @@ def space_from_json(text: str) -> Space:
     if "tree" not in tree:
         return PositionSpace(bodies)
     rig = tree["tree"]
-    joints = Skeleton(rig["name"], *(tuple(rig[name]) for name in ("joints", "parents", "left", "right")))
-    return RotationSpace(bodies, joints, tuple(tree["turning"]), tuple(tree["points"]))
+    joints, parents, left, right = (tuple(rig[name]) for name in ("joints", "parents", "left", "right"))
+    return RotationSpace(
+        bodies, Skeleton(rig["name"], joints, parents, left, right), tuple(tree["turning"]), tuple(tree["points"])
+    )
 
 
 def rooted_rig(motion: Motion) -> Rig:
@@ -247,7 +251,7 @@ def rooted_rig(motion: Motion) -> Rig:
     """
     if motion.rig is None:
         raise ValueError(
-            f"{motion.name or 'a motion'} has positions only; expected rotations, as files in BVH and AMC have, or state=positions"
+            f"{motion.name or 'a motion'} has positions only; expected rotations, as BVH and AMC files have, or state=positions"
         )
     return motion.rig.rooted()
 

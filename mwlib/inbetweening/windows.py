@@ -155,5 +155,3 @@ def interpolated(x: Float[Tensor, "*lead T C"], mask: Bool[Tensor, "*#lead T"]) 
     share = ((time - low) / (high - low).clamp_min(1)).clamp(0, 1)[..., None].to(x)
     low, high = (index[..., None].expand(x.shape).to(x.device) for index in (low, high))
     return torch.gather(x, -2, low) * (1 - share) + torch.gather(x, -2, high) * share
-
-
