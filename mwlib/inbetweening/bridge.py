@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from itertools import count
 from typing import Any
 
 import torch
@@ -12,7 +13,8 @@ from tqdm import tqdm
 
 from mwlib.diffusion import Denoise, WindowNoise, alpha_bar, ddim_indices, keyframed, to_eps, with_keyframes
 from mwlib.inbetweening.config import Config
-from mwlib.inbetweening.network import KeyframeNetwork, make_network
+from mwlib.inbetweening.network import KeyframeNetwork, WienerNetwork
+from mwlib.inbetweening.objective import make_network
 from mwlib.inbetweening.representation import Representation
 from mwlib.inbetweening.space import Space, space_from_json
 from mwlib.inbetweening.windows import interpolated
@@ -30,7 +32,7 @@ class Bridge:
         cfg: of the training; the group `sampling` says how it samples.
     """
 
-    def __init__(self, net: KeyframeNetwork, representation: Representation, space: Space, cfg: Config) -> None:
+    def __init__(self, net: KeyframeNetwork | WienerNetwork, representation: Representation, space: Space, cfg: Config) -> None:
         self.net, self.representation, self.space, self.cfg = net.eval(), representation, space, cfg
         self.alpha_bar = alpha_bar(cfg.diffusion.schedule, cfg.diffusion.steps)
 
@@ -40,10 +42,11 @@ class Bridge:
     ) -> Bridge:
         """The bridge that a finished training left (see `mwlib.training.read_model`)."""
         space = space_from_json(about["space"])
+        representation = Representation.restore(cfg.model, cfg.task.frames, learnt)
         with torch.random.fork_rng([]):  # initial weights are drawn and thrown away
-            net = make_network(cfg.model, cfg.task, space.channels)
+            net = make_network(cfg, representation)
         net.load_state_dict(weights)
-        return cls(net, Representation.restore(cfg.model, cfg.task.frames, learnt), space, cfg)
+        return cls(net, representation, space, cfg)
 
     def to(self, device: torch.device | str) -> Bridge:
         """Move the network."""
@@ -121,7 +124,8 @@ class Bridge:
         target = self.representation.modelled(torch.where(mask[:, None], x, hint), hint)
         settings = self.cfg.sampling
         indices = ddim_indices(self.cfg.diffusion.steps, settings.ddim_steps, settings.spacing)
-        z = keyframed(self._denoise(hint, mask), tf, target[:, None], mask, self.alpha_bar, indices, noise, self.cfg.imposing)
+        warm = tempered(noise, settings.temperature)
+        z = keyframed(self._denoise(hint, mask), tf, target[:, None], mask, self.alpha_bar, indices, warm, self.cfg.imposing)
         states = self.space.valid(self.representation.states(z, hint[:, None]))
         return with_keyframes(states, x[:, None], mask)
 
@@ -136,6 +140,12 @@ class Bridge:
             return to_eps(self.cfg.diffusion.prediction, output, items, self.alpha_bar[t]).reshape(y.shape)
 
         return denoise
+
+
+def tempered(noise: Callable[[], Tensor], temperature: float) -> Callable[[], Tensor]:
+    """Noise whose first draw, the start of sampling, has another deviation."""
+    draws = count()
+    return lambda: noise() * (temperature if next(draws) == 0 else 1.0)
 
 
 def ends(frames: int) -> Bool[Tensor, " T"]:

@@ -43,10 +43,11 @@ class TaskConfig:
 class ModelConfig:
     """Tokens, and the network that denoises them."""
 
-    tokens: Literal["cosines", "frames"] = "cosines"  # DCT coefficients over time, or frames ("without DCT")
-    rows: Natural = 0  # cosines kept; 0 = all
+    tokens: Literal["cosines", "sines", "frames"] = "cosines"  # DCT, DST of what vanishes at both ends, or frames ("without DCT")
+    rows: Natural = 0  # cosines or sines kept; 0 = all
     target: Literal["motion", "departure"] = "motion"  # what is diffused: the motion, or how it departs from interpolation
     keyframes: Literal["untold", "told"] = "untold"  # whether the network is shown the keyframes, or only the sampler
+    output: Literal["direct", "wiener"] = "direct"  # what `prediction` says; or what the best linear denoiser misses
     more_keyframes: Natural = 0  # where they are told: train on up to so many more, anywhere
     width: Count = 512  # of the network
     layers: Count = 8  # blocks, an even number
@@ -60,7 +61,7 @@ class ModelConfig:
 class ObjectiveConfig:
     """Weights of the losses; those on bodies are multiplied by alpha_bar for each window."""
 
-    level_weight: Literal["uniform", "snr"] = "uniform"  # of noise levels; "snr": by signal over noise, bounded
+    level_weight: Literal["uniform", "snr", "unit"] = "uniform"  # "snr": by signal over noise, bounded; "unit": see Wiener
     diversity_weight: NotNegative = 0.0  # lambda_d
     diversity: Diversity = "distance"  # how alike samples are, see diversity_loss
     diversity_scale: Positive = 10.0  # metres², of "exponential"
@@ -78,6 +79,7 @@ class SamplingConfig:
     method: Method = "diffusion"  # or a baseline; "truth" is what is to be found, for its speed and jerk
     samples: Count = 10  # K, motions for each pair of poses
     ddim_steps: Count = 100  # denoising steps
+    temperature: Positive = 1.0  # deviation of the noise that sampling starts from
     spacing: Literal["leading", "trailing"] = "leading"  # of the retained diffusion indices, see ddim_indices
     sampling_seed: Natural = 0  # of the noise
 
@@ -124,12 +126,19 @@ class Config(Settings):
             raise ValueError(f"width is {m.width}; expected an even multiple of heads ({m.heads})")
         if m.layers % 2:
             raise ValueError(f"layers is {m.layers}; expected an even number (long skips pair the blocks)")
-        if m.rows > task.fewest:
-            raise ValueError(f"rows is {m.rows}; expected at most the {task.fewest} frames of the shortest motion")
+        most = task.fewest - 2 * (m.tokens == "sines")
+        if m.rows > most:
+            raise ValueError(f"rows is {m.rows}; expected at most {most}, as many as {m.tokens} of the shortest motion")
+        if m.tokens == "sines" and m.target != "departure":
+            raise ValueError(f"tokens are sines, but target is {m.target}; expected departure: it vanishes at both ends")
         if m.rows and m.tokens == "frames":
             raise ValueError(f"rows is {m.rows} with frames as tokens; expected 0: only cosines can be left out")
         if task.shortest > task.between:
             raise ValueError(f"shortest is {task.shortest}; expected at most between ({task.between})")
+        if m.output == "wiener" and self.diffusion.prediction != "y0":
+            raise ValueError(f"output is wiener with prediction {self.diffusion.prediction}; expected prediction=y0")
+        if self.objective.level_weight == "unit" and m.output == "direct":
+            raise ValueError("level_weight is unit, but output is direct; expected output=wiener, which has a unit")
         if m.more_keyframes and m.keyframes == "untold":
             raise ValueError(f"more_keyframes is {m.more_keyframes}, but keyframes are untold; expected 0, or keyframes=told")
         if m.target == "departure" and m.keyframes == "untold":

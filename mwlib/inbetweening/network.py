@@ -6,7 +6,7 @@ import torch
 from jaxtyping import Float, Int
 from torch import Tensor, nn
 
-from mwlib.inbetweening.config import ModelConfig, TaskConfig
+from mwlib.inbetweening.config import ModelConfig
 from mwlib.networks import TransLinear
 
 TOLD = 3  # numbers of a token beside the interpolation: mask, frequency, length
@@ -57,6 +57,57 @@ class KeyframeNetwork(nn.Module):
         return output[:, : y_t.shape[-2]]
 
 
-def make_network(model: ModelConfig, task: TaskConfig, channels: int) -> KeyframeNetwork:
-    """The untrained network that a configuration names."""
-    return KeyframeNetwork(model, model.rows or task.frames, channels)
+class WienerNetwork(nn.Module):
+    """The best linear denoiser of independent numbers of known deviations s, and a network for what it misses.
+
+    y0_hat = sqrt(a) s² / v y_t + s sqrt(1 - a) / sqrt(v) network(y_t / sqrt(v)), v = a s² + 1 - a, a = alpha_bar_t. What the
+    network sees and what it should say have unit deviation at every level and in every token; one that says zero samples a
+    Gaussian process with the right power at each frequency.
+
+    Source: the preconditioning of Karras et al. 2022 (EDM), Eq. 7; own choice: for each number with its own deviation.
+
+    Args:
+        inner: the network.
+        power: s, of each number of the most tokens.
+        alpha_bar: schedule.
+    """
+
+    def __init__(self, inner: KeyframeNetwork, power: Float[Tensor, "rows channels"], alpha_bar: Float[Tensor, " M"]) -> None:
+        super().__init__()
+        self.inner = inner
+        self.register_buffer("power", power.clone(), persistent=False)
+        self.register_buffer("alpha_bar", alpha_bar.float(), persistent=False)
+
+    @property
+    def device(self) -> torch.device:
+        """Where it lives."""
+        return self.inner.device
+
+    def forward(
+        self,
+        y_t: Float[Tensor, "B rows channels"],
+        t: Int[Tensor, " B"] | int,
+        told: Float[Tensor, "B rows told"] | None = None,
+    ) -> Float[Tensor, "B rows channels"]:
+        """The clean estimate."""
+        a, s, v = self._levels(y_t, t)
+        return (a.sqrt() * s**2 / v) * y_t + self.share(y_t, t) * self.inner(y_t / v.sqrt(), t, told)
+
+    def share(self, y_t: Float[Tensor, "B rows channels"], t: Int[Tensor, " B"] | int) -> Float[Tensor, "*B rows channels"]:
+        """Deviation of what the linear denoiser misses: the network's output counts so much."""
+        a, s, v = self._levels(y_t, t)
+        return s * ((1 - a) / v).sqrt()
+
+    def _levels(self, y_t: Tensor, t: Int[Tensor, " B"] | int) -> tuple[Tensor, Tensor, Tensor]:
+        a = self.alpha_bar[t].reshape(-1, 1, 1)
+        s = at_frequencies(self.power, y_t.shape[-2])
+        return a, s, a * s**2 + 1 - a
+
+
+def at_frequencies(power: Float[Tensor, "rows channels"], rows: int) -> Float[Tensor, "fewer channels"]:
+    """Deviations for shorter motions, which have fewer cosines over the same frequencies: between the nearest two."""
+    if rows == len(power):
+        return power
+    at = torch.linspace(0, len(power) - 1, rows, device=power.device)
+    low = at.long().clamp_max(len(power) - 2)
+    return torch.lerp(power[low], power[low + 1], (at - low)[:, None])

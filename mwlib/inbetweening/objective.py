@@ -20,7 +20,7 @@ from mwlib.inbetweening.losses import (
     diversity_loss,
     smoothness_loss,
 )
-from mwlib.inbetweening.network import make_network
+from mwlib.inbetweening.network import KeyframeNetwork, WienerNetwork
 from mwlib.inbetweening.representation import Representation
 from mwlib.inbetweening.windows import Clips, Cut, draw_keyframes, interpolated, make_space
 from mwlib.training import Objective, seeded
@@ -64,7 +64,7 @@ class InbetweeningObjective(Objective):
             angles = bone_angles(self.space.positions(cut.x, cut.offsets)[:, ::4], self.space.bodies.skeleton)
             self.limits = torch.quantile(angles.flatten(0, 1)[:200_000], LIMIT, dim=0)
         with seeded(cfg.training.seed, 0):
-            self.network: nn.Module = make_network(cfg.model, cfg.task, self.space.channels)
+            self.network: nn.Module = make_network(cfg, self.representation)
 
     def to(self, device: torch.device) -> None:
         """Move the windows."""
@@ -93,10 +93,11 @@ class InbetweeningObjective(Objective):
         y_t = noised(y, eps, a)
         hints = self.representation.told(hint, mask).repeat_interleave(draws, dim=0) if told else None
         output = network(y_t, steps, hints)
-        error = (output - network_target(self.cfg.diffusion.prediction, y, eps, a)).square().mean((-2, -1))
-        if self.level is not None:
-            error = error * self.level.to(y.device)[steps]
-        total = error.mean()
+        error = output - network_target(self.cfg.diffusion.prediction, y, eps, a)
+        if options.level_weight == "unit":
+            error = error / self.network.share(y_t, steps)  # pyright: ignore[reportCallIssue]  (Config.check: it is Wiener's)
+        error = error.square().mean((-2, -1))
+        total = (error if self.level is None else error * self.level.to(y.device)[steps]).mean()
         if any((options.diversity_weight, options.smoothness_weight, options.length_weight, options.angle_weight)):
             y0_hat = y0_hat_of(y_t, to_eps(self.cfg.diffusion.prediction, output, y_t, a), a)
             total = total + self._of_bodies(tf.inverse(y0_hat), cut, hint, t, draws)
@@ -140,3 +141,11 @@ class InbetweeningObjective(Objective):
     def about(self) -> dict[str, str]:
         """The kind of body."""
         return {"space": self.space.to_json()}
+
+
+def make_network(cfg: Config, representation: Representation) -> KeyframeNetwork | WienerNetwork:
+    """The untrained network that a configuration names, for what is diffused."""
+    inner = KeyframeNetwork(cfg.model, *representation.transform(representation.frames).shape)
+    if cfg.model.output == "direct":
+        return inner
+    return WienerNetwork(inner, representation.power, alpha_bar(cfg.diffusion.schedule, cfg.diffusion.steps))

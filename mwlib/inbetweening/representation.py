@@ -11,10 +11,12 @@ from torch import Tensor
 
 from mwlib.inbetweening.config import ModelConfig
 from mwlib.inbetweening.windows import interpolated
-from mwlib.transforms import DCTTransform, Transform
+from mwlib.transforms import DCTTransform, DSTTransform, Transform
 from mwlib.transforms.linear import LinearTransform
 
+QUIETEST = 1e-4  # deviation of a coefficient below which it is not told from noise
 LEAST = 1e-2  # deviation, metres or parts of a unit vector, below which a channel is not blown up to 1
+STATISTICS = ("mean", "deviation", "departure", "power")
 
 
 class Frames(LinearTransform):
@@ -53,12 +55,16 @@ class Representation:
         frames: T, the most.
         mean, deviation: of the states of the training windows, per channel.
         departure: deviation of what is left of them after interpolation, per channel.
+        power: deviation of each token's numbers in windows of T frames.
     """
 
-    def __init__(self, model: ModelConfig, frames: int, mean: Tensor, deviation: Tensor, departure: Tensor) -> None:
+    def __init__(
+        self, model: ModelConfig, frames: int, mean: Tensor, deviation: Tensor, departure: Tensor, power: Tensor | None = None
+    ) -> None:
         self.model, self.frames = model, frames
         self.mean, self.deviation, self.departure = mean, deviation, departure
         self._transforms: dict[int, Transform] = {}
+        self.power = torch.ones(self.transform(frames).shape) if power is None else power
 
     @classmethod
     def fit(cls, model: ModelConfig, frames: int, x: Float[Tensor, "N T C"]) -> Representation:
@@ -68,24 +74,29 @@ class Representation:
         left = x - interpolated(x, mask)
         rest = left[:, 1:-1].flatten(0, 1).square().mean(0).sqrt()
         flat = x.flatten(0, 1)
-        return cls(model, frames, flat.mean(0), flat.std(0).clamp_min(LEAST), rest.clamp_min(LEAST))
+        fitted = cls(model, frames, flat.mean(0), flat.std(0).clamp_min(LEAST), rest.clamp_min(LEAST))
+        y = fitted.transform(frames)(fitted.modelled(x, x - left))
+        fitted.power = y.square().mean(0).sqrt().clamp_min(QUIETEST)
+        return fitted
 
     @classmethod
     def restore(cls, model: ModelConfig, frames: int, learnt: Mapping[str, Tensor]) -> Representation:
         """As `learnt` left it."""
-        return cls(model, frames, learnt["mean"], learnt["deviation"], learnt["departure"])
+        return cls(model, frames, *(learnt[name] for name in STATISTICS))
 
     def learnt(self) -> dict[str, Tensor]:
         """The statistics."""
-        return {"mean": self.mean, "deviation": self.deviation, "departure": self.departure}
+        return {name: getattr(self, name) for name in STATISTICS}
 
     def transform(self, frames: int) -> Transform:
         """From motions of so many frames to tokens."""
         if frames not in self._transforms:
             channels = len(self.mean)
-            cosines = self.model.tokens == "cosines"
+            kind, rows = self.model.tokens, self.model.rows or None
             self._transforms[frames] = (
-                DCTTransform(frames, channels, self.model.rows or None) if cosines else Frames(frames, channels)
+                Frames(frames, channels)
+                if kind == "frames"
+                else {"cosines": DCTTransform, "sines": DSTTransform}[kind](frames, channels, rows)
             )
         return self._transforms[frames]
 

@@ -1,6 +1,7 @@
 """Frequency views of a motion, one interface: ``tf(x)``, ``tf.inverse(y)``, ``tf.project(y)``, ``tf.shape``."""
 
 from mwlib.transforms.dct import DCTTransform
+from mwlib.transforms.dst import DSTTransform
 from mwlib.transforms.dwt import WaveletTransform
 from mwlib.transforms.linear import LinearTransform, Transform
 from mwlib.transforms.padding import pad_history
@@ -9,6 +10,6 @@ from mwlib.transforms.scaled import ScaledTransform, fit_scale
 from mwlib.transforms.time_wavelet import TimeWaveletTransform
 
 __all__ = [
-    "DCTTransform", "LinearTransform", "PhaseTransform", "ScaledTransform", "TimeWaveletTransform", "Transform",
+    "DCTTransform", "DSTTransform", "LinearTransform", "PhaseTransform", "ScaledTransform", "TimeWaveletTransform", "Transform",
     "WaveletTransform", "fit_scale", "pad_history", "periodic_parameters",
 ]  # fmt: skip
