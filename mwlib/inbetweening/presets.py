@@ -6,11 +6,11 @@ from typing import Any
 
 # Own choice, by measurement: the network is told the keyframes, and says how a motion departs from interpolation.
 _TOLD: dict[str, Any] = dict(
-    keyframes="told", target="departure", prediction="y0", level_weight="snr", scheme="none",
-    lr=5e-4, lr_schedule="cosine", warmup=100, spacing="trailing", ddim_steps=20,
+    keyframes="told", target="departure", tokens="sines", output="wiener", prediction="y0", level_weight="snr", scheme="none",
+    lr=1e-3, lr_schedule="cosine", warmup=100, spacing="trailing", ddim_steps=20,
 )  # fmt: skip
 _LAPTOP: dict[str, Any] = _TOLD | dict(
-    width=192, layers=6, heads=6, feedforward=384, dropout=0.1,
+    rows=16, width=128, layers=4, heads=4, feedforward=256, dropout=0.1,
     train_steps=6000, ema=0.998, ema_start=500, checkpoint_every=500,
 )  # fmt: skip
 
@@ -19,7 +19,7 @@ PRESETS: dict[str, dict[str, Any]] = {
     "tiny": _TOLD | dict(
         data="synthetic", fps=25.0, between=22, test_stride=12, test_windows=48, validation_subjects=("P6",),
         test_subjects=("P7", "P8"), width=64, layers=4, heads=4, feedforward=128, dropout=0.0, steps=200, train_steps=600,
-        batch=32, lr=1.5e-3, warmup=50, ema=0.99, ema_start=100, checkpoint_every=200, ddim_steps=10,
+        batch=32, lr=2e-3, warmup=50, ema=0.99, ema_start=100, checkpoint_every=200, ddim_steps=10,
     ),
     "laptop": _LAPTOP | dict(
         data="synthetic", fps=30.0, validation_subjects=("P6",), test_subjects=("P7", "P8"),
