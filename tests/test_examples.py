@@ -40,6 +40,7 @@ WITH_EXAMPLE = """
     mwlib.metrics.table.MetricTable mwlib.metrics.multimodal.multimodal_futures
     mwlib.metrics.multimodal.multimodal_apd mwlib.metrics.column.Column mwlib.prediction.baselines.zero_velocity
     mwlib.prediction.baselines.constant_velocity mwlib.prediction.baselines.NearestHistory
+    mwlib.diffusion.keyframes.keyframed mwlib.inbetweening.gaussian.GaussianBridge
     mwlib.training.config.learning_rate mwlib.settings.parse_changes mwlib.prediction.config.Config
 """.split()
 

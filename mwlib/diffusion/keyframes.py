@@ -82,15 +82,15 @@ def keyframe_steps(
         MDM (Tevet et al., 2023); Video Diffusion Models (Ho et al., 2022).
     """
     denoise = reconstruction_guided(denoise, tf, x_target, mask, alpha_bar, how.reconstruction_weight)
-    y, hooks = noise(), {}
+    y, impose, paste = noise(), None, None
     if how.scheme == "replacement":
         drawn = noise() if how.keyframe_noise == "fixed" else None
         impose = masked(tf, x_target, mask, noise if drawn is None else lambda: drawn)
         y = impose(y, float(alpha_bar[indices[0]]))
-        hooks = {"after_step": impose}
     elif how.scheme == "paste":
-        hooks = {"on_y0_hat": pasted(tf, x_target, mask)}
-    yield from ddim(denoise, y, alpha_bar, indices, eta=how.eta, repeats=how.repeats, noise=noise, **hooks)
+        paste = pasted(tf, x_target, mask)
+    random = {"eta": how.eta, "repeats": how.repeats, "noise": noise}
+    yield from ddim(denoise, y, alpha_bar, indices, on_y0_hat=paste, after_step=impose, **random)
 
 
 def keyframed(

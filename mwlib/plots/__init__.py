@@ -10,6 +10,7 @@ from mwlib.plots.diffusion import band_snr, ddim_path, loss_curves, noising, sch
 from mwlib.plots.evaluation import bars_per_action, trajectories
 from mwlib.plots.filmstrip import filmstrip
 from mwlib.plots.guidance import claimed_and_measured, noised_rows, pose_grid
+from mwlib.plots.keyframes import keyframe_samples, scheme_errors
 from mwlib.plots.look import CYCLE, STYLE, style, use_style
 from mwlib.plots.metric_picture import metric_picture
 from mwlib.plots.phase import error_by_size, phase_circles, predicted_curves, windows_and_sinusoids
@@ -42,6 +43,7 @@ __all__ = [
     "filmstrip",
     "filters",
     "histograms",
+    "keyframe_samples",
     "loss_curves",
     "matrix",
     "metric_picture",
@@ -61,6 +63,7 @@ __all__ = [
     "save_table",
     "scaling_and_wavelet",
     "schedules",
+    "scheme_errors",
     "show",
     "signal_and_coefficients",
     "significant",

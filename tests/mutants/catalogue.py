@@ -38,6 +38,8 @@ MUTANTS = [
     *of(
         "diffusion/guidance.py", "diffusion/test_guidance.py",
         ("cfg-weight-counts-one-less", "((1 + w) * conditional).sub_(w *", "(w * conditional).sub_((w - 1) *"),
+        ("gradient-the-wrong-way", "eps.detach() + weight * a", "eps.detach() - weight * a"),
+        ("gradient-without-the-noises-share", "/ (2 * (1 - a) ** 0.5) * gradient", "/ 2 * gradient"),
         ("cfg-alg1-the-wrong-way", "w * (conditional - unconditional)", "w * (unconditional - conditional)"),
     ),
     *of(
@@ -70,6 +72,8 @@ MUTANTS = [
         ("ddim-deviation-of-ddpm", "eta * ((1 - a_prev) / (1 - a) * (1 - a / a_prev)) ** 0.5", "eta * (1 - a / a_prev) ** 0.5"),
         ("ddim-noise-comes-on-top", "max(1 - a_prev - sigma**2, 0.0)", "max(1 - a_prev, 0.0)"),
         ("ddim-deviation-squared", "y + sigma * noise()", "y + sigma**2 * noise()"),
+        ("repeats-from-the-wrong-level", "noised(y, noise(), a / a_prev)", "noised(y, noise(), a)"),
+        ("repeats-one-more", "for time in range(repeats):", "for time in range(repeats + 1):"),
         ("solver-twice-as-far", "h / (2 * h_last)", "h / h_last", "diffusion/test_solver.py"),
         ("solver-ratio-upside-down", "h / (2 * h_last)", "h_last / (2 * h)", "diffusion/test_solver.py"),
         ("solver-keeps-the-plain-noise", "noise = eps_of(y, denoised_d, a)", "pass", "diffusion/test_solver.py"),
@@ -83,8 +87,23 @@ MUTANTS = [
         "diffusion/masks.py", "diffusion/test_masks.py",
         ("mask-stops-a-step-early", "alpha_bar_prev > until", "alpha_bar_prev >= until", "prediction/test_control.py"),
         ("mask-inverted", "m * x_c + (1 - m) * tf.inverse(y)", "(1 - m) * x_c + m * tf.inverse(y)"),
+        ("mask-forgets-what-is-cut-off", "+ alpha_bar_prev**0.5 * beside_samples(lost, y)", ""),
+        ("paste-inverted", "m * beside_samples(x_known, y0_hat) + (1 - m) *", "(1 - m) * beside_samples(x_known, y0_hat) + m *"),
         ("completion-of-one-more-frame", "torch.arange(x_padded.shape[-2]) < history",
          "torch.arange(x_padded.shape[-2]) <= history"),
+    ),
+    *of(
+        "diffusion/keyframes.py", "diffusion/test_keyframes.py",
+        ("first-question-without-keyframes", "y = impose(y, float(alpha_bar[indices[0]]))", "pass"),
+        ("keyframes-not-given-back", 'return x if how.scheme == "none" else with_keyframes(x, x_target, mask)', "return x"),
+        ("keyframe-noise-never-fixed", 'if how.keyframe_noise == "fixed" else None', 'if how.keyframe_noise == "" else None'),
+    ),
+    *of(
+        "inbetweening/gaussian.py", "inbetweening/test_gaussian.py",
+        ("gaussian-mean-of-the-wrong-sign", "mean[free] = gain @ self.target[given]", "mean[free] = -gain @ self.target[given]"),
+        ("gaussian-noise-not-shrunk", "(1 - a) ** 0.5 / (a * variances + 1 - a)", "(1 - a) ** 0.5 / (variances + 1 - a)"),
+        ("gaussian-seam-counts-keyframes", "inside = mask[1:] != mask[:-1], ~(mask[1:] | mask[:-1])",
+         "inside = mask[1:] != mask[:-1], ~(mask[1:] & mask[:-1])"),
     ),
     *of(
         "prediction/network.py", "prediction/test_network.py",
