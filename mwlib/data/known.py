@@ -58,7 +58,9 @@ H36M_WINDOWS = {f"{subject} {take}": count for subject, rows in _H36M_TAKES.item
 
 ACKNOWLEDGEMENTS = {
     "cmu": "The data used in this project was obtained from mocap.cs.cmu.edu. The database was created with funding from "
-    "NSF EIA-0196217."
+    "NSF EIA-0196217.",
+    "lafan1": "Ubisoft La Forge Animation Dataset (LaFAN1), © 2018 Ubisoft Entertainment, CC BY-NC-ND 4.0: Harvey, Yurick, "
+    "Nowrouzezahrai and Pal, Robust Motion In-Betweening, ACM Transactions on Graphics 39(4), 2020.",
 }
 
 
@@ -66,7 +68,7 @@ def acknowledgement(data: str) -> dict[str, str]:
     """What the owners of a data source want said beside any result on it: one entry, or none.
 
     A source is theirs if it or any folder on its path begins with their name, in any case: "cmu", "/data/CMU/asfamc",
-    "my/cmu_benchmark".
+    "my/cmu_benchmark", "LaFAN1".
     """
     folders = Path(data).expanduser().resolve().parts if Path(data).exists() else Path(data).parts
     found = [text for name, text in ACKNOWLEDGEMENTS.items() if any(f.lower().startswith(name) for f in folders)]

@@ -119,7 +119,8 @@ def test_cmu_is_acknowledged_wherever_it_lies(path):
 
 
 def test_others_and_links_are_acknowledged_as_what_they_are(tmp_path, monkeypatch):
-    assert acknowledgement("synthetic") == acknowledgement("/home/acmu/lafan1") == {}
+    assert acknowledgement("synthetic") == acknowledgement("/home/acmu/bandai_namco") == {}
+    assert "CC BY-NC-ND" in acknowledgement("/home/acmu/LaFAN1")["acknowledgement"]
     (tmp_path / "cmu" / "asfamc").mkdir(parents=True)
     monkeypatch.chdir(tmp_path / "cmu" / "asfamc")
     assert acknowledgement(".")

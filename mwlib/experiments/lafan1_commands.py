@@ -1,0 +1,103 @@
+"""The command lafan1-benchmark."""
+
+from __future__ import annotations
+
+from argparse import ArgumentDefaultsHelpFormatter, Namespace, _SubParsersAction
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from mwlib import plots
+from mwlib.data.known import acknowledgement
+from mwlib.data.load import load_motions
+from mwlib.experiments.origins import data_fingerprint
+from mwlib.inbetweening import lafan1
+from mwlib.inbetweening.lafan1 import Benchmark, lafan1_benchmark
+from mwlib.inbetweening.lafan1_table import ALL_CLIPS, ALL_WINDOWS, LENGTHS, TOLERANCE, is_complete, misses, published, table
+from mwlib.version import __version__
+
+MEASURED = "measured here"
+DIGITS = {"L2Q": 3, "L2P": 4, "NPSS": 4}
+
+
+def add_parser(subparsers: _SubParsersAction) -> None:
+    """Register this module's command."""
+    parser = subparsers.add_parser(
+        "lafan1-benchmark",
+        help="measure the two baselines of the LaFAN1 benchmark of in-betweening on the files at hand",
+        description="Measure zero velocity and interpolation on the windows of subject 5, normalised by the statistics of "
+        "subjects 1 to 4, as Harvey et al. (2020) do: L2Q, L2P and NPSS of transitions of 5, 15, 30 and 45 frames. Published "
+        f"numbers stand beside. With all {ALL_CLIPS} files, which give {ALL_WINDOWS} windows, it says whether the published "
+        "digits are met (exit status 1 if not); with fewer, that numbers cannot be compared.",
+        formatter_class=ArgumentDefaultsHelpFormatter,
+    )
+    parser.add_argument("--data", default="lafan1", metavar="PATH", help="folder of the BVH files, here or under MWLIB_DATA")
+    parser.add_argument("--out", type=Path, metavar="FOLDER", help="also write benchmark.csv and its provenance there")
+    parser.set_defaults(run=_benchmark)
+
+
+def _benchmark(args: Namespace) -> int:
+    benchmark = lafan1_benchmark(load_motions(args.data), progress=True)
+    measured = table(benchmark, progress=True)
+    rows = [row | {"source": MEASURED} for row in measured] + published()
+    there = f"{len(benchmark)} windows of subject 5, statistics of {len(benchmark.statistics_clips)} clips"
+    print(f"Measured here: {there}. Published: all {ALL_WINDOWS} windows of the {ALL_CLIPS} files.")
+    for metric in TOLERANCE:
+        print(f"\n{metric} at N in-between frames (lower is better)\n{_beside(rows, metric)}")
+    missed = misses(measured) if is_complete(benchmark) else []
+    print(f"\n{verdict(benchmark, missed)}")
+    if args.out:
+        for path in plots.save_table(rows, args.out, "benchmark", provenance=_provenance(benchmark, args.data, missed)):
+            print(path)
+    return 1 if missed else 0
+
+
+def verdict(benchmark: Benchmark, missed: Sequence[str]) -> str:
+    """What the numbers may be compared with.
+
+    Args:
+        missed: of a complete benchmark, where the digits are not the published ones.
+    """
+    if not is_complete(benchmark):
+        found = f"{len(benchmark)} of {ALL_WINDOWS} windows, {benchmark.clips} of {ALL_CLIPS} files"
+        return f"NOT COMPARABLE with the published numbers: {found}. Rows measured here may be compared with each other."
+    if missed:
+        return "\n  ".join(["The published digits are NOT met:", *missed])
+    return "All published digits of the two baselines are met."
+
+
+def _beside(rows: Sequence[Mapping[str, Any]], metric: str) -> plots.Table:
+    """One metric of all methods, a column for each number of frames; what was measured and published of a method together."""
+    lines: dict[tuple[str, str], list[float | None]] = {}
+    for row in rows:
+        lines.setdefault((row["method"], row["source"]), []).append(row[metric])
+    methods = list(dict.fromkeys(method for method, _ in lines))
+    keys = sorted((key for key, values in lines.items() if set(values) != {None}), key=lambda key: methods.index(key[0]))
+    cells = tuple((*key, *_numbers(lines[key], None if key[1] != MEASURED else DIGITS[metric])) for key in keys)
+    return plots.Table(("method", "source", *(f"N={n}" for n in LENGTHS)), cells, (False, False, *[True] * len(LENGTHS)))
+
+
+def _numbers(values: Sequence[float | None], digits: int | None) -> list[str]:
+    """With so many digits after the point; None = as many as were published."""
+    if digits is None:
+        digits = max(len(str(value).partition(".")[2]) for value in values if value is not None)
+    return ["–" if value is None else f"{value:.{digits}f}" for value in values]
+
+
+def _provenance(benchmark: Benchmark, data: str, missed: Sequence[str]) -> dict[str, Any]:
+    """What a reader must know to trust the table."""
+    return {
+        "data": data, "data_fingerprint": data_fingerprint(data), "clips": benchmark.clips, "clips_of_all": ALL_CLIPS,
+        "test_windows": {name: benchmark.clip.count(name) for name in dict.fromkeys(benchmark.clip)},
+        "test_windows_of_all": ALL_WINDOWS, "verdict": verdict(benchmark, missed),
+        "protocol": {
+            "test_subject": lafan1.TEST_SUBJECT, "test_window": lafan1.WINDOW, "test_stride": lafan1.STRIDE,
+            "statistics_subjects": lafan1.TRAIN_SUBJECTS, "statistics_window": lafan1.TRAIN_WINDOW,
+            "statistics_stride": lafan1.TRAIN_STRIDE, "statistics_clips": list(benchmark.statistics_clips),
+            "frames_before": lafan1.PAST, "fps": lafan1.FPS,
+        },
+        "columns": "L2Q, L2P and NPSS have no unit; N is in frames; an empty cell was not published",
+        "sources": "quoted: from a thread of users of the code; other export: their data went through another tool, which "
+        "moves the baselines by about 1 %",
+        "seeds": "none: nothing is drawn", "mwlib": __version__, "command": f"mwlib lafan1-benchmark --data {data}",
+    } | acknowledgement("lafan1")  # fmt: skip

@@ -1,0 +1,108 @@
+"""The command lafan1-benchmark: what it prints, writes and refuses; and the table that is committed."""
+
+from __future__ import annotations
+
+import csv
+import json
+import re
+from pathlib import Path
+
+import pytest
+
+import mwlib as mw
+from mwlib.__main__ import main
+from mwlib.experiments import lafan1_commands
+from mwlib.inbetweening import lafan1_table
+from mwlib.inbetweening.lafan1_table import published
+from tests.inbetweening.sample_lafan1 import small_set
+
+COMMITTED = Path(__file__).parents[2] / "figures" / "lafan1" / "benchmark.csv"
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    path = tmp_path_factory.mktemp("data") / "lafan1"
+    for motion in small_set():
+        mw.write_bvh(motion, path / f"{motion.name}.bvh")
+    return path
+
+
+def rows_of(file: Path) -> list[dict[str, str]]:
+    with file.open(encoding="utf-8", newline="") as stream:
+        return list(csv.DictReader(stream))
+
+
+def test_a_part_of_the_files_cannot_be_compared(folder, tmp_path, capsys):
+    assert main(["lafan1-benchmark", "--data", str(folder), "--out", str(tmp_path / "new" / "out")]) == 0
+    told = capsys.readouterr().out
+    assert "4 windows of subject 5, statistics of 2 clips. Published: all 2232 windows of the 77 files." in told
+    assert "NOT COMPARABLE with the published numbers: 4 of 2232 windows, 5 of 77 files" in told
+    blocks = re.sub(" +", " ", told).split("\n\n")
+    l2q, l2p, npss = blocks[1:4]
+    assert l2q.count("measured here") == l2p.count("measured here") == npss.count("measured here") == 2
+    assert "0.56 | 1.10 | 1.51 | 1.81" in l2q and "1.5230 | 3.6944 | 6.6002 | 9.3289" in l2p
+    assert "0.4493" in npss and "TG-complete" not in npss and "0.65 | – | 2.24" in l2p
+    rows, about = (
+        rows_of(tmp_path / "new" / "out" / "benchmark.csv"),
+        json.loads((tmp_path / "new/out/benchmark.json").read_text()),
+    )
+    measured = [row for row in rows if row["source"] == "measured here"]
+    assert [(row["method"], row["N"], row["windows"]) for row in measured] == [
+        (method, n, "4") for method in ("zero velocity", "interpolation") for n in ("5", "15", "30", "45")
+    ]
+    assert f"| {float(measured[1]['L2P']):.4f} |" in l2p and f"| {float(measured[6]['NPSS']):.4f} |" in npss
+    assert len(rows) == 8 + len(published())
+    assert about["test_windows"] == {"walk1_subject5": 2, "walk2_subject5": 2} and "CC BY-NC-ND" in about["acknowledgement"]
+    assert about["protocol"]["test_window"] == 65 and about["protocol"]["statistics_clips"][0] == "aiming1_subject1"
+    assert "NOT COMPARABLE" in about["verdict"]
+
+
+def test_all_files_meet_the_published_digits_or_not(folder, monkeypatch, capsys):
+    monkeypatch.setattr(lafan1_table, "ALL_WINDOWS", 4)
+    assert main(["lafan1-benchmark", "--data", str(folder)]) == 0
+    assert "NOT COMPARABLE" in capsys.readouterr().out  # four windows, but not all clips
+    monkeypatch.setattr(lafan1_table, "ALL_CLIPS", 5)
+    assert main(["lafan1-benchmark", "--data", str(folder)]) == 1
+    told = capsys.readouterr().out
+    assert "The published digits are NOT met:\n  L2P of interpolation at 15 frames is " in told
+    monkeypatch.setattr(lafan1_commands, "misses", lambda rows: [])
+    assert main(["lafan1-benchmark", "--data", str(folder)]) == 0
+    assert "All published digits of the two baselines are met." in capsys.readouterr().out
+
+
+def test_what_cannot_be_measured_is_told(folder, tmp_path, capsys):
+    for motion in small_set()[:2]:
+        mw.write_bvh(motion, tmp_path / f"{motion.name}.bvh")
+    assert main(["lafan1-benchmark", "--data", str(tmp_path)]) == 1
+    assert main(["lafan1-benchmark", "--data", "synthetic"]) == 1
+    assert main(["lafan1-benchmark", "--data", str(tmp_path / "nowhere")]) == 1
+    told = capsys.readouterr().err
+    assert "2 clips of subjects 1, 2; expected a clip of subject 5" in told and "is of skeleton H36M17" in told
+    assert "no motions at" in told and "Traceback" not in told
+    with pytest.raises(SystemExit) as end:
+        main(["lafan1-benchmark", "--help"])
+    text = " ".join(capsys.readouterr().out.split())
+    assert end.value.code == 0 and "all 77 files" in text and "subject 5" in text and "(default: lafan1)" in text
+
+
+def test_the_committed_table_says_what_it_is():
+    rows, about = rows_of(COMMITTED), json.loads(COMMITTED.with_suffix(".json").read_text(encoding="utf-8"))
+    measured = [row for row in rows if row["source"] == lafan1_commands.MEASURED]
+    assert len(measured) == 8 and {row["windows"] for row in measured} == {str(sum(about["test_windows"].values()))}
+    assert "CC BY-NC-ND 4.0" in about["acknowledgement"] and "Robust Motion In-Betweening" in about["acknowledgement"]
+    assert about["verdict"].startswith("NOT COMPARABLE") and about["clips"] == 10
+    said = {(row["method"], row["N"]): (row["L2Q"], row["L2P"], row["NPSS"]) for row in rows if row not in measured}
+    for row in published():
+        expected = ("" if row[m] is None else f"{row[m]:.9g}" for m in ("L2Q", "L2P", "NPSS"))
+        assert said[row["method"], str(row["N"])] == tuple(expected)
+    assert not any(word in COMMITTED.with_suffix(".json").read_text() for word in ("/work", "/tmp", "/home"))
+
+
+def test_the_committed_table_is_what_the_files_give(data_folder, tmp_path):
+    assert main(["lafan1-benchmark", "--data", "lafan1", "--out", str(tmp_path)]) == 0
+    about, again = (json.loads((f / "benchmark.json").read_text(encoding="utf-8")) for f in (COMMITTED.parent, tmp_path))
+    if about["data_fingerprint"] == again["data_fingerprint"]:  # else these are other files
+        for old, new in zip(rows_of(COMMITTED), rows_of(tmp_path / "benchmark.csv"), strict=True):
+            assert (old["method"], old["N"], old["source"]) == (new["method"], new["N"], new["source"])
+            for metric in ("L2Q", "L2P", "NPSS"):
+                assert (old[metric], new[metric]) == ("", "") or float(new[metric]) == pytest.approx(float(old[metric]), rel=1e-6)

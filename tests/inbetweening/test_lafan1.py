@@ -1,0 +1,344 @@
+"""The LaFAN1 benchmark against a slow transcription of its code's steps, and against that code's own numbers on real files."""
+
+from __future__ import annotations
+
+import csv
+import math
+from collections import Counter
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+from scipy.spatial.transform import Rotation
+
+import mwlib as mw
+from mwlib.body.rotation import rotate, slerp
+from mwlib.body.skeleton import LAFAN1
+from mwlib.inbetweening import lafan1
+from mwlib.inbetweening.lafan1 import Frames, lafan1_benchmark, score, unified
+from mwlib.inbetweening.lafan1_table import (
+    BASELINES,
+    LENGTHS,
+    TOLERANCE,
+    benchmark_slerp,
+    interpolation,
+    is_complete,
+    misses,
+    published,
+    table,
+    zero_velocity,
+)
+from tests.inbetweening.sample_lafan1 import clip, small_set
+
+
+@pytest.fixture(scope="module")
+def motions():
+    return small_set()
+
+
+@pytest.fixture(scope="module")
+def benchmark(motions):
+    return lafan1_benchmark(motions)
+
+
+# A transcription in loops, in centimetres, on quaternions (w, x, y, z) as lists.
+
+
+def product(a, b):
+    (p, x, y, z), (q, u, v, w) = a, b
+    return [
+        p * q - x * u - y * v - z * w,
+        p * u + q * x + y * w - z * v,
+        p * v + q * y + z * u - x * w,
+        p * w + q * z + x * v - y * u,
+    ]
+
+
+def turned(q, v):
+    return Rotation.from_quat([*q[1:], q[0]]).apply(v)
+
+
+def walk(quats, root, offsets):
+    """Global turns and places of one frame."""
+    turns, places = [list(quats[0])], [np.array(root)]
+    for joint in range(1, 22):
+        parent = LAFAN1.parents[joint]
+        places.append(places[parent] + turned(turns[parent], offsets[joint]))
+        turns.append(product(turns[parent], quats[joint]))
+    return np.array(turns), np.array(places)
+
+
+def slow_windows(motion, frames, stride):
+    """Windows of one clip, centred and turned."""
+    quats, root, found, start = motion.rig.rotations[:, :22], 100 * motion.rig.root, [], 0
+    while start + frames < len(motion):
+        q, x = quats[start : start + frames].copy(), root[start : start + frames].copy()
+        x[:, 0] -= sum(x[:, 0]) / frames
+        x[:, 2] -= sum(x[:, 2]) / frames
+        ahead = turned(q[9, 0], [0, 1, 0]) * [1, 0, 1]
+        ahead /= math.hypot(*ahead)
+        between = np.array([1 + ahead[0], *np.cross([1, 0, 0], ahead)])
+        back = between / math.hypot(*between) * [1, -1, -1, -1]
+        for t in range(frames):
+            q[t, 0], x[t] = product(back, q[t, 0]), turned(back, x[t])
+        found.append((q, x))
+        start += stride
+    return found
+
+
+def slow_slerp(a, b, share):
+    dot = float(np.dot(a, b))
+    b, dot = (b, dot) if dot >= 0 else (-b, -dot)
+    weights = (1 - share, share)
+    if 1 - dot >= 0.01:
+        angle = math.acos(dot)
+        weights = (math.sin((1 - share) * angle) / math.sin(angle), math.sin(share * angle) / math.sin(angle))
+    mixed = weights[0] * a + weights[1] * b
+    return mixed / math.hypot(*mixed)
+
+
+def slow_npss(p, g):
+    p, g = (np.fft.fft(np.asarray(x).reshape(len(x), len(x[0]), -1), axis=1).real ** 2 for x in (p, g))
+    top = bottom = 0.0
+    for n in range(len(g)):
+        for c in range(g.shape[2]):
+            a, b = (np.cumsum(x[n, :, c]) / np.sum(x[n, :, c]) for x in (p, g))
+            top, bottom = top + np.abs(a - b).sum() * g[n, :, c].sum(), bottom + g[n, :, c].sum()
+    return top / bottom
+
+
+def slow_table(motions):
+    """Per method and length the three errors."""
+    offsets = 100 * motions[0].rig.offsets
+    places = []
+    for motion in motions:
+        if motion.subject != "5":
+            own = 100 * motion.rig.offsets
+            places += [walk(q, x, own)[1].ravel() for w in slow_windows(motion, 50, 20) for q, x in zip(*w, strict=True)]
+    mean, deviation = np.mean(places, axis=0), np.std(places, axis=0)
+    windows = [w for motion in motions if motion.subject == "5" for w in slow_windows(motion, 65, 40)]
+    found = {}
+    for method in ("zero velocity", "interpolation"):
+        for n in (5, 15, 30, 45):
+            l2q, l2p, turns = [], [], ([], [])
+            for q, x in windows:
+                rows = ([], [])
+                for i in range(1, n + 1):
+                    share = 0.0 if method == "zero velocity" else i / (n + 1)
+                    guess = [slow_slerp(q[9, j], q[10 + n, j], share) for j in range(22)]
+                    p = walk(guess, x[9] + share * (x[10 + n] - x[9]), offsets)
+                    g = walk(q[9 + i], x[9 + i], offsets)
+                    l2q.append(math.dist(p[0].ravel(), g[0].ravel()))
+                    l2p.append(math.dist((p[1].ravel() - mean) / deviation, (g[1].ravel() - mean) / deviation))
+                    rows[0].append(p[0])
+                    rows[1].append(g[0])
+                turns[0].append(rows[0])
+                turns[1].append(rows[1])
+            found[method, n] = (len(windows), np.mean(l2q), np.mean(l2p), slow_npss(*turns))
+    return found
+
+
+def values(rows):
+    return {(r["method"], r["N"]): (r["windows"], r["L2Q"], r["L2P"], r["NPSS"]) for r in rows}
+
+
+def test_the_benchmark_is_its_transcription_from_files_on(motions, tmp_path):
+    for motion in motions:
+        mw.write_bvh(motion, tmp_path / f"{motion.name}.bvh")
+    read = lafan1_benchmark(mw.load_motions(tmp_path))
+    assert Counter(read.clip) == {"walk1_subject5": 2, "walk2_subject5": 2} and read.start.tolist() == [0, 40, 0, 40]
+    assert read.statistics_clips == ("aiming1_subject1", "dance1_subject2") and read.clips == 5 and not is_complete(read)
+    found, expected = values(table(read)), slow_table(motions)
+    assert list(found) == list(expected)
+    for case, row in expected.items():
+        assert found[case] == pytest.approx(row, rel=2e-5), case
+        assert 1e-4 < row[3] and 0.02 < row[1] and 0.05 < row[2]  # a test of numbers that are something
+
+
+def test_windows_stand_where_the_benchmark_wants_them(benchmark, motions):
+    root, turns = benchmark.frames.root, benchmark.frames.rotations
+    assert root.mean(1)[:, [0, 2]].abs().max() < 1e-12
+    ahead = rotate(turns[:, 9, 0], torch.tensor([0.0, 1, 0], dtype=torch.float64).expand(4, 3))
+    assert ahead[:, 2].abs().max() < 1e-12 and ahead[:, 0].min() > 0
+    path = torch.from_numpy(motions[2].rig.root)[40:105]
+    torch.testing.assert_close(root[1, :, 1], path[:, 1])  # heights stay
+    torch.testing.assert_close(root[1].diff(dim=0).norm(dim=-1), path.diff(dim=0).norm(dim=-1))
+    torch.testing.assert_close(unified(benchmark.frames).rotations, turns)
+    torch.testing.assert_close(benchmark.offsets, torch.from_numpy(motions[0].rig.offsets[:22]))
+
+
+def test_where_people_were_and_in_which_unit_does_not_matter(benchmark, motions):
+    def moved(motion: mw.Motion) -> mw.Motion:
+        rig = motion.turn(2.0).rig
+        rig = replace(rig, root=100 * rig.root + [500.0, 0, -70], offsets=100 * rig.offsets)
+        return replace(motion, positions=rig.positions(), rig=rig)
+
+    again = table(lafan1_benchmark([moved(m) for m in motions]))
+    for case, row in values(table(benchmark)).items():
+        assert values(again)[case] == pytest.approx(row, rel=1e-6)
+    z_up = [m.with_up("z") for m in motions]
+    assert values(table(lafan1_benchmark(z_up)))["interpolation", 15] == pytest.approx(
+        values(table(benchmark))["interpolation", 15], rel=1e-6
+    )
+
+
+def test_any_predictor_is_scored_on_what_it_may_see(benchmark, monkeypatch):
+    seen = []
+
+    def oracle(context: Frames, target: Frames, length: int) -> Frames:
+        """Finds the windows again that it was given frames of; answers with other signs and in float32."""
+        seen.append((tuple(context.rotations.shape), tuple(target.root.shape), length))
+        found = [(benchmark.frames.root[:, :10] - root).abs().amax((1, 2)).argmin() for root in context.root]
+        whole = benchmark.frames.take(torch.stack(found))
+        torch.testing.assert_close(whole.cut(10 + length, 11 + length).rotations, target.rotations)
+        frames = whole.cut(10, 10 + length)
+        signs = torch.randint(2, frames.rotations.shape[:3], generator=torch.Generator().manual_seed(0))
+        return Frames((frames.rotations * (2 * signs[..., None] - 1)).float(), frames.root.float())
+
+    for length in (1, 15, 54):
+        found = score(benchmark, oracle, length)
+        assert found.l2q.shape == found.l2p.shape == (4,)
+        assert max(found.l2q.max(), found.l2p.max(), found.npss) < 1e-5
+    assert seen == [((4, 10, 22, 4), (4, 1, 3), length) for length in (1, 15, 54)]
+    whole = score(benchmark, interpolation, 15)
+    monkeypatch.setattr(lafan1, "CHUNK", 3)
+    parts = score(benchmark, interpolation, 15)
+    torch.testing.assert_close(parts.l2q, whole.l2q)
+    torch.testing.assert_close(parts.l2p, whole.l2p)
+    assert parts.npss == pytest.approx(whole.npss)
+    assert table(benchmark, {"mine": oracle}, [7])[0]["method"] == "mine"
+
+
+def test_the_mean_of_all_windows_is_in_the_table(benchmark):
+    (row,) = table(benchmark, {"still": zero_velocity}, [30])
+    found = score(benchmark, zero_velocity, 30)
+    assert row == {"method": "still", "N": 30, "windows": 4, "L2Q": found.l2q.mean(), "L2P": found.l2p.mean(), "NPSS": found.npss}
+
+
+def broken(change) -> lafan1.Predictor:
+    return lambda context, target, length: change(zero_velocity(context, target, length))
+
+
+@pytest.mark.usefixtures("unchecked")
+@pytest.mark.parametrize(
+    "predict, length, message",
+    [
+        (zero_velocity, 0, "length is 0; expected 1 to 54 frames"),
+        (zero_velocity, 55, "length is 55; expected 1 to 54 frames"),
+        (broken(lambda x: x.cut(0, 4)), 5, r"rotations of the predictor are \(4, 4, 22, 4\), finite; expected \(4, 5, 22, 4\)"),
+        (broken(lambda x: x._replace(root=x.root / 0)), 5, r"root of the predictor are \(4, 5, 3\), not finite"),
+        (broken(lambda x: x._replace(rotations=x.rotations * 1.01)), 5, "quaternion of the predictor has length 1.01"),
+    ],
+)  # fmt: skip
+def test_predictions_that_cannot_be_scored_are_refused(benchmark, predict, length, message):
+    with pytest.raises(ValueError, match=message):
+        score(benchmark, predict, length)
+
+
+def test_clips_that_are_not_lafan1_are_refused(motions):
+    train, test = motions[0], motions[2]
+    other = mw.load_motions("synthetic")[0]
+    moves = np.tile(train.rig.offsets, (len(train), 1, 1))
+    for given, message in (
+        ([train], "1 clips of subjects 1; expected a clip of subject 5 with more than 65 frames"),
+        ([test], "1 clips of subjects 5; expected a clip of subjects 1 to 4 with more than 50 frames"),
+        ([], "0 clips of subjects none"),
+        ([train, test.cut(0, 65)], "expected a clip of subject 5 with more than 65 frames"),
+        ([train, test, other], "is of skeleton H36M17 with 17 joints; expected a clip of LaFAN1: 22 joints"),
+        ([train, replace(test, fps=60.0)], "walk1_subject5 has 60 frames per second; expected .* 30 frames per second"),
+        ([train, replace(test, rig=None)], "walk1_subject5 has positions but no rotations"),
+        ([replace(train, rig=replace(train.rig, moves=moves)), test], "joints other than the root that move"),
+        ([train, replace(test, subject="")], "is of subject 'unknown'; .* a name like walk1_subject5.bvh"),
+    ):
+        with pytest.raises(ValueError, match=message):
+            lafan1_benchmark(given)
+
+
+def test_slerp_of_the_benchmark():
+    still, quarter = torch.tensor([1.0, 0, 0, 0]), torch.tensor([0.5**0.5, 0.5**0.5, 0, 0])
+    for end in (quarter, -quarter):
+        found = benchmark_slerp(still, end, torch.tensor(0.5))
+        assert [round(v, 6) for v in found.tolist()] == [0.92388, 0.382683, 0, 0]
+    draws = torch.Generator().manual_seed(0)
+    a, b = torch.nn.functional.normalize(torch.randn(2, 500, 4, generator=draws, dtype=torch.float64), dim=-1)
+    b[:250] = torch.nn.functional.normalize(a[:250] + 0.2 * b[:250], dim=-1)  # half of them near
+    share = torch.rand(500, generator=draws, dtype=torch.float64)
+    found = benchmark_slerp(a, b, share)
+    expected = [slow_slerp(*case) for case in zip(a.numpy(), b.numpy(), share.tolist(), strict=True)]
+    np.testing.assert_allclose(found, expected, atol=1e-12)
+    off = (found - slerp(a, b, share)).abs().amax(-1)
+    assert 1e-5 < off.max() < 5e-5 and (off > 1e-9).sum() > 20
+
+
+def test_published_digits_are_recognised():
+    rows = published()
+    assert len(rows) == 5 * len(LENGTHS) and all(set(r) > {"method", "N", "L2Q", "L2P", "NPSS", "source"} for r in rows)
+    ours = [dict(r) for r in rows if r["method"] in BASELINES]
+    assert len(ours) == 8 and misses(ours) == []
+    by_case = values(rows)
+    assert by_case["zero velocity", 5][1:] == (0.56, 1.5230, 0.0053)
+    assert by_case["interpolation", 30][1:] == (0.98, 2.3158, 0.2013)
+    assert by_case["TG-complete", 30][1:] == (0.69, None, None)
+    assert by_case["Δ-interpolator", 45][1:] == (None, None, None)
+    assert by_case["Two-stage Transformers", 45][1:] == (0.8727, 1.6777, 0.3217)
+    for name, most in TOLERANCE.items():
+        for factor, expected in ((0.9, 0), (-0.9, 0), (1.1, 1), (-1.1, 1), (float("nan"), 1)):
+            off = [r | {name: r[name] + factor * most} if r["N"] == 15 and r["method"] == "interpolation" else r for r in ours]
+            assert len(misses(off)) == expected, (name, factor)
+    assert "L2P of interpolation at 15 frames is 1.25900, published 1.2488" in misses([ours[5] | {"L2P": 1.259}])
+    assert misses([ours[5] | {"method": "mine", "L2P": 9.0}]) == []
+
+
+# What the code that Harvey et al. published with the data prints, with all its digits, for ten of the 77 files (those of
+# clips.csv): L2Q, L2P, NPSS. Measured by running it, once.
+TEN_FILES = {
+    ("zero velocity", 5): (117, 0.3833041026577829, 1.0542004987326579, 0.002252556538569129),
+    ("zero velocity", 15): (117, 0.8127450875781558, 2.5719918195460023, 0.02296277325182187),
+    ("zero velocity", 30): (117, 1.1920763883948282, 4.44237204185674, 0.11474566172277226),
+    ("zero velocity", 45): (117, 1.4135804747668221, 6.126328161869658, 0.292936403396228),
+    ("interpolation", 5): (117, 0.13522312101732498, 0.24203410363985492, 0.0008308321133636554),
+    ("interpolation", 15): (117, 0.39407211564493383, 0.889390378019802, 0.015099477547687108),
+    ("interpolation", 30): (117, 0.7120575474399642, 1.808530174173837, 0.09623066879035545),
+    ("interpolation", 45): (117, 0.9237746081992905, 2.548659309908358, 0.2551987077139001),
+}
+
+
+def test_real_files(data_folder):
+    """Window counts of clips.csv; the numbers of the authors' code, on all files the published ones; sane order."""
+    motions = mw.load_motions(data_folder / "lafan1")
+    with (data_folder / "lafan1" / "clips.csv").open() as file:
+        listed = {row["file"].split("/")[-1].split(".")[0]: row for row in csv.DictReader(file)}
+    assert {m.name for m in motions} == set(listed)
+    for motion in motions:
+        row = listed[motion.name]
+        # the list counts a window that ends with the last frame, which the benchmark leaves out
+        last = (int(row["frames"]) - 65) % 40 == 0
+        assert len(lafan1._starts(motion, 65, 40)) == int(row["windows_65_by_40"]) - last, motion.name
+    found = lafan1_benchmark(motions)
+    rows = table(found)
+    by_case = values(rows)
+    for n in LENGTHS:
+        assert all(a > b > 0 for a, b in zip(by_case["zero velocity", n][1:], by_case["interpolation", n][1:], strict=True))
+    for case in zip(LENGTHS, LENGTHS[1:], strict=False):
+        for method in BASELINES:
+            assert all(a < b for a, b in zip(by_case[method, case[0]][1:], by_case[method, case[1]][1:], strict=True))
+    if is_complete(found):
+        assert misses(rows) == []
+    else:
+        assert len(listed) == 10, "not all files, nor the ten whose numbers are known"
+        for case, row in TEN_FILES.items():
+            assert by_case[case] == pytest.approx(row, abs=5e-6), case
+
+
+def test_signs_of_recorded_motion_go_on_by_themselves(data_folder):
+    """So the step that networks need does nothing to the baselines: their numbers are those of code without it."""
+    (motion,) = [m for m in mw.load_motions(data_folder / "lafan1" / "ground1_subject5.bvh.xz")]
+    frames = lafan1_benchmark([motion, replace(motion, subject="1")]).frames
+    turns = lafan1._world(frames, torch.zeros(22, 3, dtype=torch.float64))[1]
+    assert (turns[:, 1:] * turns[:, :-1]).sum(-1).min() > 0
+
+
+def test_the_sample_is_a_human(motions):
+    assert clip("walk1_subject5", "5", 145, size=1.1).positions.tolist() == motions[2].positions.tolist()
+    assert all(1.2 < np.ptp(m.positions[..., 1], axis=1).max() < 2.3 for m in motions)
