@@ -127,7 +127,14 @@ class Bridge:
         warm = tempered(noise, settings.temperature)
         z = keyframed(self._denoise(hint, mask), tf, target[:, None], mask, self.alpha_bar, indices, warm, self.cfg.imposing)
         states = self.space.valid(self.representation.states(z, hint[:, None]))
+        if settings.bones == "keyframes":
+            states = self.space.with_bones(states, self._sized(x, mask)[:, None])
         return with_keyframes(states, x[:, None], mask)
+
+    def _sized(self, x: Float[Tensor, "n T C"], mask: Bool[Tensor, " T"]) -> Float[Tensor, "n T C"]:
+        """In every frame the body of the keyframe before it; it lends its bones only."""
+        last = torch.where(mask, torch.arange(len(mask), device=mask.device), 0).cummax(0).values
+        return x[:, last]
 
     def _denoise(self, hint: Float[Tensor, "n T C"], mask: Bool[Tensor, " T"]) -> Denoise:
         """The network's noise estimate of (n, S, rows, C)."""

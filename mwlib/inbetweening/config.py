@@ -81,6 +81,7 @@ class SamplingConfig:
     ddim_steps: Count = 100  # denoising steps
     temperature: Positive = 1.0  # deviation of the noise that sampling starts from
     spacing: Literal["leading", "trailing"] = "leading"  # of the retained diffusion indices, see ddim_indices
+    bones: Literal["free", "keyframes"] = "free"  # of places: lengths as they come, or between those of the keyframes
     sampling_seed: Natural = 0  # of the noise
 
 

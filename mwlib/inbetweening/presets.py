@@ -7,7 +7,7 @@ from typing import Any
 # Own choice, by measurement: the network is told the keyframes, and says how a motion departs from interpolation.
 _TOLD: dict[str, Any] = dict(
     keyframes="told", target="departure", tokens="sines", output="wiener", prediction="y0", level_weight="snr", scheme="none",
-    lr=1e-3, lr_schedule="cosine", warmup=100, spacing="trailing", ddim_steps=20,
+    lr=1e-3, lr_schedule="cosine", warmup=100, spacing="trailing", ddim_steps=20, bones="keyframes",
 )  # fmt: skip
 _LAPTOP: dict[str, Any] = _TOLD | dict(
     rows=16, width=128, layers=4, heads=4, feedforward=256, dropout=0.1,

@@ -16,7 +16,7 @@ import torch
 from jaxtyping import Float, Int
 from torch import Tensor
 
-from mwlib.body.kinematics import fk, heading, horizontal, turn_heading
+from mwlib.body.kinematics import bones_of, fk, heading, horizontal, scale_bones, turn_heading
 from mwlib.body.motion import Motion
 from mwlib.body.rig import ROTATION_DTYPE, Rig
 from mwlib.body.rotation import continuous, from_six, six
@@ -73,6 +73,10 @@ class Space(ABC):
     @abstractmethod
     def valid(self, x: Float[Tensor, "*lead C"]) -> Float[Tensor, "*lead C"]:
         """The nearest numbers that are a state."""
+
+    def with_bones(self, x: Float[Tensor, "*lead T C"], given: Float[Tensor, "*#lead T C"]) -> Float[Tensor, "*lead T C"]:
+        """States whose bones are as long as in other states; those of rotations have no lengths of their own."""
+        return x
 
     def placement(self, x: Float[Tensor, "*lead T C"], offsets: Float[Tensor, "*lead rig 3"], frame: int = 0) -> Placement:
         """Where a window stands, by one of its frames. Source: own choice, as of the two given poses one suffices for it."""
@@ -134,6 +138,11 @@ class PositionSpace(Space):
     def decode(self, x: Float[Tensor, "T C"], like: Motion) -> Motion:
         """See `Space`."""
         return replace(like, positions=self.positions(x, torch.zeros(0, 3)).numpy().astype(like.positions.dtype), rig=None)
+
+    def with_bones(self, x: Float[Tensor, "*lead T C"], given: Float[Tensor, "*#lead T C"]) -> Float[Tensor, "*lead T C"]:
+        """See `Space`."""
+        here, there = (bones_of(states[..., 3:], self.bodies.skeleton).norm(dim=-1) for states in (x, given))
+        return torch.cat([x[..., :3], scale_bones(x[..., 3:], there / here.clamp_min(1e-6), self.bodies.skeleton)], dim=-1)
 
     def valid(self, x: Float[Tensor, "*lead C"]) -> Float[Tensor, "*lead C"]:
         """See `Space`."""
