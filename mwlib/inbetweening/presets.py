@@ -11,7 +11,7 @@ _TOLD: dict[str, Any] = dict(
 )  # fmt: skip
 _LAPTOP: dict[str, Any] = _TOLD | dict(
     rows=16, width=128, layers=4, heads=4, feedforward=256, dropout=0.1,
-    train_steps=6000, ema=0.998, ema_start=500, checkpoint_every=500,
+    train_steps=4000, ema=0.998, ema_start=500, checkpoint_every=500,
 )  # fmt: skip
 
 PRESETS: dict[str, dict[str, Any]] = {

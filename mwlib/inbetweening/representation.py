@@ -100,7 +100,7 @@ class Representation:
             )
         return self._transforms[frames]
 
-    def modelled(self, x: Float[Tensor, "*lead T C"], hint: Float[Tensor, "*lead T C"] | None) -> Float[Tensor, "*lead T C"]:
+    def modelled(self, x: Float[Tensor, "*lead T C"], hint: Float[Tensor, "*#lead T C"] | None) -> Float[Tensor, "*lead T C"]:
         """States as what is diffused, in time.
 
         Args:
@@ -111,7 +111,7 @@ class Representation:
             return (x - hint) / self.departure.to(x)
         return (x - self.mean.to(x)) / self.deviation.to(x)
 
-    def states(self, z: Float[Tensor, "*lead T C"], hint: Float[Tensor, "*lead T C"] | None) -> Float[Tensor, "*lead T C"]:
+    def states(self, z: Float[Tensor, "*lead T C"], hint: Float[Tensor, "*#lead T C"] | None) -> Float[Tensor, "*lead T C"]:
         """Inverse of `modelled`."""
         if self.model.target == "departure" and hint is not None:
             return z * self.departure.to(z) + hint

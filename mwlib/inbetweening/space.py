@@ -55,11 +55,11 @@ class Space(ABC):
         """What else makes a body of a state: the offsets of its rig, metres; of places nothing, (0, 3)."""
 
     @abstractmethod
-    def positions(self, x: Float[Tensor, "*lead T C"], offsets: Float[Tensor, "*lead rig 3"]) -> Float[Tensor, "*lead T J 3"]:
+    def positions(self, x: Float[Tensor, "*lead T C"], offsets: Float[Tensor, "*#lead rig 3"]) -> Float[Tensor, "*lead T J 3"]:
         """Places of all joints of the skeleton, the root among them, metres."""
 
     @abstractmethod
-    def rotations(self, x: Float[Tensor, "*lead T C"], offsets: Float[Tensor, "*lead rig 3"]) -> Tensor | None:
+    def rotations(self, x: Float[Tensor, "*lead T C"], offsets: Float[Tensor, "*#lead rig 3"]) -> Tensor | None:
         """Turns of the joints against the world, (*lead, T, joints, 4); None if the state has none."""
 
     @abstractmethod
@@ -78,7 +78,7 @@ class Space(ABC):
         """States whose bones are as long as in other states; those of rotations have no lengths of their own."""
         return x
 
-    def placement(self, x: Float[Tensor, "*lead T C"], offsets: Float[Tensor, "*lead rig 3"], frame: int = 0) -> Placement:
+    def placement(self, x: Float[Tensor, "*lead T C"], offsets: Float[Tensor, "*#lead rig 3"], frame: int = 0) -> Placement:
         """Where a window stands, by one of its frames. Source: own choice, as of the two given poses one suffices for it."""
         a, b, _ = horizontal(UP)
         joints = self.positions(x[..., frame : frame + 1, :], offsets)[..., 0, :, :]
@@ -126,12 +126,12 @@ class PositionSpace(Space):
         """See `Space`."""
         return torch.zeros(0, 3)
 
-    def positions(self, x: Float[Tensor, "*lead T C"], offsets: Float[Tensor, "*lead rig 3"]) -> Float[Tensor, "*lead T J 3"]:
+    def positions(self, x: Float[Tensor, "*lead T C"], offsets: Float[Tensor, "*#lead rig 3"]) -> Float[Tensor, "*lead T J 3"]:
         """See `Space`."""
         root, others = x[..., None, :3], x[..., 3:].unflatten(-1, (-1, 3))
         return torch.cat([root, root + others], dim=-2)
 
-    def rotations(self, x: Float[Tensor, "*lead T C"], offsets: Float[Tensor, "*lead rig 3"]) -> None:
+    def rotations(self, x: Float[Tensor, "*lead T C"], offsets: Float[Tensor, "*#lead rig 3"]) -> None:
         """See `Space`."""
         return None
 
@@ -213,12 +213,12 @@ class RotationSpace(Space):
         order = _places(self.turning, len(self.tree)).to(x.device)
         return torch.cat([still, turns], dim=-2).index_select(-2, order)
 
-    def positions(self, x: Float[Tensor, "*lead T C"], offsets: Float[Tensor, "*lead rig 3"]) -> Float[Tensor, "*lead T J 3"]:
+    def positions(self, x: Float[Tensor, "*lead T C"], offsets: Float[Tensor, "*#lead rig 3"]) -> Float[Tensor, "*lead T J 3"]:
         """See `Space`: forward kinematics."""
         return self._world(x, offsets)[0][..., list(self.points), :]
 
     def rotations(
-        self, x: Float[Tensor, "*lead T C"], offsets: Float[Tensor, "*lead rig 3"]
+        self, x: Float[Tensor, "*lead T C"], offsets: Float[Tensor, "*#lead rig 3"]
     ) -> Float[Tensor, "*lead T joints 4"]:
         """See `Space`."""
         return self._world(x, offsets)[1][..., list(self.turning), :]
