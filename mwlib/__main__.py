@@ -7,13 +7,22 @@ import sys
 
 from mwlib.course import commands as course_commands
 from mwlib.data import commands as data_commands
-from mwlib.experiments import claim_commands, lafan1_commands, run_commands
+from mwlib.experiments import claim_commands, keyframe_commands, lafan1_commands, run_commands
 from mwlib.experiments import commands as experiment_commands
 from mwlib.experiments import data_commands as check_commands
 from mwlib.version import __version__
 
 # Each room brings its own commands: add_parser(subparsers) registers them, and each sets `run`: arguments -> exit status.
-ROOMS = (check_commands, data_commands, experiment_commands, claim_commands, run_commands, lafan1_commands, course_commands)
+ROOMS = (
+    check_commands,
+    data_commands,
+    experiment_commands,
+    claim_commands,
+    run_commands,
+    keyframe_commands,
+    lafan1_commands,
+    course_commands,
+)
 
 
 def main(words: list[str] | None = None) -> int:

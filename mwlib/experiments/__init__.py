@@ -1,12 +1,13 @@
 """Runs, results and tables of any system: trained or measured once, found again by hash."""
 
 from mwlib.experiments.grids import Grid, read_grids
+from mwlib.experiments.keyframes import inbetween
 from mwlib.experiments.results import get_result
 from mwlib.experiments.runs import get_model, get_run, load_run, train_run
 from mwlib.experiments.systems import register, system, system_of
 from mwlib.experiments.tables import committed, lines, measure
 
 __all__ = [
-    "Grid", "committed", "get_model", "get_result", "get_run", "lines", "load_run", "measure", "read_grids", "register", "system",
-    "system_of", "train_run",
+    "Grid", "committed", "get_model", "get_result", "get_run", "inbetween", "lines", "load_run", "measure", "read_grids",
+    "register", "system", "system_of", "train_run",
 ]  # fmt: skip

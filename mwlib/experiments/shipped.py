@@ -12,11 +12,10 @@ from mwlib.data.known import acknowledgement
 from mwlib.experiments.results import get_result
 from mwlib.experiments.runs import CONFIG, get_run
 from mwlib.experiments.store import read_result
-from mwlib.experiments.systems import system_of
+from mwlib.experiments.systems import system, system_of
 from mwlib.experiments.tables import details
 from mwlib.files import load_tensors, save_tensors, write_together
 from mwlib.metrics import Column
-from mwlib.prediction.config import Config
 from mwlib.settings import Settings
 from mwlib.training import MODEL
 from mwlib.version import __version__
@@ -25,9 +24,10 @@ CARD, METRICS = "card.md", "metrics.json"
 KEPT = ("mean", "standard_error", "windows", "multimodal_apd")  # of what an evaluation gives
 
 
-RECIPES: dict[str, tuple[str, str, dict[str, Any]]] = {  # name -> title, preset, changes
-    "synthetic": ("Synthetic people", "laptop_plus", {"train_steps": 14000}),
-    "cmu": ("People of the CMU motion capture database", "cmu_plus", {}),
+RECIPES: dict[str, tuple[str, str, str, dict[str, Any]]] = {  # name -> title, system, preset, changes
+    "synthetic": ("Synthetic people", "prediction", "laptop_plus", {"train_steps": 14000}),
+    "cmu": ("People of the CMU motion capture database", "prediction", "cmu_plus", {}),
+    "inbetween": ("In-betweens of people of the CMU motion capture database", "inbetweening", "cmu", {}),
 }
 
 
@@ -39,8 +39,8 @@ def recipe(name: str) -> tuple[str, Settings]:
     """
     if name not in RECIPES:
         raise ValueError(f"name is {name!r}; expected one of {', '.join(RECIPES)}")
-    title, preset, changes = RECIPES[name]
-    return title, Config.preset(preset, **changes)
+    title, kind, preset, changes = RECIPES[name]
+    return title, system(kind).Config.preset(preset, **changes)
 
 
 def ship(cfg: Settings, folder: Path, title: str, command: str, progress: bool = False) -> dict[str, Any]:
@@ -94,7 +94,7 @@ def card(title: str, command: str, cfg: Settings, metrics: Mapping[str, Any], co
     measured = (
         f"Measured on {model['windows']} windows of the test people: {sampling.samples} samples, {sampling.ddim_steps} denoising "
         f"steps, sampling seed {sampling.sampling_seed}, {about['measured on']['device']}. Metres, unless a line says otherwise. "
-        f"The true futures of similar histories have an APD of {model['multimodal_apd']:.3g}."
+        + (f"The true futures of similar histories have an APD of {apd:.3g}." if (apd := model.get("multimodal_apd")) else "")
     )
     again = (
         f"`{command}` makes it again, on another machine up to the rounding of its arithmetic. All settings are in `{CONFIG}`, "

@@ -44,7 +44,7 @@ class ModelConfig:
     """Tokens, and the network that denoises them."""
 
     tokens: Literal["cosines", "sines", "frames"] = "cosines"  # DCT, DST of what vanishes at both ends, or frames ("without DCT")
-    rows: Natural = 0  # cosines or sines kept; 0 = all
+    rows: Natural = 0  # cosines or sines kept, where there are so many; 0 = all
     target: Literal["motion", "departure"] = "motion"  # what is diffused: the motion, or how it departs from interpolation
     keyframes: Literal["untold", "told"] = "untold"  # whether the network is shown the keyframes, or only the sampler
     output: Literal["direct", "wiener"] = "direct"  # what `prediction` says; or what the best linear denoiser misses
@@ -127,9 +127,9 @@ class Config(Settings):
             raise ValueError(f"width is {m.width}; expected an even multiple of heads ({m.heads})")
         if m.layers % 2:
             raise ValueError(f"layers is {m.layers}; expected an even number (long skips pair the blocks)")
-        most = task.fewest - 2 * (m.tokens == "sines")
+        most = task.frames - 2 * (m.tokens == "sines")
         if m.rows > most:
-            raise ValueError(f"rows is {m.rows}; expected at most {most}, as many as {m.tokens} of the shortest motion")
+            raise ValueError(f"rows is {m.rows}; expected at most {most}, as many {m.tokens} as there are")
         if m.tokens == "sines" and m.target != "departure":
             raise ValueError(f"tokens are sines, but target is {m.target}; expected departure: it vanishes at both ends")
         if m.rows and m.tokens == "frames":

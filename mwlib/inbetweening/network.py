@@ -68,7 +68,7 @@ class WienerNetwork(nn.Module):
 
     Args:
         inner: the network.
-        power: s, of each number of the most tokens.
+        power: s, of each number of the most tokens; shorter motions have the first of them.
         alpha_bar: schedule.
     """
 
@@ -100,14 +100,5 @@ class WienerNetwork(nn.Module):
 
     def _levels(self, y_t: Tensor, t: Int[Tensor, " B"] | int) -> tuple[Tensor, Tensor, Tensor]:
         a = self.alpha_bar[t].reshape(-1, 1, 1)
-        s = at_frequencies(self.power, y_t.shape[-2])
+        s = self.power[: y_t.shape[-2]]
         return a, s, a * s**2 + 1 - a
-
-
-def at_frequencies(power: Float[Tensor, "rows channels"], rows: int) -> Float[Tensor, "fewer channels"]:
-    """Deviations for shorter motions, which have fewer cosines over the same frequencies: between the nearest two."""
-    if rows == len(power):
-        return power
-    at = torch.linspace(0, len(power) - 1, rows, device=power.device)
-    low = at.long().clamp_max(len(power) - 2)
-    return torch.lerp(power[low], power[low + 1], (at - low)[:, None])

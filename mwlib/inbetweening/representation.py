@@ -92,12 +92,13 @@ class Representation:
         """From motions of so many frames to tokens."""
         if frames not in self._transforms:
             channels = len(self.mean)
-            kind, rows = self.model.tokens, self.model.rows or None
-            self._transforms[frames] = (
-                Frames(frames, channels)
-                if kind == "frames"
-                else {"cosines": DCTTransform, "sines": DSTTransform}[kind](frames, channels, rows)
-            )
+            kind, rows = self.model.tokens, self.model.rows or frames
+            if kind == "frames":
+                self._transforms[frames] = Frames(frames, channels)
+            elif kind == "cosines":
+                self._transforms[frames] = DCTTransform(frames, channels, min(rows, frames))
+            else:
+                self._transforms[frames] = DSTTransform(frames, channels, min(rows, frames - 2))
         return self._transforms[frames]
 
     def modelled(self, x: Float[Tensor, "*lead T C"], hint: Float[Tensor, "*#lead T C"] | None) -> Float[Tensor, "*lead T C"]:
