@@ -58,7 +58,9 @@ def _fetch(arguments: argparse.Namespace) -> int:
     if collection.terms:
         print(collection.terms)
         if not (arguments.accept_licence or _accepts()):
-            print("mwlib: nothing was downloaded; whoever accepts the licence says so, or gives --accept-licence", file=sys.stderr)
+            print(
+                "mwlib: nothing was downloaded; whoever accepts the licence says so, or gives --accept-licence", file=sys.stderr
+            )
             return 1
     folder = fetch(arguments.name, to, accepted=True)
     there, _ = collection.counts(folder)

@@ -66,4 +66,6 @@ def fetch_bandai_namco(
 
 def _missing(folder: Path, files: Sequence[Wanted]) -> list[Wanted]:
     """Files that are not there, or with other bytes."""
-    return [file for file in in_turn(files, "checking files") if (there := at(folder, file[0])) is None or byte_fault(there, file[2])]
+    return [
+        file for file in in_turn(files, "checking files") if (there := at(folder, file[0])) is None or byte_fault(there, file[2])
+    ]

@@ -40,8 +40,8 @@ BY_HAND = {
         "academic use, by registration",
         (
             "register at http://humaneva.is.tue.mpg.de; a person has to agree to the licence",
-            "follow https://github.com/facebookresearch/VideoPose3D/blob/main/DATASETS.md; its prepare_data_humaneva.py, asked for "
-            "15 joints (--convert-3d -s humaneva15), writes data_3d_humaneva15.npz",
+            "follow https://github.com/facebookresearch/VideoPose3D/blob/main/DATASETS.md; its prepare_data_humaneva.py, "
+            "for 15 joints, writes data_3d_humaneva15.npz",
         ),
         "data_3d_humaneva15.npz",
         "humaneva",

@@ -57,7 +57,9 @@ def fetch_cmu(to: Path, url: str = URL, patience: Patience = Patience(), clips: 
 
 def _missing(folder: Path, clips: Sequence[Listed]) -> list[Listed]:
     """Clips that are not there, or not as listed."""
-    return [clip for clip in in_turn(clips, "checking clips") if (file := at(folder, clip.file)) is None or motion_fault(file, clip)]
+    return [
+        clip for clip in in_turn(clips, "checking clips") if (file := at(folder, clip.file)) is None or motion_fault(file, clip)
+    ]
 
 
 def _labelled(folder: Path, clips: Sequence[Listed]) -> bool:
@@ -77,9 +79,7 @@ def _label(folder: Path, clips: Sequence[Listed]) -> None:
     write_atomic(table, table_text(("file", "fps", "subject", "action"), rows))
 
 
-def _bring(
-    clips: Sequence[Listed], folder: Path, staging: Path, url: str, patience: Patience, bar: tqdm
-) -> Iterator[str]:
+def _bring(clips: Sequence[Listed], folder: Path, staging: Path, url: str, patience: Patience, bar: tqdm) -> Iterator[str]:
     """Download clips, subject by subject; why some cannot be had."""
     faults = 0
     for subject, group in groupby(clips, lambda clip: clip.file.split("/")[0]):

@@ -62,7 +62,8 @@ COLLECTIONS = {
         "You may use and share it unchanged, for no commercial purpose, if you name its authors; you may not share changed or\n"
         "converted copies. The whole text: https://creativecommons.org/licenses/by-nc-nd/4.0/legalcode; a copy, license.txt, is\n"
         "laid beside the clips.",
-        "Please cite: Harvey, Yurick, Nowrouzezahrai, Pal: Robust Motion In-betweening. ACM Transactions on Graphics 39(4), 2020.",
+        "Please cite: Harvey, Yurick, Nowrouzezahrai, Pal: Robust Motion In-betweening. ACM Transactions on Graphics 39(4),\n"
+        "2020.",
         lafan1.fetch_lafan1, _lafan1_counts,
     ),
     "bandai-namco": Collection(

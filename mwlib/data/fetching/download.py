@@ -164,6 +164,7 @@ def _receive(url: str, file: Path, most: int, resume: bool, patience: Patience, 
             get(url, sink, None)
             sink.check()
         except requests.HTTPError as error:
+            assert error.response is not None  # `raise_for_status` hands it over
             raise _refusal(error.response) from error
         except requests.exceptions.SSLError as error:
             raise NotOfferedError(f"no safe connection ({_root(error)})") from error
@@ -200,7 +201,9 @@ def _stand_in(file: Path) -> str:
     if not head:
         return "an empty file arrived"
     if head.startswith(b"<"):
-        return "a web page arrived in place of the file; is there a login page between you and the network, or has the file moved?"
+        return (
+            "a web page arrived in place of the file; is there a login page between you and the network, or has the file moved?"
+        )
     if head.startswith(POINTER):
         return (
             f"a Git LFS pointer of {file.stat().st_size} bytes arrived in place of the file that it names; the file itself is at "

@@ -71,9 +71,7 @@ def clips_of(folder: Path) -> list[Listed]:
         (motion,) = read_motion_file(file)
         place = file.relative_to(folder).with_name(bare_name(file)).as_posix()
         digest = hashlib.sha256(read_bytes(file, allowed(MOST_BYTES, file))).hexdigest()
-        clips.append(
-            Listed(place, motion.subject, motion.action, motion.fps, len(motion), motion_digest(motion), digest)
-        )
+        clips.append(Listed(place, motion.subject, motion.action, motion.fps, len(motion), motion_digest(motion), digest))
     return clips
 
 

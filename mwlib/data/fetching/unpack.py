@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
+import errno
 import re
 import stat
 import zipfile
-import zlib
 from pathlib import Path, PurePosixPath
 
 from mwlib.data.archives import METHODS
@@ -39,7 +39,11 @@ def unpack(archive: Path, into: Path, wanted: re.Pattern[str], *, most: int, tog
             left = together
             for name, entry in sorted(entries.items()):
                 left -= _write(archive, source, entry, into / name, min(most, left))
-    except (zipfile.BadZipFile, zlib.error, EOFError, NotImplementedError, RuntimeError, UnicodeError) as error:
+    except MotionFormatError:
+        raise
+    except Exception as error:  # on broken bytes zipfile raises nearly any
+        if isinstance(error, OSError) and error.errno != errno.EINVAL:  # such as a full disk; EINVAL: a place before the start
+            raise
         raise MotionFormatError(archive, "archive", str(error)[:80] or type(error).__name__, "a whole zip file") from error
     return [into / name for name in sorted(entries)]
 

@@ -22,9 +22,9 @@ class Publisher:
     """What is published, what was asked for, and how the next answers go wrong.
 
     A trick is used up by one request: "drop" ends the connection amid the body, "stall" stops sending there, "cut" sends half and
-    announces half, "more" announces more than is sent, "endless" never ends, "page" is a web page with status 200, "pointer" one of
-    Git LFS, "empty" nothing, "whole" all of it whatever part was asked for, "elsewhere" another part, a number is a status.
-    "slow" and "patient" send everything, with pauses.
+    announces half, "more" announces more than is sent, "endless" never ends, "page" is a web page with status 200, "pointer"
+    one of Git LFS, "empty" nothing, "whole" all of it whatever part was asked for, "elsewhere" another part, a number is a
+    status. "slow" and "patient" send everything, with pauses; "hold" sends half, and the rest only at the end of the test.
     """
 
     def __init__(self) -> None:
@@ -33,7 +33,7 @@ class Publisher:
         self.asked: list[tuple[str, str]] = []  # path, range
         self.agents: set[str] = set()
         self.at_once = self.most_at_once = 0
-        self.gate = threading.Lock()
+        self.gate, self.end = threading.Lock(), threading.Event()
         self.url = ""
 
     def paths(self) -> list[str]:
@@ -99,6 +99,10 @@ def _handler(publisher: Publisher) -> type[BaseHTTPRequestHandler]:
                         self.leave()
                     self.wfile.write(body[start : start + step])
                     self.wfile.flush()
+            elif trick == "hold":
+                self.wfile.write(body[:half])
+                self.wfile.flush()
+                publisher.end.wait()
             elif trick == "endless":
                 while True:
                     self.wfile.write(bytes(10**6))
@@ -116,13 +120,15 @@ def serving() -> Iterator[Publisher]:
     """A publisher at work on a free port."""
     publisher = Publisher()
     with ThreadingHTTPServer(("127.0.0.1", 0), _handler(publisher)) as server:
-        server.daemon_threads = True
         publisher.url = f"http://127.0.0.1:{server.server_port}"
         thread = threading.Thread(target=server.serve_forever, kwargs={"poll_interval": 0.01})
         thread.start()
-        yield publisher
-        server.shutdown()
-        thread.join()
+        try:
+            yield publisher
+        finally:
+            publisher.end.set()
+            server.shutdown()
+            thread.join()
 
 
 def clip(turn: float) -> str:

@@ -9,6 +9,7 @@ import signal
 import subprocess
 import sys
 import threading
+import time
 from dataclasses import replace
 from pathlib import Path
 
@@ -32,8 +33,8 @@ import json, sys
 from pathlib import Path
 from mwlib.data.fetching.cmu import fetch_cmu
 from mwlib.data.fetching.lists import Listed
-from tests.data.fetching.publisher import HASTY
-fetch_cmu(Path(sys.argv[1]), sys.argv[2], HASTY, [Listed(*words) for words in json.loads(sys.argv[3])])
+from mwlib.data.fetching.download import Patience
+fetch_cmu(Path(sys.argv[1]), sys.argv[2], Patience(), [Listed(*words) for words in json.loads(sys.argv[3])])
 """
 
 
@@ -116,11 +117,19 @@ def test_every_file_may_fail_once(publisher, clips, tmp_path, trick):
 @pytest.mark.parametrize(
     "name, content, message",
     [
-        ("05/05_01.amc", clip(99.0).encode(), r"1 of 4 clips could not .*05_01.amc: another motion \(2 frames, .*expected 2 frames"),
+        (
+            "05/05_01.amc",
+            clip(99.0).encode(),
+            r"1 of 4 clips could not .*05_01.amc: another motion \(2 frames, .*expected 2 frames",
+        ),
         ("05/05_01.amc", clip(10.0)[:150].encode(), "05_01.amc: it cannot be read: .*found"),
         ("05/05_01.amc", PAGE, "05_01.amc: a web page arrived"),
         ("05/05_01.amc", None, "05_01.amc: the server says 404 Not Found"),
-        ("05/05.asf", ASF.replace("length 16", "length 17").encode(), "2 of 4 clips .*05_01.amc: another motion.*05_02.amc: another"),
+        (
+            "05/05.asf",
+            ASF.replace("length 16", "length 17").encode(),
+            "2 of 4 clips .*05_01.amc: another motion.*05_02.amc: another",
+        ),
     ],
 )
 def test_another_clip_than_the_listed_one_is_refused_and_the_others_come(publisher, clips, tmp_path, name, content, message):
@@ -153,11 +162,12 @@ def test_a_dead_line_ends_it_at_once_and_the_next_command_goes_on(publisher, cli
 
 def test_a_kill_amid_a_download_leaves_nothing_half(publisher, clips, tmp_path):
     """kill -9 while the second clip arrives; then the same again."""
-    publisher.tricks["05/05_02.amc"] = ["slow"]
+    publisher.tricks["05/05_02.amc"] = ["hold"]
     words = [sys.executable, "-c", KILLED, str(tmp_path), publisher.url, json.dumps(clips)]
     with subprocess.Popen(words, cwd=ROOT, env={**os.environ, "PYTHONPATH": str(ROOT)}) as child:
         while not any(part.stat().st_size for part in tmp_path.glob(".fetch-cmu/05/05_02.amc")):
             assert child.poll() is None
+            time.sleep(0.01)
         os.kill(child.pid, signal.SIGKILL)
     assert visible(tmp_path / FOLDER) == {"clips.csv", "05/05.asf", "05/05_01.amc"}
     assert [m.name for m in mw.load_motions(tmp_path / "cmu")] == ["05_01"], "no half file is read"

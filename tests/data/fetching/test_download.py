@@ -10,6 +10,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
+import requests
 
 from mwlib.data.fetching.download import LONGEST_WAIT, download
 from mwlib.data.fetching.errors import FetchError, NotOfferedError
@@ -116,6 +117,24 @@ def test_nobody_there_is_told(tmp_path):
         port = free.getsockname()[1]
     with pytest.raises(FetchError, match=f"127.0.0.1:{port}/a.bin: no connection .*refused.*tried 3 times"):
         download(f"http://127.0.0.1:{port}/a.bin", tmp_path / "part", fault, most=10, patience=HASTY)
+
+
+def test_announced_bytes_are_counted_whatever_the_library_does(tmp_path, monkeypatch):
+    """urllib3 before version 2 takes a connection that ends early for the end of the file."""
+
+    class Careless:
+        def __init__(self, hooks: dict, **_: object) -> None:
+            self.begin = hooks["response"]
+
+        def __call__(self, url: str, sink, pooch: None) -> None:
+            response = requests.Response()
+            response.status_code, response.headers["Content-Length"] = 200, "10"
+            self.begin(response)
+            sink.write(b"five!")
+
+    monkeypatch.setattr("pooch.HTTPDownloader", Careless)
+    with pytest.raises(FetchError, match="5 of 10 announced bytes arrived; tried 3 times"):
+        download("http://127.0.0.1/a.bin", tmp_path / "part", lambda _: "", most=10, patience=HASTY)
 
 
 def test_tries_keep_a_growing_distance(publisher, tmp_path, monkeypatch):
