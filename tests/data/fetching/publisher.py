@@ -13,7 +13,7 @@ from pathlib import Path
 from mwlib.data.fetching.download import Patience
 from tests.sample_motions import AMC, ASF
 
-HASTY = Patience(silence=0.25, tries=3, pause=0.01, between=0.0)
+HASTY = Patience(silence=1.0, tries=3, pause=0.01, between=0.0)
 PAGE = b"<!DOCTYPE html><html><body>Please sign in</body></html>"
 POINTER = b"version https://git-lfs.github.com/spec/v1\noid sha256:" + b"ab" * 32 + b"\nsize 144051503\n"
 
@@ -110,7 +110,8 @@ def _handler(publisher: Publisher) -> type[BaseHTTPRequestHandler]:
                 self.leave()
                 self.wfile.write(body[:half] if trick in ("drop", "stall", "cut") else body)
                 self.wfile.flush()
-                time.sleep(0.6 if trick == "stall" else 0)
+                if trick == "stall":
+                    publisher.end.wait()
 
     return Handler
 

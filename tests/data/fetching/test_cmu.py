@@ -107,10 +107,10 @@ def test_packed_clips_count_as_there(publisher, clips, tmp_path):
 
 @pytest.mark.parametrize("trick", ["drop", "stall", "more", "cut", "page", "empty", 503])
 def test_every_file_may_fail_once(publisher, clips, tmp_path, trick):
-    for name in publisher.files:
-        publisher.tricks[name] = [trick]
+    failing = list(publisher.files)[:2] if trick == "stall" else list(publisher.files)  # which takes its time
+    publisher.tricks |= {name: [trick] for name in failing}
     folder = fetch_cmu(tmp_path, publisher.url, HASTY, clips)
-    assert visible(folder) == WHOLE and len(publisher.asked) == 12
+    assert visible(folder) == WHOLE and len(publisher.asked) == 6 + len(failing)
     assert [motion_fault(folder / c.file, c) for c in clips] == [""] * 4
 
 
@@ -152,7 +152,7 @@ def test_a_publisher_without_the_data_is_not_asked_for_all_of_it(publisher, clip
 
 def test_a_dead_line_ends_it_at_once_and_the_next_command_goes_on(publisher, clips, tmp_path):
     publisher.tricks["05/05_02.amc"] = ["stall"] * 3
-    with pytest.raises(FetchError, match="05_02.amc: nothing arrived for 0.25 s.*tried 3 times. The same command goes on"):
+    with pytest.raises(FetchError, match="05_02.amc: nothing arrived for 1 s.*tried 3 times. The same command goes on"):
         fetch_cmu(tmp_path, publisher.url, HASTY, clips)
     assert visible(tmp_path / FOLDER) == {"clips.csv", "05/05.asf", "05/05_01.amc"}
     publisher.asked.clear()

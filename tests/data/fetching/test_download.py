@@ -73,7 +73,7 @@ def test_a_part_of_another_version_is_thrown_away(publisher, tmp_path, left):
     "trick, message, tries",
     [
         ("drop", "the connection ended early, after 131072 bytes; tried 3 times.*goes on from here", 3),
-        ("stall", "nothing arrived for 0.25 s, after 131072 bytes; tried 3 times", 3),
+        ("stall", "nothing arrived for 1 s, after 131072 bytes; tried 3 times", 3),
         ("more", "the connection ended early, after 262144 bytes", 3),
         (503, "the server says 503 Service Unavailable; tried 3 times", 3),
         (404, "a.bin: the server says 404 Not Found$", 1),
