@@ -11,6 +11,7 @@ from io import BytesIO
 from pathlib import Path
 from typing import Unpack
 
+import pooch
 from tqdm import tqdm
 
 from mwlib.body.kinematics import AXES
@@ -63,7 +64,7 @@ def load_motions(
 
     Args:
         source: "synthetic", the name of a preset (its data at its frame rate), or a path; a relative one is looked up in the
-            working folder, then under MWLIB_DATA.
+            working folder, then in the `data_folder`.
         fps: resample to this rate, hertz.
         skeleton: carry over to this skeleton; the skeleton itself of an array that states none.
         unit: metres per unit of the files, or "m", "cm", "mm", "inch", "cmu"; None: as the file says, or inferred from
@@ -115,15 +116,15 @@ def _check_rate(name: str, rate: float | None) -> None:
 
 
 def data_folder() -> Path:
-    """Where relative data sources are looked up: MWLIB_DATA, or the working folder."""
-    return Path(os.environ.get("MWLIB_DATA", "."))
+    """Where `mwlib fetch` puts data and relative sources are looked up: MWLIB_DATA, or this user's folder for such things."""
+    return Path(os.environ.get("MWLIB_DATA") or pooch.os_cache("mwlib"))
 
 
 def find_source(source: str | Path) -> Path:
     """The path that a source stands for.
 
     Raises:
-        FileNotFoundError: it is neither in the working folder nor under MWLIB_DATA.
+        FileNotFoundError: it is neither in the working folder nor in the folder of data.
     """
     path = Path(source).expanduser()
     places = [path] if path.is_absolute() else [Path.cwd() / path, data_folder().resolve() / path]
@@ -131,7 +132,8 @@ def find_source(source: str | Path) -> Path:
         if os.path.lexists(place):  # a broken link is there, and its reader says what is wrong with it
             return place
     where = " nor ".join(map(str, dict.fromkeys(places)))
-    hint = "" if "MWLIB_DATA" in os.environ or path.is_absolute() else "; MWLIB_DATA, the folder of your data, is not set"
+    hint = "" if os.environ.get("MWLIB_DATA") or path.is_absolute() else "; MWLIB_DATA, the folder of your data, is not set"
+    hint += "; mwlib fetch lists what can be downloaded"
     raise FileNotFoundError(f"no motions at {where}{hint}; expected a path, 'synthetic' or one of {', '.join(NAMED_SOURCES)}")
 
 

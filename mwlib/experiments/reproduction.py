@@ -52,7 +52,8 @@ Other results, with more detail, stand in [RESULTS.md](RESULTS.md). {ACKNOWLEDGE
 
 ```sh
 mwlib reproduction                                                                  # writes this page again
-MWLIB_DATA=/path/to/data mwlib grid-table table_6 --preset cmu --out figures/cmu    # measures one of its tables again
+mwlib fetch cmu                                                                     # downloads the clips
+mwlib grid-table table_6 --preset cmu --out figures/cmu                             # measures one of its tables again
 ```
 """
 

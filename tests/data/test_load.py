@@ -37,8 +37,9 @@ def test_relative_sources_are_looked_up_here_and_then_under_mwlib_data(folder, t
     here = tmp_path_factory.mktemp("here")
     monkeypatch.chdir(here)
     monkeypatch.delenv("MWLIB_DATA", raising=False)
+    monkeypatch.setattr("pooch.os_cache", lambda name: here / "cache" / name)
     with pytest.raises(
-        FileNotFoundError, match=f"no motions at {here}/b; MWLIB_DATA, .*, is not set; expected a path, 'synthetic'"
+        FileNotFoundError, match=f"no motions at {here}/b nor {here}/cache/mwlib/b; MWLIB_DATA, .*, is not set; mwlib fetch lists"
     ):
         load_motions("b")
     monkeypatch.setenv("MWLIB_DATA", str(folder))
@@ -47,7 +48,9 @@ def test_relative_sources_are_looked_up_here_and_then_under_mwlib_data(folder, t
     (here / "b").mkdir()
     (here / "b" / "one.bvh").write_text(BVH)
     assert [m.name for m in load_motions("b")] == ["one"]
-    with pytest.raises(FileNotFoundError, match=f"no motions at {here}/e nor {folder}/e; expected"):
+    with pytest.raises(
+        FileNotFoundError, match=f"no motions at {here}/e nor {folder}/e; mwlib fetch .*; expected a path, 'synthetic'"
+    ):
         load_motions("e")
 
 
