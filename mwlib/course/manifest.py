@@ -32,6 +32,7 @@ class Exhibit:
         data: which data it is made from.
         status: "made", or "planned" while no notebook makes it.
         paper: the paper's item that it answers to, e.g. {"system": "MotionWavelet", "item": "Table 1"}; may be empty.
+        committed: results under figures/ that show the same on real people, without ending; the site shows them instead.
     """
 
     id: str
@@ -43,6 +44,7 @@ class Exhibit:
     data: str
     status: str
     paper: dict[str, str] = field(default_factory=dict, hash=False)
+    committed: tuple[str, ...] = ()
 
 
 def read_manifest(path: Path = MANIFEST) -> list[Exhibit]:
@@ -65,7 +67,7 @@ def read_manifest(path: Path = MANIFEST) -> list[Exhibit]:
         problems += [f"{value}: the same {name} twice" for value in sorted(set(values), key=str) if values.count(value) > 1]
     if problems:
         raise ValueError(f"{path}:\n" + "\n".join(problems))
-    return [Exhibit(**{**row, "files": tuple(row["files"])}) for row in rows]
+    return [Exhibit(**{**row, **{key: tuple(row.get(key, ())) for key in ("files", "committed")}}) for row in rows]
 
 
 def _problems(row: dict[str, Any]) -> Iterator[str]:
@@ -73,7 +75,7 @@ def _problems(row: dict[str, Any]) -> Iterator[str]:
         if not isinstance(row.get(name), str) or not row[name].strip():
             yield f"{name} is {row.get(name)!r}; expected a text"
             return
-    if unknown := set(row) - {*TEXTS, "files", "paper"}:
+    if unknown := set(row) - {*TEXTS, "files", "paper", "committed"}:
         yield f"unknown fields {sorted(unknown)}"
     if not re.fullmatch(r"[a-z0-9]+(-[a-z0-9]+)*", row["id"]):
         yield "the id is not of lower-case words joined by hyphens"

@@ -51,16 +51,30 @@ def saved_stems(notebook: Mapping) -> list[str]:
     >>> saved_stems({"cells": [{"cell_type": "code", "source": "\\n".join(cells)}]})
     ['fig_1', 'fig_2']
     """
-    source, stems = _Source(parsed(notebook)), []
-    for call in page_calls(source.tree, "show", "table"):
+    return [stem for _, stem in kept_calls(parsed(notebook)) if stem is not None]
+
+
+def kept_calls(tree: ast.Module) -> list[tuple[str, str | None]]:
+    """Every call of `page.show` and `page.table`: the method, and the stem or None; of a loop, pass after pass.
+
+    Raises:
+        ValueError: a stem cannot be read from the source.
+    """
+    source, found = _Source(tree), []
+    for place, call in enumerate(page_calls(source.tree, "show", "table")):
         named = [keyword.value for keyword in call.keywords if keyword.arg == "stem"]
-        for expression in [*call.args[STEM_PLACE : STEM_PLACE + 1], *named]:
-            found = [source.value(expression, scope) for scope in source.scopes(call)]
-            if not all(stem is None or isinstance(stem, str) for stem in found):
+        expression = next(iter([*call.args[STEM_PLACE : STEM_PLACE + 1], *named]), ast.Constant(None))
+        for turn, scope in enumerate(source.scopes(call)):
+            stem = source.value(expression, scope)
+            if not (stem is None or isinstance(stem, str)):
                 text = f"{ast.unparse(call.func)}({ast.unparse(call.args[0]) if call.args else ''}, {ast.unparse(expression)}"
                 raise ValueError(f"the stem in {text}, …) cannot be read; expected a literal, or a loop or call with literals")
-            stems += [stem for stem in found if stem is not None]
-    return stems
+            found.append((source.top(call), turn, place, _attribute(call), stem))
+    return [(method, stem) for *_, method, stem in sorted(found, key=lambda one: one[:3])]
+
+
+def _attribute(call: ast.Call) -> str:
+    return call.func.attr if isinstance(call.func, ast.Attribute) else ""
 
 
 class _Source:
@@ -149,6 +163,10 @@ class _Source:
         defaults |= dict(zip((a.arg for a in function.args.kwonlyargs), function.args.kw_defaults, strict=True))
         given = dict(zip(names, call.args, strict=False)) | {k.arg: k.value for k in call.keywords}
         return {name: self.value(expression, outer) for name, expression in (defaults | given).items() if name}
+
+    def top(self, node: ast.AST) -> int:
+        """The place of the statement of the notebook that a node stands in."""
+        return next(place for place, around in enumerate(self.tree.body) if around in (node, *self._around(node)))
 
     def _around(self, node: ast.AST) -> list[ast.AST]:
         around, above = [], self.parents.get(node)

