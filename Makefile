@@ -9,12 +9,14 @@ JOBS ?= 2
 NB ?=
 GRIDS ?= figures/grids.yaml
 SET ?=
+CHROMIUM ?= chromium
 FILES ?= 15000
 SEED ?= 0
 
 VENV := .venv
 RUN := $(VENV)/bin/python
 READY := $(VENV)/.ready
+ASSETS := mwlib/plots/assets
 BLENDER_ENV ?= $(or $(XDG_CACHE_HOME),$(HOME)/.cache)/mwlib/blender
 
 # What a user gives is text, whatever signs it holds: $(value X) is not expanded, quoted is one word of the shell, and setting is
@@ -27,12 +29,12 @@ BLENDER = $(call quoted,$(BLENDER_ENV))
 OPTIONS = --cores $(call quoted,$(value JOBS)) --keep-going --rerun-incomplete --quiet progress rules \
 	--config $(call setting,preset,PRESET) $(call setting,data,DATA) $(call setting,out,OUT)
 
-unexport PYTHON PRESET DATA OUT JOBS NB GRIDS SET # to export one is to expand it
+unexport PYTHON PRESET DATA OUT JOBS NB GRIDS SET CHROMIUM # to export one is to expand it
 export OMP_NUM_THREADS ?= 1
 export MWLIB_RUNS ?= $(CURDIR)/runs
 
 .DEFAULT_GOAL := help
-.PHONY: help figures grids test types test-workflow mutants fuzz test-blender lab notebooks learner wheel
+.PHONY: help figures grids test types test-workflow mutants fuzz test-blender player test-player lab notebooks learner wheel
 
 help: ## show this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-12s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -50,7 +52,7 @@ test: $(READY) ## lint, types, unit tests, and every notebook executed and compa
 	$(RUN) -m ruff format --check .
 	$(RUN) -m basedpyright
 	@rm -rf build/test-runs
-	MW_STATIC=1 SOURCE_DATE_EPOCH=0 MWLIB_RUNS=$(call quoted,$(CURDIR)/build/test-runs) $(RUN) -m pytest -n 2 --dist loadfile --no-loadscope-reorder --ignore=tests/blender --ignore=tests/workflow tests
+	MW_STATIC=1 SOURCE_DATE_EPOCH=0 MWLIB_RUNS=$(call quoted,$(CURDIR)/build/test-runs) $(RUN) -m pytest -n 2 --dist loadfile --no-loadscope-reorder --ignore=tests/blender --ignore=tests/browser --ignore=tests/workflow tests
 
 types: $(READY) ## check the library's types
 	$(RUN) -m basedpyright
@@ -68,6 +70,18 @@ test-blender: $(READY) ## open written BVH files in Blender: installs bpy, 1 GB,
 	@test -x $(BLENDER)/bin/python || $(WITH) -m venv $(BLENDER)
 	@$(BLENDER)/bin/python -c 'import bpy' 2>/dev/null || $(BLENDER)/bin/python -m pip install --quiet bpy==4.2.23
 	MWLIB_BLENDER=$(BLENDER)/bin/python $(RUN) -m pytest tests/blender
+
+player: $(READY) ## build the 3-D player's bundle of its sources anew, the same to the bit; needs node and npm
+	@rm -rf build/player && mkdir -p build/player
+	cp $(ASSETS)/*.src.js $(ASSETS)/*.css $(ASSETS)/package.json $(ASSETS)/package-lock.json build/player
+	cd build/player && npm ci --ignore-scripts --no-audit --no-fund
+	cd build/player && npm run --silent build -- --banner:js="$$($(CURDIR)/$(RUN) -c 'from mwlib.plots import bundle; print(bundle.RECORD + bundle.sources_hash())')"
+	cp build/player/player.js $(ASSETS)/player.js
+	cp build/player/node_modules/three/LICENSE $(ASSETS)/LICENSE.three
+
+test-player: $(READY) ## open players in headless Chromium: CHROMIUM=chromium
+	$(RUN) -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[notebooks,dev,browser]'
+	MWLIB_CHROMIUM=$(call quoted,$(value CHROMIUM)) $(RUN) -m pytest tests/browser
 
 lab: $(READY) ## open JupyterLab on the first notebook
 	$(RUN) -m jupyterlab notebooks/00_start_here.ipynb

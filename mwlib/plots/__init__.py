@@ -11,8 +11,10 @@ from mwlib.plots.evaluation import bars_per_action, trajectories
 from mwlib.plots.filmstrip import filmstrip
 from mwlib.plots.guidance import claimed_and_measured, noised_rows, pose_grid
 from mwlib.plots.look import CYCLE, STYLE, style, use_style
+from mwlib.plots.loops import Loop, loop
 from mwlib.plots.metric_picture import metric_picture
 from mwlib.plots.phase import error_by_size, phase_circles, predicted_curves, windows_and_sinusoids
+from mwlib.plots.player import Player, player
 from mwlib.plots.save import save, save_table, show
 from mwlib.plots.signals import filters, padding_modes, scaling_and_wavelet, signal_and_coefficients
 from mwlib.plots.skeletons import animate, end_poses, film, overlay_futures, storyboard
@@ -20,6 +22,8 @@ from mwlib.plots.tables import Table, results_table, significant
 
 __all__ = [
     "CYCLE",
+    "Loop",
+    "Player",
     "STYLE",
     "Table",
     "animate",
@@ -42,6 +46,7 @@ __all__ = [
     "filmstrip",
     "filters",
     "histograms",
+    "loop",
     "loss_curves",
     "matrix",
     "metric_picture",
@@ -51,6 +56,7 @@ __all__ = [
     "overview",
     "padding_modes",
     "phase_circles",
+    "player",
     "pose_grid",
     "predicted_curves",
     "projection_change",
