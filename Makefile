@@ -9,6 +9,7 @@ JOBS ?= 2
 NB ?=
 GRIDS ?= figures/grids.yaml
 SET ?=
+CHROMIUM ?= chromium
 FILES ?= 15000
 SEED ?= 0
 
@@ -16,6 +17,7 @@ VENV := .venv
 RUN := $(VENV)/bin/python
 READY := $(VENV)/.ready
 SITE_READY := $(VENV)/.site-ready
+ASSETS := mwlib/plots/assets
 BLENDER_ENV ?= $(or $(XDG_CACHE_HOME),$(HOME)/.cache)/mwlib/blender
 
 # What a user gives is text, whatever signs it holds: $(value X) is not expanded, quoted is one word of the shell, and setting is
@@ -28,12 +30,12 @@ BLENDER = $(call quoted,$(BLENDER_ENV))
 OPTIONS = --cores $(call quoted,$(value JOBS)) --keep-going --rerun-incomplete --quiet progress rules \
 	--config $(call setting,preset,PRESET) $(call setting,data,DATA) $(call setting,out,OUT)
 
-unexport PYTHON PRESET DATA OUT JOBS NB GRIDS SET # to export one is to expand it
+unexport PYTHON PRESET DATA OUT JOBS NB GRIDS SET CHROMIUM # to export one is to expand it
 export OMP_NUM_THREADS ?= 1
 export MWLIB_RUNS ?= $(CURDIR)/runs
 
 .DEFAULT_GOAL := help
-.PHONY: help figures grids test types test-workflow mutants fuzz test-blender site test-site lab notebooks learner wheel
+.PHONY: help figures grids test types test-workflow mutants fuzz test-blender site test-site player test-player lab notebooks learner wheel
 
 help: ## show this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-12s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -51,7 +53,7 @@ test: $(READY) ## lint, types, unit tests, and every notebook executed and compa
 	$(RUN) -m ruff format --check .
 	$(RUN) -m basedpyright
 	@rm -rf build/test-runs
-	MW_STATIC=1 SOURCE_DATE_EPOCH=0 MWLIB_RUNS=$(call quoted,$(CURDIR)/build/test-runs) $(RUN) -m pytest -n 2 --dist loadfile --no-loadscope-reorder --ignore=tests/blender --ignore=tests/workflow --ignore=tests/site tests
+	MW_STATIC=1 SOURCE_DATE_EPOCH=0 MWLIB_RUNS=$(call quoted,$(CURDIR)/build/test-runs) $(RUN) -m pytest -n 2 --dist loadfile --no-loadscope-reorder --ignore=tests/blender --ignore=tests/browser --ignore=tests/workflow --ignore=tests/site tests
 
 types: $(READY) ## check the library's types
 	$(RUN) -m basedpyright
@@ -78,6 +80,18 @@ site: $(SITE_READY) ## build the site from the repository as it lies into build/
 
 test-site: site ## open every page of the site in a headless browser, as on a desk and on a phone: needs Chromium or Chrome
 	$(RUN) -m pytest tests/site
+
+player: $(READY) ## build the 3-D player's bundle of its sources anew, the same to the bit; needs node and npm
+	@rm -rf build/player && mkdir -p build/player
+	cp $(ASSETS)/*.src.js $(ASSETS)/*.css $(ASSETS)/package.json $(ASSETS)/package-lock.json build/player
+	cd build/player && npm ci --ignore-scripts --no-audit --no-fund
+	cd build/player && npm run --silent build -- --banner:js="$$($(CURDIR)/$(RUN) -c 'from mwlib.plots import bundle; print(bundle.RECORD + bundle.sources_hash())')"
+	cp build/player/player.js $(ASSETS)/player.js
+	cp build/player/node_modules/three/LICENSE $(ASSETS)/LICENSE.three
+
+test-player: $(READY) ## open players in headless Chromium: CHROMIUM=chromium
+	$(RUN) -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[notebooks,dev,browser]'
+	MWLIB_CHROMIUM=$(call quoted,$(value CHROMIUM)) $(RUN) -m pytest tests/browser
 
 lab: $(READY) ## open JupyterLab on the first notebook
 	$(RUN) -m jupyterlab notebooks/00_start_here.ipynb

@@ -7,6 +7,8 @@ without outputs, and because a reader, a screen reader and papermill each need s
 from __future__ import annotations
 
 import ast
+import base64
+import io
 import re
 import statistics
 from collections.abc import Callable, Iterator
@@ -14,11 +16,13 @@ from pathlib import Path
 
 import nbformat
 from nbformat import NotebookNode
+from PIL import Image
 
 from mwlib.course.execute import PICTURES, WIDGET, is_table
 from mwlib.course.files import source_hash
 from mwlib.course.parameters import ParameterError, read_parameters, tags
 from mwlib.course.stems import page_calls, parsed, saved_stems
+from mwlib.plots.loops import MOST_BYTES
 
 Rule = Callable[[NotebookNode], Iterator[str]]
 COMMON = {"preset": "str", "data": "str", "out": "str"}
@@ -225,6 +229,20 @@ def described(notebook: NotebookNode) -> Iterator[str]:
             yield f"the text after the picture of cell {cell.execution_count} has no '{SEEN}'"
 
 
+def moving(notebook: NotebookNode) -> Iterator[str]:
+    """A picture that moves is small, and does not stop before a reader has come to it."""
+    for cell in code_cells(notebook):
+        found = [out.data[kind] for out in pictures(cell) for kind in PICTURES if kind in out.data]
+        for content in map(base64.b64decode, found):
+            image = Image.open(io.BytesIO(content))
+            if not getattr(image, "is_animated", False):
+                continue
+            if len(content) > MOST_BYTES:
+                yield f"a moving picture of cell {cell.execution_count} has {len(content)} bytes; expected at most {MOST_BYTES}"
+            if times := image.info.get("loop", 1):
+                yield f"a moving picture of cell {cell.execution_count} stops after {times} rounds; expected a loop"
+
+
 def exercises(notebook: NotebookNode) -> Iterator[str]:
     """Exercises are numbered in order; each has a cell tagged `solution` and a check that does not show it."""
     places = [
@@ -248,5 +266,6 @@ def exercises(notebook: NotebookNode) -> Iterator[str]:
 
 
 RULES: tuple[Rule, ...] = (
-    heading, first_cell, parameters, page, result, forbidden, length, executed, outputs, compared, symbols, described, exercises,
+    heading, first_cell, parameters, page, result, forbidden, length, executed, outputs, compared, symbols, described, moving,
+    exercises,
 )  # fmt: skip

@@ -1,8 +1,9 @@
-"""Commands about finished runs of the prediction system: predict, export-bvh."""
+"""Commands about finished runs of the prediction system: predict, export-bvh, loop."""
 
 from __future__ import annotations
 
 import io
+import json
 import sys
 from argparse import ArgumentParser, Namespace, _SubParsersAction
 from pathlib import Path
@@ -10,14 +11,17 @@ from pathlib import Path
 import numpy as np
 from tqdm import tqdm
 
+from mwlib import plots
 from mwlib.body.motion import Motion
 from mwlib.data import load_motions
 from mwlib.data.formats.bvh_writing import write_bvh
+from mwlib.data.known import acknowledgement
 from mwlib.experiments.data_commands import add_statements, statements
 from mwlib.experiments.runs import load_run
-from mwlib.files import write_atomic
+from mwlib.files import write_atomic, write_together
 from mwlib.prediction.continuation import continued
 from mwlib.prediction.predictor import Predictor
+from mwlib.version import __version__
 
 
 def add_parser(subparsers: _SubParsersAction) -> None:
@@ -34,6 +38,15 @@ def add_parser(subparsers: _SubParsersAction) -> None:
     parser.add_argument("--out", type=Path, default=Path("build/bvh"), help="folder; default: build/bvh")
     parser.set_defaults(run=_export)
 
+    text = "write a looping picture of a clip: the truth, and sampled futures beside it"
+    parser = subparsers.add_parser("loop", help=text, description=f"{text.capitalize()}. {_LOOP}")
+    _options(parser)
+    parser.add_argument("--clip", default="", metavar="NAME", help="which clip (default: the first)")
+    parser.add_argument("--start", type=int, default=0, help="first observed frame, at the model's rate (default 0)")
+    parser.add_argument("--width", type=int, default=900, help="pixels (default 900)")
+    parser.add_argument("--out", type=Path, default=Path("loop.webp"), help=".webp, .gif or .png; default: loop.webp")
+    parser.set_defaults(run=_loop)
+
 
 _FORM = (
     "The file holds, by the clip's name, positions (samples, frames, joints, 3) in metres, observed frames first; joints, "
@@ -45,6 +58,8 @@ _BVH = (
     "not predict it."
 )
 
+_LOOP = "Beside the picture stand its alternative text (.txt) and its provenance (.json)."
+
 
 def _options(parser: ArgumentParser) -> None:
     parser.add_argument("run_folder", type=Path, metavar="RUN", help="folder of a finished training run, as train prints it")
@@ -55,12 +70,17 @@ def _options(parser: ArgumentParser) -> None:
     parser.add_argument("--clips", type=int, default=0, metavar="N", help="only the first N clips (default: all)")
 
 
-def _continuations(args: Namespace) -> tuple[Predictor, list[list[Motion]], list[str]]:
+def _predictor(args: Namespace) -> Predictor:
     if args.samples < 1:
         raise ValueError(f"samples is {args.samples}; expected at least 1")
     predictor = load_run(args.run_folder)
     if not isinstance(predictor, Predictor):
         raise ValueError(f"{args.run_folder} is a run of another system; expected one of prediction")
+    return predictor
+
+
+def _continuations(args: Namespace) -> tuple[Predictor, list[list[Motion]], list[str]]:
+    predictor = _predictor(args)
     motions = load_motions(args.source, **statements(args))
     motions = motions[: args.clips] if args.clips else motions
     found = continued(predictor, motions, args.samples, args.seed, progress=sys.stderr.isatty())
@@ -98,4 +118,42 @@ def _export(args: Namespace) -> int:
     mean, largest = np.mean([e.mean for e in errors]), max(e.max for e in errors)
     away = f"{1000 * mean:.1f} mm from the predicted ones, {1000 * largest:.0f} mm at most"
     print(f"{args.out}: {len(errors)} files; joints are {away}")
+    return 0
+
+
+def _loop(args: Namespace) -> int:
+    predictor = _predictor(args)
+    motions = load_motions(args.source, **statements(args))
+    clips = [m for m in motions if args.clip in ("", m.name)]
+    if not clips:
+        raise ValueError(f"clip is {args.clip!r}; {args.source} has {', '.join(_names(motions))}")
+    (clip,), cut = predictor.bodies.prepare(clips[:1]), predictor.representation
+    history, end = cut.history, args.start + cut.frames
+    if not 0 <= args.start <= len(clip) - cut.frames:
+        raise ValueError(f"start is {args.start}; {clip.name} has {len(clip)} frames, and {cut.frames} are shown")
+    truth = clip.cut(args.start, end)
+    (futures,), x = predictor.predict([truth.cut(0, history)], args.samples, args.seed), truth.root_relative()
+    samples = {f"sample {n}": np.concatenate([x[:history], future]) for n, future in enumerate(futures, 1)}
+    alt = (
+        f"Stick figures side by side, moving in a loop: {clip.name} ({clip.action}), observed in grey for "
+        f"{history / clip.fps:.1f} s, then the truth in black and {args.samples} futures sampled by the model in colour."
+    )
+    picture = plots.loop(
+        {"truth": x, **samples},
+        clip.skeleton,
+        fps=clip.fps,
+        history=history,
+        alt=alt,
+        pictures_per_second=25,
+        width=args.width,
+        most_bytes=4_000_000,
+    )
+    about = {
+        "run": str(args.run_folder), "data": args.source, "clip": clip.name, "start_frame": args.start, "samples": args.samples,
+        "seeds": {"sampling": args.seed}, "fps": clip.fps, "mwlib": __version__, **acknowledgement(args.source),
+    }  # fmt: skip
+    said = json.dumps(about, indent=2, sort_keys=True)
+    content = picture.encoded(args.out.suffix)
+    write_together({args.out: content, args.out.with_suffix(".txt"): f"{alt}\n", args.out.with_suffix(".json"): f"{said}\n"})
+    print(f"{args.out}: {len(picture)} pictures of {picture.size[0]} x {picture.size[1]} pixels, {len(content)} bytes")
     return 0

@@ -12,8 +12,10 @@ from mwlib.plots.filmstrip import filmstrip
 from mwlib.plots.guidance import claimed_and_measured, noised_rows, pose_grid
 from mwlib.plots.keyframes import keyframe_samples, scheme_errors
 from mwlib.plots.look import CYCLE, STYLE, style, use_style
+from mwlib.plots.loops import Loop, loop
 from mwlib.plots.metric_picture import metric_picture
 from mwlib.plots.phase import error_by_size, phase_circles, predicted_curves, windows_and_sinusoids
+from mwlib.plots.player import Player, player
 from mwlib.plots.save import save, save_table, show
 from mwlib.plots.signals import filters, padding_modes, scaling_and_wavelet, signal_and_coefficients
 from mwlib.plots.skeletons import animate, end_poses, film, overlay_futures, storyboard
@@ -21,6 +23,8 @@ from mwlib.plots.tables import Table, results_table, significant
 
 __all__ = [
     "CYCLE",
+    "Loop",
+    "Player",
     "STYLE",
     "Table",
     "animate",
@@ -44,6 +48,7 @@ __all__ = [
     "filters",
     "histograms",
     "keyframe_samples",
+    "loop",
     "loss_curves",
     "matrix",
     "metric_picture",
@@ -53,6 +58,7 @@ __all__ = [
     "overview",
     "padding_modes",
     "phase_circles",
+    "player",
     "pose_grid",
     "predicted_curves",
     "projection_change",

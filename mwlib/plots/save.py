@@ -52,7 +52,7 @@ def save(
         TypeError: the provenance holds something that JSON cannot.
     """
     contents = {
-        "txt": (_described(alt) + "\n").encode(),
+        "txt": (described(alt) + "\n").encode(),
         "csv": as_csv(data).encode(),
         "png": _render(fig, "png", SAVE_DPI),
         "pdf": _render(fig, "pdf", SAVE_DPI),
@@ -92,7 +92,7 @@ def show(fig: Figure, alt: str) -> None:
     """
     from IPython.display import display  # at hand in every notebook; the library itself does without
 
-    alt = _described(alt)
+    alt = described(alt)
     png = base64.b64encode(_with_palette(_render(fig, "png", mpl.rcParams["figure.dpi"]))).decode()
     display({"image/png": png, "text/plain": alt}, metadata={"image/png": {"alt": alt}}, raw=True)
     plt.close(fig)  # a figure made by pyplot would otherwise appear a second time
@@ -137,7 +137,7 @@ def origin(kind: str, stem: str, provenance: Mapping[str, object]) -> str:
     return json.dumps({kind: stem, **provenance}, indent=2, sort_keys=True, allow_nan=False) + "\n"
 
 
-def _described(alt: str) -> str:
+def described(alt: str) -> str:
     if not alt.strip():
         raise ValueError("the alternative text is empty; expected a sentence that says what the picture shows")
     return " ".join(alt.split())

@@ -49,13 +49,13 @@ def storyboard(
     """
     flat, total = _flat(rows, skeleton, azimuth)
     frames = _spread(frames, history, total) if isinstance(frames, int) else [frame % total for frame in frames]
-    times = [_seconds(frame, history, fps) for frame in frames]
+    times = [seconds_text(frame, history, fps) for frame in frames]
     board = Board(skeleton, list(flat.values()), list(flat), times, sum(frame < history for frame in frames))
     for row, (name, points) in enumerate(flat.items()):
         for column, frame in enumerate(frames):
             at = frame - (total - len(points))
             if at >= 0:
-                board.draw(row, column, points[at : at + 1], _kind(name, frame, history))
+                board.draw(row, column, points[at : at + 1], body_kind(name, frame, history))
     return board.fig, board.ax
 
 
@@ -159,8 +159,8 @@ def animate(
         for column, (name, points) in enumerate(flat.items()):
             at = frame - (total - len(points))
             if at >= 0:
-                shown.extend(board.draw(0, column, points[at : at + 1], _kind(name, frame, history)))
-        clock.set_text(_seconds(frame, history, fps) + "  observed" * (frame < history))
+                shown.extend(board.draw(0, column, points[at : at + 1], body_kind(name, frame, history)))
+        clock.set_text(seconds_text(frame, history, fps) + "  observed" * (frame < history))
         return shown
 
     return board.fig, FuncAnimation(board.fig, draw, frames=range(0, total, step), interval=1000 * step / fps, init_func=list)
@@ -189,11 +189,13 @@ def _camera(azimuth: float | None, pose: np.ndarray, skeleton: Skeleton) -> floa
     return facing(pose, skeleton) + THREE_QUARTER if azimuth is None else azimuth
 
 
-def _kind(name: str, frame: int, history: int) -> str:
+def body_kind(name: str, frame: int, history: int) -> str:
+    """How a body is drawn: observed, truth or predicted."""
     return "observed" if frame < history else "truth" if name == "truth" else "predicted"
 
 
-def _seconds(frame: int, history: int, fps: float) -> str:
+def seconds_text(frame: int, history: int, fps: float) -> str:
+    """The time of a frame, 0 at the last observed one."""
     time = (frame - max(history - 1, 0)) / fps
     return f"{time:+.2f} s".replace("-", "\N{MINUS SIGN}") if time else "0.00 s"
 

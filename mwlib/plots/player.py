@@ -1,0 +1,267 @@
+"""A player of motions in three dimensions, for a notebook and for any web page; nothing is fetched from anywhere."""
+
+from __future__ import annotations
+
+import base64
+import html
+import json
+import os
+from collections.abc import Mapping, Sequence
+from importlib.util import find_spec
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+from jaxtyping import Float
+
+from mwlib.body.skeleton import Skeleton
+from mwlib.files import write_atomic
+from mwlib.plots.bodies import COLOURS, ELEVATION, THREE_QUARTER, facing
+from mwlib.plots.bundle import packed, script
+from mwlib.plots.look import CYCLE
+from mwlib.plots.loops import Loop, loop_of
+from mwlib.plots.save import described
+from mwlib.plots.stage import Actor, Shown, Stage, placed_pose, stage
+
+if TYPE_CHECKING:
+    from mwlib.plots.player_widget import PlayerWidget
+
+ShownAs = Literal["widget", "html", "loop"]
+MILLIMETRE, LARGEST = 0.001, 32767  # positions are int16
+LONG_WAY = 2.5  # metres; a body that goes farther is followed
+# Own choice for dark pages: the same hues, light enough for 4.5:1 on #1b1f26.
+DARK = {"observed": ("#8b929c",) * 3, "truth": ("#f2f4f7",) * 3, "predicted": ("#aab2bf", "#58a6e0", "#f58a45")}
+THEMES = {
+    "light": {**COLOURS, "grid": "#9aa1ab", "shadow": 0.25, "ghost": CYCLE[4], "paper": "#ffffff"},
+    "dark": {**DARK, "grid": "#5b6472", "shadow": 0.5, "ghost": "#c68bf0", "paper": "#1b1f26"},
+}
+PAGE = """<!doctype html>
+<html lang="en">
+<head>
+<meta charset="utf-8">
+<meta name="viewport" content="width=device-width, initial-scale=1">
+<title>{title}</title>
+<style>
+:root {{ color-scheme: light dark; }}
+body {{ margin: 0 auto; padding: 12px; max-width: 1100px; font-family: system-ui, sans-serif; background: #fff; color: #22262e; }}
+@media (prefers-color-scheme: dark) {{ body {{ background: #12151a; color: #e8ebf0; }} }}
+</style>
+</head>
+<body>
+{body}
+</body>
+</html>
+"""
+
+
+class Player:
+    """Bodies that move, seen from any side; shows itself in a notebook. `player` makes one.
+
+    Attributes:
+        payload: all that the browser gets; JSON values.
+        alt: the alternative text.
+    """
+
+    def __init__(self, shown: Stage, payload: Mapping[str, Any], shown_as: ShownAs | None = None) -> None:
+        self._stage, self._shown_as = shown, shown_as
+        self.payload: dict[str, Any] = json.loads(json.dumps(payload))  # as the browser will see it
+        self.alt: str = self.payload["alt"]
+
+    def html(self, embed: bool = True) -> str:
+        """The player as a piece of HTML that stands alone: in a page, in a notebook's output, in documentation.
+
+        Args:
+            embed: take the player's program along (200 kB). One copy on a page is enough for all.
+        """
+        said = json.dumps(self.payload, separators=(",", ":")).replace("<", "\\u003c")
+        data = f'<script type="application/json">{said}</script>'
+        label = html.escape(self.alt)
+        return (
+            f'<div class="mwlib-player" data-bundle="{packed()[0]}" role="group" aria-label="{label}">'
+            f"<p>{label}</p>{data}</div>\n{script(embed)}"
+        )
+
+    def save_html(self, path: str | Path, *others: Player, title: str = "Motions") -> Path:
+        """Write a page that needs no server and no network; other players follow below, and share the program.
+
+        Args:
+            path: of the file.
+            others: players that stand on the same page.
+            title: of the page.
+
+        Returns:
+            The path.
+        """
+        parts = [player.html(embed=player is self) for player in (self, *others)]
+        write_atomic(Path(path), PAGE.format(title=html.escape(title), body="\n".join(parts)))
+        return Path(path)
+
+    def loop(self, **options: Any) -> Loop:
+        """The same bodies as a looping picture; options as for `mwlib.plots.loop`."""
+        return loop_of(self._stage, history=self.payload["history"], **{"alt": self.alt, **options})
+
+    def widget(self) -> PlayerWidget:
+        """A widget whose `frame`, `playing` and `speed` follow the player and steer it; needs a running notebook.
+
+        Raises:
+            ModuleNotFoundError: anywidget is not installed.
+        """
+        from mwlib.plots.player_widget import PlayerWidget  # needs what only notebooks have
+
+        key, bundle = packed()
+        return PlayerWidget(key=key, bundle=bundle, payload=self.payload, speed=self.payload["speed"])
+
+    def _repr_html_(self) -> str:
+        """For tools that show HTML."""
+        return self.html()
+
+    def _ipython_display_(self) -> None:
+        from IPython.display import display  # at hand in every notebook; the library itself does without
+
+        shown_as = "loop" if os.environ.get("MW_STATIC") == "1" else self._shown_as or _live()
+        if shown_as == "loop":
+            display(self.loop())
+        elif shown_as == "widget":
+            display(self.widget())
+        else:
+            display({"text/html": self.html(), "text/plain": self.alt}, raw=True)
+
+
+def player(
+    motions: Mapping[str, Shown] | Sequence[Shown] | Shown,
+    skeleton: Skeleton | None = None,
+    *,
+    fps: float | None = None,
+    history: int = 0,
+    layout: Literal["side", "overlay"] = "side",
+    keyframes: Sequence[int] | Mapping[int, Shown] = (),
+    azimuth: float | None = None,
+    speed: float = 1.0,
+    loop: bool = True,
+    autoplay: bool = True,
+    follow: bool | None = None,
+    height: int = 420,
+    alt: str | None = None,
+    shown_as: ShownAs | None = None,
+) -> Player:
+    """Play motions in three dimensions: turn them with the mouse or a finger, stop, search, slow down, lay them over each other.
+
+    Bodies are grey while observed, black when named "truth", coloured otherwise: left limbs blue, right limbs orange and
+    striped. Keys, when the player has the focus: space, arrows, Home and End, shift with arrows to turn, l, o, f, r as the
+    buttons say. It starts paused for readers whose system asks for less motion.
+
+    Positions are kept as whole millimetres, or coarser where they reach beyond 32 m: 34 kB for 5 s of 17 joints at 50 Hz.
+
+    Args:
+        motions: a `Motion`, a list of them, an array, or a mapping from names to these. An array is (T, 3J) about the root or
+            (T, J+1, 3), metres, z up; with a further axis in front it is several motions. With a history, a motion that is
+            shorter than the longest is its end, as in `storyboard`.
+        skeleton: of the arrays; a `Motion` has its own.
+        fps: frames per second of the arrays, and of the film; None takes that of the first `Motion`.
+        history: observed frames H; time 0 is the last of them.
+        layout: side by side, or one over the other. The reader can change it.
+        keyframes: frames to mark on the bar; each body's pose there stands as a ghost. A mapping gives the poses: frame ->
+            (3J,), (J+1, 3) or a `Motion` of one frame. Negative frames count from the end.
+        azimuth: of the camera at first, degrees; None looks at the body from its front right.
+        speed: times true speed.
+        loop: begin again after the last frame.
+        autoplay: begin when the page is shown.
+        follow: keep the bodies in the middle of their panels; None does if one goes farther than 2.5 m.
+        height: of the picture, pixels.
+        alt: what the player shows, for someone who cannot see it; None counts the motions and names them.
+        shown_as: in a notebook: "widget" (which needs a running kernel), "html" (stands alone, and stays in the saved notebook)
+            or "loop" (a picture that moves). None: a widget where a kernel runs and anywidget is installed, else HTML. With
+            MW_STATIC=1 in the environment, which the course's own notebooks are made with, it is a loop in any case.
+
+    Raises:
+        TypeError: something is neither a motion nor an array of numbers.
+        ValueError: there are no motions, a shape does not fit the skeleton, a number is not finite, an array comes without
+            skeleton or rate, the history is longer than the film, a keyframe lies outside of it, or a choice is none of those
+            offered.
+
+    >>> from mwlib.data import load_motions
+    >>> walk = load_motions("synthetic", fps=25)[0].cut(0, 50)
+    >>> player({"truth": walk, "slower": walk.resample(12.5)}, history=10).alt
+    '3-D player of 2 motions: truth, slower. 50 frames at 25 Hz, 2.0 s, the first 10 observed.'
+    """
+    for name, value, known in (("layout", layout, ("side", "overlay")), ("shown_as", shown_as, (None, "widget", "html", "loop"))):
+        if value not in known:
+            raise ValueError(f"{name} is {value!r}; expected one of {', '.join(map(repr, known))}")
+    if not (np.isfinite(speed) and speed > 0):
+        raise ValueError(f"speed is {speed}; expected a positive number, 1 for true speed")
+    shown = stage(motions, skeleton, fps, history)
+    first = next(iter(shown.actors.values()))
+    marks = {_frame(frame, shown.frames): frame for frame in keyframes}
+    payload = {
+        "alt": described(alt) if alt is not None else _counted(shown, history), "fps": shown.fps, "frames": shown.frames,
+        "history": history, "layout": layout, "speed": speed, "loop": loop, "autoplay": autoplay, "height": height,
+        "follow": _wanders(shown) if follow is None else follow, "elevation": ELEVATION, "colours": THEMES,
+        "azimuth": facing(first.positions[0], first.skeleton) + THREE_QUARTER if azimuth is None else azimuth,
+        "bodies": [_body(name, actor, shown) for name, actor in shown.actors.items()],
+        "keyframes": sorted(marks), "ghosts": _ghosts(shown, marks, keyframes),
+    }  # fmt: skip
+    return Player(shown, payload, shown_as)
+
+
+def _live() -> ShownAs:
+    from IPython import get_ipython  # at hand in every notebook; the library itself does without
+
+    return "widget" if find_spec("anywidget") and getattr(get_ipython(), "kernel", None) else "html"
+
+
+def _body(name: str, actor: Actor, shown: Stage) -> dict[str, Any]:
+    size = _size(next(iter(shown.actors.values())))
+    kind = "truth" if name == "truth" else "predicted"
+    return {"name": name, "kind": kind, "start": actor.start, **_drawn(actor.positions, actor.skeleton, size)}
+
+
+def _drawn(positions: Float[np.ndarray, "T joints 3"], skeleton: Skeleton, size: float) -> dict[str, Any]:
+    """What the browser needs to draw a body; its feet stand on the floor, not in it."""
+    sides = ["l" if joint in skeleton.left else "r" if joint in skeleton.right else "m" for joint in range(len(skeleton))]
+    heads = [joint for joint, name in enumerate(skeleton.joints) if name.lower() == "head"]
+    raised = positions + np.array([0.0, 0.0, 0.02 * size])
+    unit = max(MILLIMETRE, float(np.abs(raised).max()) / LARGEST)
+    data = base64.b64encode(np.round(raised / unit).astype("<i2").tobytes()).decode()
+    return {"parents": [*skeleton.parents], "sides": "".join(sides), "heads": heads, "size": size, "unit": unit, "data": data}
+
+
+def _size(actor: Actor) -> float:
+    """About the height of the body, metres, whichever way it lies."""
+    return float(np.median(np.linalg.norm(np.ptp(actor.positions, axis=1), axis=-1)))
+
+
+def _ghosts(shown: Stage, marks: Mapping[int, int], keyframes: object) -> list[dict[str, Any]]:
+    """Poses at the keyframes, each with the numbers of the bodies that it belongs to."""
+    found: dict[str, dict[str, Any]] = {}
+    for number, actor in enumerate(shown.actors.values()):
+        size = _size(next(iter(shown.actors.values())))
+        for frame, given in marks.items():
+            at = frame - actor.start
+            if isinstance(keyframes, Mapping):
+                pose = placed_pose(f"the pose of keyframe {given}", keyframes[given], actor)
+            elif 0 <= at < len(actor.positions):
+                pose = actor.positions[at]
+            else:
+                continue
+            ghost = _drawn(pose[None], actor.skeleton, size)
+            found.setdefault(f"{frame} {ghost['data']}", {**ghost, "frame": frame, "start": 0, "of": []})["of"].append(number)
+    return list(found.values())
+
+
+def _frame(frame: int, frames: int) -> int:
+    if not -frames <= frame < frames:
+        raise ValueError(
+            f"keyframe {frame} is outside of the film; expected 0 to {frames - 1}, or down to {-frames} from the end"
+        )
+    return frame % frames
+
+
+def _wanders(shown: Stage) -> bool:
+    return any(np.linalg.norm(np.ptp(actor.positions[:, 0, :2], axis=0)) > LONG_WAY for actor in shown.actors.values())
+
+
+def _counted(shown: Stage, history: int) -> str:
+    names, count = [name for name in shown.actors if name], len(shown.actors)
+    listed = f": {', '.join(names)}" if names else ""
+    film = f"{shown.frames} frames at {shown.fps:g} Hz, {shown.frames / shown.fps:.1f} s"
+    return f"3-D player of {count} motion{'s' * (count > 1)}{listed}. {film}{f', the first {history} observed' * bool(history)}."
