@@ -54,7 +54,7 @@ class System(Protocol):
         ...
 
 
-_MODULES = {"prediction": "mwlib.prediction.system"}
+_MODULES = {"prediction": "mwlib.prediction.system", "rebuilding": "mwlib.prediction.rebuilding"}
 _REGISTERED: dict[str, System] = {}
 
 
