@@ -117,7 +117,8 @@ def _grid_table(args: Namespace) -> int:
     plots.save_table(lines(found, columns, errors=True), args.out, grid.id, provenance=about)
     kind = system(grid.system)
     apart = differences(found, {**columns, **details(kind)}, grid.reference)
-    for name, rows in (("details", lines(found, details(kind), errors=True)), ("paired", apart)):
+    second = lines(found, details(kind), errors=True) if details(kind) else []
+    for name, rows in (("details", second), ("paired", apart)):
         if rows and len(rows[0]) > 1:
             plots.save_table(rows, args.out, f"{grid.id}_{name}", provenance=about)
     actions = [{"row": row["name"], "action": action, **means} for row in found for action, means in row["actions"].items()]

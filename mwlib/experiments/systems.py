@@ -54,7 +54,11 @@ class System(Protocol):
         ...
 
 
-_MODULES = {"prediction": "mwlib.prediction.system", "inbetweening": "mwlib.inbetweening.system"}
+_MODULES = {
+    "prediction": "mwlib.prediction.system",
+    "rebuilding": "mwlib.prediction.rebuilding",
+    "inbetweening": "mwlib.inbetweening.system",
+}
 _REGISTERED: dict[str, System] = {}
 
 

@@ -48,7 +48,7 @@ class WindowConfig:
 class ModelConfig:
     """Frequency representation and network."""
 
-    transform: Literal["wavelet", "time_wavelet", "dct", "phase"] = "wavelet"  # the frequency view
+    transform: Literal["wavelet", "time_wavelet", "dct", "phase", "straight_phase"] = "wavelet"  # the frequency view
     wavelet: Annotated[str, OneOf(tuple(pywt.wavelist(kind="discrete")))] = "bior2.8"  # basis, in PyWavelets' spelling
     mode: Annotated[str, OneOf(tuple(pywt.Modes.modes))] = "zero"  # extension at the borders
     level: Count = 1  # of the wavelet decomposition
@@ -172,7 +172,7 @@ class Config(Settings):
         if s.ddim_steps >= self.diffusion.steps:
             raise ValueError(f"ddim_steps is {s.ddim_steps}; expected fewer than steps ({self.diffusion.steps})")
         self._check_indices()
-        if m.transform == "phase" and s.wmsg == "every_step":
+        if m.transform.endswith("phase") and s.wmsg == "every_step":
             raise ValueError(
                 "wmsg is 'every_step' with phase codes; expected 'off' or 'y0_hat': the autoencoder would take the noise away"
             )

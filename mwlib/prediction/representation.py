@@ -27,6 +27,8 @@ from mwlib.transforms import (
 )
 
 SCALES = ("mean", "deviation", "condition_mean", "condition_deviation")
+# Windows at a time of which a periodic autoencoder learns: four are as many frames as a step needs (grid `phase_sweep`).
+LEARNING_WINDOWS = {"phase": 16, "straight_phase": 4}
 SCALE_WINDOWS = 2048  # drawn for the scales: deviations are then known to 1.6 %, whatever the size of the data
 
 
@@ -116,7 +118,7 @@ def turned(
 
 
 def make_transform(model: ModelConfig, frames: int, channels: int, fps: float, seed: int = 0) -> Transform:
-    """The frequency view that a configuration names; "phase" is yet untrained.
+    """The frequency view that a configuration names; "phase" and "straight_phase" are yet untrained.
 
     Args:
         model: names the view.
@@ -124,9 +126,9 @@ def make_transform(model: ModelConfig, frames: int, channels: int, fps: float, s
         fps: frames per second, for the window of the phase.
         seed: of the phase network's weights and training.
     """
-    if model.transform == "phase":
-        window = 2 * int(model.phase_seconds * fps / 2) + 1
-        return PhaseTransform(frames, channels, model.phases, max(window, 3), fps, seed)
+    if model.transform in LEARNING_WINDOWS:
+        window = max(2 * int(model.phase_seconds * fps / 2) + 1, 3)
+        return PhaseTransform(frames, channels, model.phases, window, fps, seed, straight=model.transform == "straight_phase")
     if model.transform == "dct":
         return DCTTransform(frames, channels, model.dct_rows or max(1, round(frames * 20 / 125)))
     if model.transform == "time_wavelet":
@@ -171,14 +173,9 @@ def fit_representation(base: Transform, motions: Sequence[Motion], cut: WindowCo
         cut: how they are cut and drawn.
         model: kind of scaling, and what is modelled.
     """
-    source, bodies = training_windows(motions, cut), Bodies.of(motions)
-
-    def draw(count: int, generator: torch.Generator) -> Tensor:
-        x = source.draw(count, generator)
-        return turned(x, x[:, : cut.history], _facing(model, bodies), -1)
-
+    draw, bodies = _turned_windows(motions, cut, model), Bodies.of(motions)
     if isinstance(base, PhaseTransform):
-        _fit_phase(base, draw, cut, model)
+        base.fit(learning_windows(motions, cut, model, LEARNING_WINDOWS[model.transform]), model.phase_steps)
     count = 1 if model.coefficient_scale == "none" and model.representation != "relaxing" else SCALE_WINDOWS
     x = draw(count, torch.Generator().manual_seed(0))
     return make_representation(base, fit_scales(base, x, cut, model, bodies), cut, model, bodies)
@@ -210,16 +207,36 @@ def _facing(model: ModelConfig, bodies: Bodies) -> Bodies | None:
     return bodies if model.heading == "body" else None
 
 
-def _fit_phase(
-    base: PhaseTransform, draw: Callable[[int, torch.Generator], Tensor], cut: WindowConfig, model: ModelConfig
-) -> None:
-    """Train on what is modelled and on what is conditioned on, sixteen windows at a time."""
+def _turned_windows(
+    motions: Sequence[Motion], cut: WindowConfig, model: ModelConfig
+) -> Callable[[int, torch.Generator], Float[Tensor, "N T C"]]:
+    """So many windows as they are drawn in training, turned if the model's are."""
+    source, bodies = training_windows(motions, cut), Bodies.of(motions)
+
+    def draw(count: int, generator: torch.Generator) -> Tensor:
+        x = source.draw(count, generator)
+        return turned(x, x[:, : cut.history], _facing(model, bodies), -1)
+
+    return draw
+
+
+def learning_windows(
+    motions: Sequence[Motion], cut: WindowConfig, model: ModelConfig, count: int
+) -> Callable[[torch.Generator], Float[Tensor, "B T C"]]:
+    """What a transform that learns is fitted on, a batch at a time: what is modelled, and what is conditioned on.
+
+    Args:
+        motions: training clips.
+        cut, model: how they are cut and drawn, and what is modelled.
+        count: windows of a batch; a displacement has a condition that is a pose, so that B is twice as many.
+    """
+    draw = _turned_windows(motions, cut, model)
 
     def both(generator: torch.Generator) -> Tensor:
-        x = draw(16, generator)
+        x = draw(count, generator)
         if model.representation == "pose":
             return x
-        observed = x[:, : cut.history]  # a displacement to model, and a condition that is a pose
+        observed = x[:, : cut.history]
         return torch.cat([x - observed[:, -1:], pad_history(observed, cut.frames)])
 
-    base.fit(both, model.phase_steps)
+    return both

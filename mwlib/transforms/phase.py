@@ -35,14 +35,34 @@ def periodic_parameters(
         A and B in the signal's unit, F in hertz.
     """
     count = signal.shape[-1]
-    power = torch.view_as_real(torch.fft.rfft(signal)[..., 1:]).square().sum(-1) * (2 / count)
-    hertz = torch.arange(1, count // 2 + 1, device=signal.device, dtype=signal.dtype) * (fps / count)
+    bins = torch.arange(1, count // 2 + 1, device=signal.device, dtype=signal.dtype)
+    turns = torch.outer(torch.arange(count, device=signal.device, dtype=signal.dtype), bins) * (2 * math.pi / count)
+    # The real and imaginary parts of c as a product of matrices: for windows of a second faster than an FFT and its gradient.
+    power = (signal @ torch.cat([turns.cos(), turns.sin()], dim=1)).square() * (2 / count)
     total = power.sum(-1) + _POWER
-    return (total * (2 / count)).sqrt(), (power * hertz).sum(-1) / total, signal.mean(-1)
+    frequency = power @ (bins * (fps / count)).repeat(2) / total
+    return (total * (2 / count)).sqrt(), frequency, signal.mean(-1)
 
 
 def _conv(inputs: int, outputs: int) -> nn.Conv1d:
     return nn.Conv1d(inputs, outputs, _TAPS, padding=_TAPS // 2, padding_mode="replicate")
+
+
+class Straightened(nn.Module):
+    """Layers along time, with a linear map of each frame added to what they give.
+
+    Args:
+        layers: (B, inputs, T) to (B, outputs, T).
+        inputs, outputs: channels.
+    """
+
+    def __init__(self, layers: nn.Module, inputs: int, outputs: int) -> None:
+        super().__init__()
+        self.layers, self.line = layers, nn.Conv1d(inputs, outputs, 1)
+
+    def forward(self, x: Float[Tensor, "B inputs T"]) -> Float[Tensor, "B outputs T"]:
+        """The sum of both."""
+        return self.layers(x) + self.line(x)
 
 
 class PeriodicAutoencoder(nn.Module):
@@ -58,23 +78,30 @@ class PeriodicAutoencoder(nn.Module):
         channels, phases: C and M.
         window: N, frames, odd.
         fps: frames per second.
+        straight: add a linear path beside the encoder and beside the decoder of motions. Own choice: through tanh and ELU alone
+            a step of training takes off little of the error, so that a code of many channels is never learnt.
     """
 
     mean: Tensor
     deviation: Tensor
     gain: Tensor
 
-    def __init__(self, channels: int, phases: int, window: int, fps: float) -> None:
+    def __init__(self, channels: int, phases: int, window: int, fps: float, straight: bool = False) -> None:
         super().__init__()
         self.window, self.fps = window, fps
-        self.encoder = nn.Sequential(_conv(channels, channels), nn.BatchNorm1d(channels), nn.Tanh(), _conv(channels, phases))
+        self.encoder: nn.Module = nn.Sequential(
+            _conv(channels, channels), nn.BatchNorm1d(channels), nn.Tanh(), _conv(channels, phases)
+        )
         self.shift = nn.Parameter(torch.randn(phases, window, 2) / math.sqrt(window))
         self.window_decoder = nn.Sequential(
             _conv(phases, channels), nn.BatchNorm1d(channels), nn.Tanh(), _conv(channels, channels)
         )
-        self.decoder = nn.Sequential(
+        self.decoder: nn.Module = nn.Sequential(
             _conv(4 * phases, channels), nn.ELU(), _conv(channels, channels), nn.ELU(), _conv(channels, channels)
         )
+        if straight:
+            self.encoder = Straightened(self.encoder, channels, phases)
+            self.decoder = Straightened(self.decoder, 4 * phases, channels)
         self.register_buffer("mean", torch.zeros(channels))
         self.register_buffer("deviation", torch.ones(()))
         self.register_buffer("gain", torch.ones(4 * phases))
@@ -89,11 +116,12 @@ class PeriodicAutoencoder(nn.Module):
 
     def encode(self, x: Float[Tensor, "B T C"]) -> Float[Tensor, "B T columns"]:
         """A sin 2πS, A cos 2πS (the phase manifold), F in hertz, B: of every channel, at every frame."""
-        latent = self.encoder(self.held(x)).unfold(-1, self.window, 1).transpose(1, 2)
-        amplitude, frequency, offset = periodic_parameters(latent, self.fps)
-        shift = torch.einsum("btmn,mnk->kbtm", latent, self.shift)
-        cosine, sine = nnf.normalize(shift, dim=0) * amplitude
-        return torch.cat([sine, cosine, frequency, offset], dim=-1)
+        latent = self.encoder(self.held(x))
+        amplitude, frequency, offset = periodic_parameters(latent.unfold(-1, self.window, 1), self.fps)
+        layers = self.shift.mT.flatten(0, 1)[:, None]  # the windows of one channel share theirs, which makes it a convolution
+        shift = nnf.conv1d(latent, layers, groups=len(self.shift)).unflatten(1, (-1, 2))
+        cosine, sine = (nnf.normalize(shift, dim=2) * amplitude[:, :, None]).unbind(2)
+        return torch.cat([sine, cosine, frequency, offset], dim=1).mT
 
     def sinusoids(self, code: Float[Tensor, "... columns"]) -> Float[Tensor, "... M N"]:
         """A sin(2π(F τ - S)) + B over the window, τ = 0 at its centre."""
@@ -128,19 +156,23 @@ class PhaseTransform(Transform):
         window: N, frames, odd.
         fps: frames per second.
         seed: of the weights and of the draws of `fit`.
+        straight: see `PeriodicAutoencoder`.
 
     Raises:
         ValueError: window is not an odd number from 3 on.
     """
 
-    def __init__(self, frames: int, channels: int, phases: int = 8, window: int = 25, fps: float = 25.0, seed: int = 0) -> None:
+    def __init__(
+        self, frames: int, channels: int, phases: int = 8, window: int = 25, fps: float = 25.0, seed: int = 0,
+        straight: bool = False,
+    ) -> None:  # fmt: skip
         if window < 3 or window % 2 == 0:
             raise ValueError(f"window is {window}; expected an odd number of frames, at least 3")
         self.frames, self.channels, self.phases, self.window, self.fps = frames, channels, phases, window, fps
         self.shape, self.seed, self._fitted = (frames, 4 * phases), seed, False
         with torch.random.fork_rng([]):
             torch.manual_seed(seed)
-            self.net = PeriodicAutoencoder(channels, phases, window, fps)
+            self.net = PeriodicAutoencoder(channels, phases, window, fps, straight)
 
     def fit(self, draw: Callable[[torch.Generator], Float[Tensor, "B T C"]], steps: int = 1500, lr: float = 3e-3) -> list[float]:
         """Train on the CPU, so that a seed gives one result whatever device the motions are modelled on.

@@ -50,6 +50,17 @@ MUTANTS = [
         ("v-read-with-the-other-sign", "return signal * output + noise * y_t", "return signal * output - noise * y_t"),
     ),
     *of(
+        "transforms/phase.py", "transforms/test_phase.py",
+        ("frequency-of-the-next-bin", "power @ (bins * (fps / count))", "power @ ((bins + 1) * (fps / count))"),
+        ("linear-path-left-out", "return self.layers(x) + self.line(x)", "return self.layers(x)"),
+    ),
+    *of(
+        "prediction/rebuilding.py", "prediction/test_rebuilding.py",
+        ("rebuilt-people-exchanged", 'options.rebuilt == "validation"', 'options.rebuilt == "test"'),
+        ("components-without-the-mean", "@ axes.T + mean)", "@ axes.T)"),
+        ("error-of-the-root-doubled", "max(2 * rmse, 1e-30)", "max(rmse, 1e-30)"),
+    ),
+    *of(
         "diffusion/schedule.py", "diffusion/test_schedule.py",
         ("cosine-begins-later", "(u + 0.008) / 1.008", "(u + 0.016) / 1.016"),
         ("sqrt-begins-later", "torch.sqrt(u + 1e-4)", "torch.sqrt(u + 1e-3)"),

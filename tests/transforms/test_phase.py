@@ -14,6 +14,7 @@ from mwlib.prediction.config import Config
 from mwlib.prediction.representation import make_transform
 from mwlib.training import CHECKPOINT, MODEL
 from mwlib.transforms import PhaseTransform, Transform, periodic_parameters
+from mwlib.transforms.phase import Straightened
 from tests.sample_settings import small, two_people
 
 FRAMES, CHANNELS, FPS = 30, 6, 20.0
@@ -107,6 +108,31 @@ def test_a_seed_decides_everything_and_the_callers_randomness_is_left_alone(x):
         codes.append(tf(x))
     assert torch.equal(torch.rand(1), expected)
     assert torch.equal(codes[0], codes[1]) and not torch.allclose(codes[0], codes[2], atol=1e-3)
+
+
+def poses(generator: torch.Generator, batch: int = 16) -> torch.Tensor:
+    """Bodies that hold a pose, every channel its own."""
+    return 0.1 * torch.randn(batch, 1, CHANNELS, generator=generator).expand(-1, FRAMES, -1)
+
+
+def test_a_linear_path_learns_a_code_of_many_channels_sooner():
+    x, errors = poses(torch.Generator().manual_seed(9)), {}
+    for straight in (False, True):
+        tf = PhaseTransform(FRAMES, CHANNELS, phases=CHANNELS, window=5, fps=FPS, straight=straight)
+        tf.fit(poses, steps=60, lr=0.02)
+        errors[straight] = float((tf.inverse(tf(x)) - x).square().mean().sqrt())
+    assert errors[True] < 0.4 * errors[False] and errors[False] < x.std()
+
+
+def test_a_linear_path_is_added_to_the_layers_and_stored():
+    layers = torch.nn.Conv1d(4, 3, 5, padding=2)
+    module, x = Straightened(layers, 4, 3), torch.randn(2, 4, 9)
+    by_hand = torch.einsum("oi,bit->bot", module.line.weight[..., 0], x) + module.line.bias[:, None]
+    torch.testing.assert_close(module(x) - layers(x), by_hand)
+    tf = PhaseTransform(FRAMES, CHANNELS, 2, 13, FPS, straight=True)
+    tf.fit(waves, steps=2)
+    again, some = PhaseTransform(FRAMES, CHANNELS, 2, 13, FPS, seed=1, straight=True), waves(torch.Generator())
+    assert torch.equal(again.restore(tf.tensors())(some), tf(some))
 
 
 def test_errors(fitted):
