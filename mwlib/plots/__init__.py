@@ -12,6 +12,7 @@ from mwlib.plots.filmstrip import filmstrip
 from mwlib.plots.guidance import claimed_and_measured, noised_rows, pose_grid
 from mwlib.plots.look import CYCLE, STYLE, style, use_style
 from mwlib.plots.metric_picture import metric_picture
+from mwlib.plots.passages import passages
 from mwlib.plots.phase import error_by_size, phase_circles, predicted_curves, windows_and_sinusoids
 from mwlib.plots.save import save, save_table, show
 from mwlib.plots.signals import filters, padding_modes, scaling_and_wavelet, signal_and_coefficients
@@ -50,6 +51,7 @@ __all__ = [
     "overlay_futures",
     "overview",
     "padding_modes",
+    "passages",
     "phase_circles",
     "pose_grid",
     "predicted_curves",
