@@ -2,17 +2,18 @@
 
 from mwlib.plots.attention import attention_heads, attention_over_steps, attention_part, attention_vectors, row_support
 from mwlib.plots.bases import basis_card, dots
+from mwlib.plots.bridging import bridged_coordinate, imposed_steps, seams, spectra, training_view
 from mwlib.plots.coefficients import energy_bars, matrix, projection_change, subbands
 from mwlib.plots.control import controlled_poses
 from mwlib.plots.curves import curves, histograms, sampling_paths
-from mwlib.plots.diagrams import overview, tabg_diagram
+from mwlib.plots.diagrams import bridging_overview, overview, tabg_diagram
 from mwlib.plots.diffusion import band_snr, ddim_path, loss_curves, noising, schedules
 from mwlib.plots.evaluation import bars_per_action, trajectories
 from mwlib.plots.filmstrip import filmstrip
 from mwlib.plots.guidance import claimed_and_measured, noised_rows, pose_grid
 from mwlib.plots.look import CYCLE, STYLE, style, use_style
 from mwlib.plots.metric_picture import metric_picture
-from mwlib.plots.passages import passages
+from mwlib.plots.passages import broken_bodies, passages
 from mwlib.plots.phase import error_by_size, phase_circles, predicted_curves, windows_and_sinusoids
 from mwlib.plots.save import save, save_table, show
 from mwlib.plots.signals import filters, padding_modes, scaling_and_wavelet, signal_and_coefficients
@@ -31,6 +32,9 @@ __all__ = [
     "band_snr",
     "bars_per_action",
     "basis_card",
+    "bridged_coordinate",
+    "bridging_overview",
+    "broken_bodies",
     "claimed_and_measured",
     "controlled_poses",
     "curves",
@@ -43,6 +47,7 @@ __all__ = [
     "filmstrip",
     "filters",
     "histograms",
+    "imposed_steps",
     "loss_curves",
     "matrix",
     "metric_picture",
@@ -63,13 +68,16 @@ __all__ = [
     "save_table",
     "scaling_and_wavelet",
     "schedules",
+    "seams",
     "show",
     "signal_and_coefficients",
     "significant",
+    "spectra",
     "storyboard",
     "style",
     "subbands",
     "tabg_diagram",
+    "training_view",
     "trajectories",
     "use_style",
     "windows_and_sinusoids",

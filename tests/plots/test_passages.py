@@ -104,3 +104,34 @@ def test_what_cannot_be_drawn_is_refused():
         plots.passages({})
     with pytest.raises(ValueError, match="every 0 frames"):
         plots.passages(WALK, every=0)
+
+
+def test_broken_bones_are_coloured_by_their_error():
+    skeleton = WALK.skeleton
+    bones = np.array(skeleton.bones)
+    first = WALK.positions[:1].repeat(3, axis=0)
+    lengths = np.linalg.norm(first[0, bones[:, 1]] - first[0, bones[:, 0]], axis=-1)
+    broken = first.copy()
+    joint = next(
+        joint for joint in range(len(skeleton) - 1, 0, -1) if joint not in skeleton.parents
+    )  # a leaf: one bone alone changes
+    bone = [child for _, child in skeleton.bones].index(joint)
+    outward = broken[:, joint] - broken[:, skeleton.parents[joint]]
+    broken[:, joint] += 0.05 * outward / np.linalg.norm(outward, axis=-1, keepdims=True)  # 50 mm too long
+    fig, ax = plots.broken_bodies({"whole": first, "broken": broken}, skeleton, lengths, fps=25.0, frames=(0, -1), most=100.0)
+    whole, *_, last = _bodies(ax)
+    assert len(_bodies(ax)) == 4 and np.ptp(whole.get_color(), axis=0).max() < 0.01
+    odd = np.abs(last.get_color() - whole.get_color()).max(axis=1)
+    assert odd.argmax() == bone and np.delete(odd, bone).max() < 0.01
+    assert last.get_linewidths()[bone] == pytest.approx(2.4, abs=0.01)
+    assert {text.get_text() for text in ax.texts} == {"0.00 s", "0.08 s", "whole", "broken"}
+    assert fig.axes[1].get_xlabel() == "error of the bone's length (mm)"
+    _legible(fig)
+    with pytest.raises(ValueError, match=r"rows of \[3, 2\] frames; expected"):
+        plots.broken_bodies({"a": first, "b": first[1:]}, skeleton, lengths, fps=25.0)
+
+
+def test_bridging_overview_stays_on_its_sheet():
+    y = np.random.default_rng(0).normal(size=(41, 51))
+    fig, _ = plots.bridging_overview(WALK.positions, y, 2 * y, WALK.positions[None].repeat(3, axis=0), WALK.skeleton)
+    _legible(fig)
