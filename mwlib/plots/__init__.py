@@ -2,10 +2,11 @@
 
 from mwlib.plots.attention import attention_heads, attention_over_steps, attention_part, attention_vectors, row_support
 from mwlib.plots.bases import basis_card, dots
+from mwlib.plots.bridging import bridged_coordinate, imposed_steps, seams, spectra, training_view
 from mwlib.plots.coefficients import energy_bars, matrix, projection_change, subbands
 from mwlib.plots.control import controlled_poses
 from mwlib.plots.curves import curves, histograms, sampling_paths
-from mwlib.plots.diagrams import overview, tabg_diagram
+from mwlib.plots.diagrams import bridging_overview, overview, tabg_diagram
 from mwlib.plots.diffusion import band_snr, ddim_path, loss_curves, noising, schedules
 from mwlib.plots.evaluation import bars_per_action, trajectories
 from mwlib.plots.filmstrip import filmstrip
@@ -14,6 +15,7 @@ from mwlib.plots.keyframes import keyframe_samples, scheme_errors
 from mwlib.plots.look import CYCLE, STYLE, style, use_style
 from mwlib.plots.loops import Loop, loop
 from mwlib.plots.metric_picture import metric_picture
+from mwlib.plots.passages import broken_bodies, passages
 from mwlib.plots.phase import error_by_size, phase_circles, predicted_curves, windows_and_sinusoids
 from mwlib.plots.player import Player, player
 from mwlib.plots.save import save, save_table, show
@@ -35,6 +37,9 @@ __all__ = [
     "band_snr",
     "bars_per_action",
     "basis_card",
+    "bridged_coordinate",
+    "bridging_overview",
+    "broken_bodies",
     "claimed_and_measured",
     "controlled_poses",
     "curves",
@@ -49,6 +54,7 @@ __all__ = [
     "histograms",
     "keyframe_samples",
     "loop",
+    "imposed_steps",
     "loss_curves",
     "matrix",
     "metric_picture",
@@ -57,6 +63,7 @@ __all__ = [
     "overlay_futures",
     "overview",
     "padding_modes",
+    "passages",
     "phase_circles",
     "player",
     "pose_grid",
@@ -70,13 +77,16 @@ __all__ = [
     "scaling_and_wavelet",
     "schedules",
     "scheme_errors",
+    "seams",
     "show",
     "signal_and_coefficients",
     "significant",
+    "spectra",
     "storyboard",
     "style",
     "subbands",
     "tabg_diagram",
+    "training_view",
     "trajectories",
     "use_style",
     "windows_and_sinusoids",

@@ -10,6 +10,7 @@ from jaxtyping import Float
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
+from matplotlib.colors import Colormap
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
@@ -138,8 +139,22 @@ class Board:
         self, row: int, column: int, points: Float[np.ndarray, "n joints 2"], kind: str, alpha: float = 1.0, width: float = 1.8
     ) -> list[Artist]:
         """Stand n bodies on one place."""
-        x, y = column * self.spacing, -row * self.height
-        artists = draw_bodies(self.ax, points + np.array([x, y]), self.skeleton, kind, alpha, width)
+        return self._cut(row, column, draw_bodies(self.ax, points + self._at(row, column), self.skeleton, kind, alpha, width))
+
+    def draw_bones(
+        self, row: int, column: int, points: Float[np.ndarray, "joints 2"], shares: Float[np.ndarray, " bones"], colours: Colormap
+    ) -> list[Artist]:
+        """Stand a body on one place, its bones coloured, and the thicker, by these shares from 0 to 1; more counts as 1."""
+        shares = np.clip(shares, 0, 1)
+        look = {"colors": colours(shares), "linewidths": 1.6 + 1.6 * shares, "capstyle": "round"}
+        lines = LineCollection(list((points + self._at(row, column))[np.array(self.skeleton.bones)]), **look)
+        return self._cut(row, column, [self.ax.add_collection(lines, autolim=False)])
+
+    def _at(self, row: int, column: int) -> np.ndarray:
+        return np.array([column * self.spacing, -row * self.height])
+
+    def _cut(self, row: int, column: int, artists: list[Artist]) -> list[Artist]:
+        x, y = self._at(row, column)
         corner = (x - self.spacing / 2, y + self.top - self.height)
         place = Rectangle(corner, self.spacing, self.height, transform=self.ax.transData)
         for artist in artists:

@@ -195,3 +195,88 @@ def tabg_diagram(
     ax.text(0.5, 0.92, "to CFG", ha="center", va="bottom", fontsize=9)
     _arrow(ax, (1.05, 0.92), (0.15, 0.92))
     return fig, ax
+
+
+@style()
+def bridging_overview(
+    x: Float[Array, "T ..."],
+    y: Float[Array, "rows columns"],
+    y_t: Float[Array, "rows columns"],
+    samples: Float[Array, "S T ..."],
+    skeleton: Skeleton,
+) -> tuple[Figure, Axes]:
+    """In-betweening by an unconditional model (FreqDiffusionBridge, Fig. 2): training, network, sampling, around real data.
+
+    Args:
+        x: a whole clip, (T, C) about the root or (T, J+1, 3), metres; its first and last frame are the keyframes.
+        y: its cosine coefficients.
+        y_t: the same with noise.
+        samples: in-betweens of its keyframes, as x.
+        skeleton: of all of them.
+    """
+    fig, ax = _board(4.95)
+    for place, title in ((0.08, "Training"), (2.3, "Network"), (4.3, "Sampling")):
+        ax.text(place, 4.78, title, fontsize=10.5, fontweight="bold", va="center")
+    for place in (2.16, 4.2):
+        ax.plot([place, place], [0.08, 4.87], color=OBSERVED, linewidth=0.8)
+    _bridging_training(ax, array(x), array(y), array(y_t), skeleton)
+    _bridging_network(ax)
+    _bridging_sampling(ax, array(x), array(samples), array(y).shape, skeleton)
+    return fig, ax
+
+
+def _bridging_training(ax: Axes, x: np.ndarray, y: np.ndarray, y_t: np.ndarray, skeleton: Skeleton) -> None:
+    """On the left: a whole clip, its coefficients, noise, losses."""
+    moments = np.linspace(0, len(x) - 1, 4).round().astype(int)
+    _bodies(ax, (0.08, 3.5, 1.95, 0.9), "whole clip $\\mathbf{x}$", [(x[moments], "truth")], skeleton)
+    _arrow(ax, (0.5, 3.5), (0.5, 3.2))
+    _box(ax, (0.2, 2.85, 0.6, 0.35), "DCT")
+    low = min(len(y), 24)  # what lies above is next to nothing
+    top = limit(np.quantile(np.abs(y[1:low]), 0.98))
+    _image(ax, (0.12, 1.6, 0.76, 0.8), "$\\mathbf{y}_0$", np.clip(y[:low], -top, top))
+    _arrow(ax, (0.5, 2.85), (0.5, 2.58))
+    noisy = limit(np.quantile(np.abs(y_t[1:low]), 0.98))
+    _image(ax, (1.25, 1.6, 0.76, 0.8), "$\\mathbf{y}_t$", np.clip(y_t[:low], -noisy, noisy))
+    _arrow(ax, (0.88, 2.0), (1.25, 2.0))
+    ax.text(1.07, 2.46, "noise", ha="center", va="center", fontsize=9)
+    _box(ax, (0.12, 0.2, 1.9, 0.95), "losses: noise; after iDCT\ndiversity, smoothness,\nbone length, bone angle", CYCLE[1])
+    _arrow(ax, (2.01, 2.15), (2.45, 4.05))
+    _arrow(ax, (2.45, 0.68), (2.02, 0.68))
+
+
+def _bridging_network(ax: Axes) -> None:
+    """In the middle: what becomes of the coefficients."""
+    boxes = (
+        (3.7, 0.62, "linear layer,\n+ step $t$, + frequency"),
+        (2.6, 0.62, "self-attention over\nall frequencies"),
+        (1.6, 0.62, "linear layers"),
+        (0.4, 0.55, "linear layer:\nnoise $\\hat\\epsilon$"),
+    )
+    for bottom, height, words in boxes:
+        _box(ax, (2.45, bottom, 1.5, height), words, CYCLE[0])
+    for (above, _, _), (below, height, _) in zip(boxes[:-1], boxes[1:], strict=True):
+        _arrow(ax, (3.2, above), (3.2, below + height))
+    ax.add_patch(FancyBboxPatch((2.36, 1.48), 1.68, 1.86, boxstyle="round,pad=0,rounding_size=0.08", fill=False, linestyle="--"))
+    ax.text(3.27, 1.3, "repeated", ha="left", va="center", fontsize=9)
+
+
+def _bridging_sampling(ax: Axes, x: np.ndarray, samples: np.ndarray, shape: tuple[int, ...], skeleton: Skeleton) -> None:
+    """On the right: keyframes join at each step, noised as much as what lies between."""
+    _bodies(ax, (4.32, 3.65, 0.95, 0.8), "start, end", [(x[[0, -1]], "truth")], skeleton)
+    noise = np.random.default_rng(0).normal(size=(min(shape[0], 24), shape[1]))
+    _image(ax, (5.5, 3.72, 0.7, 0.7), "noise $\\mathbf{y}_M$", noise)
+    _box(ax, (4.32, 2.92, 0.95, 0.42), "noise of\nstep $t$", CYCLE[1])
+    _box(ax, (5.5, 2.92, 0.7, 0.42), "iDCT")
+    _arrow(ax, (4.8, 3.65), (4.8, 3.34))
+    _arrow(ax, (5.85, 3.72), (5.85, 3.34))
+    _box(ax, (4.32, 2.2, 1.88, 0.4), "© join over time, DCT", CYCLE[1])
+    _arrow(ax, (4.8, 2.92), (4.8, 2.6))
+    _arrow(ax, (5.85, 2.92), (5.85, 2.6))
+    _box(ax, (4.32, 1.5, 1.88, 0.4), "network, step $t\\to t-1$", CYCLE[0])
+    _arrow(ax, (5.2, 2.2), (5.2, 1.9))
+    ax.plot([6.2, 6.31, 6.31], [1.7, 1.7, 3.13], color=INK, linewidth=1.3)
+    _arrow(ax, (6.34, 3.13), (6.2, 3.13))
+    _arrow(ax, (5.2, 1.5), (5.2, 1.24))
+    middles = samples[: min(3, len(samples)), samples.shape[1] // 2]
+    rows = [(x[:1], "truth"), (middles, "predicted"), (x[-1:], "truth")]
+    _bodies(ax, (4.25, 0.1, 2.1, 0.92), "start, middles of samples, end", rows, skeleton)

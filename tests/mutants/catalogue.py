@@ -527,4 +527,17 @@ MUTANTS = [
         ("deviation-in-metres", "(value, scale * spread)", "(value, spread)"),
         ("numbers-of-the-first-seed", "m: mean(v) for", "m: v[0] for"),
     ),
+    *of(
+        "plots/passages.py", "plots/test_passages.py",
+        ("way-runs-to-the-left", "onward >= 0 else", "onward < 0 else"),
+        ("camera-in-front-of-the-way", "float(np.degrees(angle)) - 90", "float(np.degrees(angle))"),
+        ("bone-errors-in-metres", "1000 * np.abs(", "np.abs("),
+    ),
+    *of(
+        "plots/bridging.py", "plots/test_bridging.py",
+        ("step-at-its-first-frame", "(np.arange(frames - 1) + 0.5) / fps", "np.arange(frames - 1) / fps"),
+        ("seam-after-the-keyframe-only", "for step in (k - 1, k) if", "for step in (k,) if"),
+        ("cosines-at-twice-their-frequency", "fps / (2 * len(x))", "fps / len(x)"),
+        ("clean-keyframes-of-the-first-step", "x[-1, given], marker", "x[0, given], marker"),
+    ),
 ]  # fmt: skip

@@ -1,0 +1,269 @@
+"""Bodies of in-betweens: along their way through the world, and with bones that are too long or too short."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Float
+from matplotlib.axes import Axes
+from matplotlib.cm import ScalarMappable
+from matplotlib.colors import LinearSegmentedColormap, Normalize
+from matplotlib.figure import Figure
+
+from mwlib.body.motion import Motion
+from mwlib.body.skeleton import Skeleton
+from mwlib.plots.bodies import THREE_QUARTER, AnyMotion, Array, Board, draw_bodies, facing, poses, project
+from mwlib.plots.look import CYCLE, FAINT, INK, OBSERVED, WIDTH, array, named, style
+
+SAME = 1e-3  # metres: first poses that differ less are one pose
+GAP = 0.2  # metres along the way from body to body, on average, below which they would pile up
+SIDE = 0.24  # inches left and right of everything
+NAME, TIMES, FOOT = 0.24, 0.22, 0.46  # inches above a row, beneath it, and beneath all of them
+TALLEST, HIGHEST = 1.7, 8.4  # inches, of a row's bodies and of the figure
+LABEL = 0.36  # inches that the time beneath a body takes
+CLOSEST, WIDEST = 0.42, 1.1  # metres from body to body where they are spread by time
+
+# From light to dark, so that broken bones stand out in greyscale too.
+BREAKING = LinearSegmentedColormap.from_list("breaking", ["#b4b9c1", CYCLE[1], CYCLE[3]])
+BAR = 0.62  # inches for the colour bar and its words
+
+
+class _Row(NamedTuple):
+    """One row, flat, in metres from its own left end and floor."""
+
+    skeleton: Skeleton
+    frames: list[int]
+    given: set[int]
+    seconds: Float[np.ndarray, " n"]
+    bodies: Float[np.ndarray, "n joints 2"]
+    path: Float[np.ndarray, "T 2"]
+    spread: bool
+
+    @property
+    def width(self) -> float:
+        """Metres."""
+        return float(np.ptp(self.bodies[..., 0]))
+
+
+@style()
+def passages(
+    rows: Mapping[str, Motion] | Motion, *, every: int = 5, keyframes: Sequence[int] = (0, -1), spread: bool | None = None
+) -> tuple[Figure, Axes]:
+    """Motions in the world, a row each: bodies every few frames along the way, one scale and a floor for all rows.
+
+    The camera stands beside the way, where the most of it is seen; rows that begin with the same pose share it. Keyframes are
+    black and thick, what lies between is light: coloured, or grey in a row called "truth". Where the bodies of a row would pile
+    up, they are seen from their front right and spread along the page by time; its title, or the foot of the page, says so.
+
+    Args:
+        rows: name -> motion, of any skeleton, length, rate and up-axis; a lone motion makes one row.
+        every: frames from body to body.
+        keyframes: numbers of the given frames; -1 is the last.
+        spread: all rows by time (True) or all at their places, with the root's path on the floor (False); None: as needed.
+
+    Raises:
+        ValueError: no rows, `every` below 1, or a keyframe that is no frame; the message names the row.
+    """
+    motions = {name: motion.with_up("z") for name, motion in named(rows).items()}
+    if not motions or every < 1:
+        raise ValueError(f"{len(motions)} rows with a body every {every} frames; expected at least one row and one frame")
+    given = {name: _numbers(name, motion, keyframes) for name, motion in motions.items()}
+    flat: dict[str, _Row] = {}
+    for group in _groups(motions):
+        frames = {name: _frames(len(motions[name]), every, given[name]) for name in group}
+        flat |= _flatten({name: motions[name] for name in group}, frames, given, spread)
+    return _sheet({name: flat[name] for name in motions})
+
+
+def _numbers(name: str, motion: Motion, keyframes: Sequence[int]) -> set[int]:
+    wrong = [k for k in keyframes if not -len(motion) <= k < len(motion)]
+    if wrong:
+        raise ValueError(f"keyframes of {name or 'the motion'} are {[*keyframes]}; it has {len(motion)} frames, no {wrong[0]}")
+    return {k % len(motion) for k in keyframes}
+
+
+def _frames(total: int, every: int, given: set[int]) -> list[int]:
+    """Every few frames and all keyframes; nothing else so near to a keyframe that it would hide it."""
+    between = [k for k in range(0, total, every) if all(abs(k - other) > every / 2 for other in given)]
+    return sorted({*between, *given})
+
+
+def _groups(motions: Mapping[str, Motion]) -> list[list[str]]:
+    """Names of motions that begin with one pose."""
+    groups: list[list[str]] = []
+    for name, motion in motions.items():
+        first = motion.positions[0]
+        for group in groups:
+            other = motions[group[0]].positions[0]
+            if other.shape == first.shape and np.abs(other - first).max() < SAME:
+                group.append(name)
+                break
+        else:
+            groups.append([name])
+    return groups
+
+
+def _flatten(
+    motions: Mapping[str, Motion], frames: Mapping[str, list[int]], given: Mapping[str, set[int]], spread: bool | None
+) -> dict[str, _Row]:
+    """Rows of one group as their camera sees them; either all of them stand at their places or none."""
+    start = next(iter(motions.values())).positions[0]
+    floor = np.array([*start[0, :2], min(motion.positions[..., 2].min() for motion in motions.values())])
+    angle = _way([motion.positions[:, 0, :2] - start[0, :2] for motion in motions.values()])
+    along = np.array([np.cos(angle), np.sin(angle)])
+    gaps = [np.ptp(m.positions[frames[n], 0, :2] @ along) / max(len(frames[n]) - 1, 1) for n, m in motions.items()]
+    spread = bool(np.mean(gaps) < GAP) if spread is None else spread
+    first = next(iter(motions.values()))
+    view = facing(start, first.skeleton) + THREE_QUARTER if spread else float(np.degrees(angle)) - 90
+    rows = {}
+    for name, motion in motions.items():
+        places = motion.positions - floor
+        ground = places[:, :1] * [1.0, 1.0, 0.0]
+        bodies = project(places - ground if spread else places, view)[frames[name]]
+        seconds = np.array(frames[name]) / motion.fps
+        rows[name] = _Row(motion.skeleton, frames[name], given[name], seconds, bodies, project(ground[:, 0], view), spread)
+    return rows
+
+
+def _way(paths: Sequence[Float[np.ndarray, "T 2"]]) -> float:
+    """The direction, radians, along which roots travel the most; its sense is that in which they get on."""
+    away = np.concatenate(paths)
+    x, y = np.linalg.svd(away, full_matrices=False)[2][0]
+    onward = np.sum([path[-1] - path[0] for path in paths], axis=0) @ [x, y]
+    return float(np.arctan2(y, x) if onward >= 0 else np.arctan2(-y, -x))
+
+
+def _stretched(row: _Row, gap: float) -> _Row:
+    """Bodies spread by time, this many metres from one to the next on average."""
+    span = float(row.seconds[-1] - row.seconds[0]) or 1.0
+    along = (row.seconds - row.seconds[0]) / span * gap * (len(row.seconds) - 1)
+    bodies = row.bodies.copy()
+    bodies[..., 0] += along[:, None]
+    return row._replace(bodies=bodies)
+
+
+def _sheet(rows: dict[str, _Row]) -> tuple[Figure, Axes]:
+    """All rows on one axes in metres, under each other."""
+    room = WIDTH - 2 * SIDE
+    lows = [min(row.bodies[..., 1].min(), row.path[:, 1].min() if not row.spread else 0.0) for row in rows.values()]
+    low, high = min(*lows, 0.0), max(row.bodies[..., 1].max() for row in rows.values())
+    most = (HIGHEST - FOOT) / len(rows) - NAME - TIMES
+    widest = max((_stretched(row, CLOSEST) if row.spread else row).width for row in rows.values())
+    scale = min(room / widest, min(TALLEST, most) / (high - low))  # inches per metre
+    pitch = (high - low) * scale + NAME + TIMES
+    height = pitch * len(rows) + FOOT
+    fig = Figure(figsize=(WIDTH, height))
+    ax = fig.add_axes((0.0, 0.0, 1.0, 1.0))
+    ax.set_axis_off()
+    ax.set(xlim=(-SIDE / scale, (WIDTH - SIDE) / scale), ylim=(0, height / scale))
+    mixed = len({row.spread for row in rows.values()}) > 1
+    for number, (name, row) in enumerate(rows.items()):
+        fitted = _fitted(row, room / scale)
+        floor = (height - number * pitch - NAME) / scale - high
+        title = f"{name} (spread by time)" if row.spread and mixed else name
+        ax.text(0, floor + high + 0.05 / scale, title, ha="left", va="bottom")
+        left = -float(fitted.bodies[..., 0].min())
+        _draw(ax, fitted, np.array([left, floor]), "truth" if name == "truth" else "predicted", scale)
+        _times(ax, fitted, left, floor + low - 0.04 / scale, scale)
+    _foot(ax, scale, [row.spread for row in rows.values()])
+    return fig, ax
+
+
+def _fitted(row: _Row, room: float) -> _Row:
+    """A row whose bodies are spread by time takes the room there is, metres, but does not fall apart."""
+    if not row.spread or len(row.frames) == 1:
+        return row
+    gap = (room - float(np.ptp(row.bodies[..., 0]))) / (len(row.frames) - 1)
+    return _stretched(row, float(np.clip(gap, CLOSEST, WIDEST)))
+
+
+def _draw(ax: Axes, row: _Row, place: Float[np.ndarray, "2"], kind: str, scale: float) -> None:
+    """The bodies of one row, keyframes on top; beneath them the root's path on the floor, or the floor alone."""
+    if row.spread:
+        ax.axhline(place[1], color=FAINT, linewidth=2.0, zorder=0)
+    else:
+        ax.plot(*(row.path + place).T, color=OBSERVED, linewidth=1.5, zorder=1)
+    size = float(np.clip(scale / 0.8, 0.65, 1.0))  # thinner where bodies are small
+    for given in (False, True):
+        shown = [body for frame, body in zip(row.frames, row.bodies + place, strict=True) if (frame in row.given) == given]
+        role, alpha, width = ("truth", 1.0, 2.2) if given else (kind, 0.4 if kind == "truth" else 0.65, 1.4)
+        if shown:
+            *_, heads = draw_bodies(ax, np.stack(shown), row.skeleton, role, alpha, width * size)
+            heads.set(markersize=5 * size)
+
+
+def _times(ax: Axes, row: _Row, left: float, height: float, scale: float) -> None:
+    """Seconds beneath the keyframes, and beneath as many other bodies as there is room for."""
+    written: list[float] = []
+    places = zip(row.frames, row.seconds, row.bodies[:, 0, 0] + left, strict=True)
+    for _, seconds, x in sorted(places, key=lambda place: place[0] not in row.given):
+        if all(abs(x - other) * scale >= LABEL for other in written):
+            written.append(float(x))
+            ax.text(x, height, f"{seconds:.2f}", ha="center", va="top", size=9)
+
+
+def _foot(ax: Axes, scale: float, spread: Sequence[bool]) -> None:
+    """What the numbers are, and a metre where bodies stand at their places."""
+    right, height = ax.get_xlim()[1] - SIDE / scale, 0.12 / scale
+    ax.text(0, height, "time (s); keyframes are black" + ", bodies spread by time" * all(spread), ha="left", va="bottom")
+    if not all(spread):
+        ax.plot([right - 1.0, right], [height] * 2, color=INK, linewidth=2.0)
+        ax.text(right - 0.5, height + 0.03 / scale, "1 m", ha="center", va="bottom", size=9)
+
+
+@style()
+def broken_bodies(
+    rows: Mapping[str, AnyMotion],
+    skeleton: Skeleton,
+    lengths: Float[Array, " bones"],
+    *,
+    fps: float,
+    frames: int | Sequence[int] = 8,
+    most: float | None = None,
+) -> tuple[Figure, Axes]:
+    """Rows of poses whose bones are coloured, and thickened, by how far they are from their true lengths (Fig. 8).
+
+    Args:
+        rows: name -> motion, (T, C) about the root or (T, J+1, 3), metres, all of T frames.
+        skeleton: of all of them.
+        lengths: true lengths in the order of `skeleton.bones`, metres.
+        fps: frames per second; time 0 is the first frame.
+        frames: how many frames, or which.
+        most: error at the end of the colour bar, millimetres; None: that which 1 bone in 50 of those drawn exceeds.
+
+    Raises:
+        ValueError: a motion or the lengths do not fit the skeleton, or the rows have different lengths.
+    """
+    bodies, true = {name: poses(motion, skeleton) for name, motion in rows.items()}, array(lengths)
+    if true.shape != (len(skeleton.bones),) or len({len(body) for body in bodies.values()}) != 1:
+        found = f"lengths of shape {true.shape} and rows of {[len(body) for body in bodies.values()]} frames"
+        raise ValueError(f"{found}; expected ({len(skeleton.bones)},) for {skeleton.name}, and rows of one length")
+    first = next(iter(bodies.values()))
+    shown = np.linspace(0, len(first) - 1, frames).round().astype(int) if isinstance(frames, int) else np.array(frames)
+    shown = shown % len(first)
+    bones = np.array(skeleton.bones)
+    segments = {name: body[shown][:, bones] for name, body in bodies.items()}
+    errors = {n: 1000 * np.abs(np.linalg.norm(s[:, :, 1] - s[:, :, 0], axis=-1) - true) for n, s in segments.items()}
+    most = most or max(float(np.quantile(np.concatenate([*errors.values()]), 0.98)), 1.0)
+    view = facing(first[0], skeleton) + THREE_QUARTER
+    flat = {name: project(body[shown], view) for name, body in bodies.items()}
+    board = Board(skeleton, [*flat.values()], [*bodies], [f"{frame / fps:.2f} s" for frame in shown])
+    for row, name in enumerate(bodies):
+        for column, (points, error) in enumerate(zip(flat[name], errors[name], strict=True)):
+            board.draw_bones(row, column, points, error / most, BREAKING)
+    _colour_bar(board, most)
+    return board.fig, board.ax
+
+
+def _colour_bar(board: Board, most: float) -> None:
+    """Makes the sheet higher, and puts the bar at its foot."""
+    width, height = board.fig.get_size_inches()
+    whole, place = height + BAR, board.ax.get_position()
+    board.ax.set_position((place.x0, BAR / whole, place.width, place.height * height / whole))
+    board.fig.set_size_inches(width, whole)
+    bar = board.fig.add_axes((0.2, (BAR - 0.12) / whole, 0.6, 0.11 / whole))
+    scale = ScalarMappable(Normalize(0, most), BREAKING)
+    drawn = board.fig.colorbar(scale, cax=bar, orientation="horizontal", extend="max", label="error of the bone's length (mm)")
+    drawn.outline.set_visible(False)

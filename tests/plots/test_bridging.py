@@ -1,0 +1,116 @@
+"""In-betweening in numbers: curves are the values that were given, and marks stand at the keyframes."""
+
+from __future__ import annotations
+
+import matplotlib.pyplot as plt
+import numpy as np
+import pytest
+from matplotlib.colors import to_hex
+from matplotlib.text import Text
+from scipy.fft import dct, idct
+
+from mwlib import plots
+
+FRAMES, FPS = 41, 20.0
+TIME = np.arange(FRAMES) / FPS
+TRUTH = np.sin(3 * TIME)
+NOISE = np.random.default_rng(0).normal(size=(3, FRAMES))
+
+
+def _labels(ax):
+    return {line.get_label(): line for line in ax.lines if not line.get_label().startswith("_")}
+
+
+def _legible(fig) -> None:
+    with plots.style():
+        fig.draw_without_rendering()
+        box = fig.get_tightbbox()
+    width, height = fig.get_size_inches()
+    assert width <= 6.4 + 1e-9 and height <= 8.5 and not plt.get_fignums()
+    assert box.x0 > -0.02 and box.y0 > -0.02 and box.x1 < width + 0.02 and box.y1 < height + 0.02
+    assert all(text.get_fontsize() >= 9 for text in fig.findobj(Text) if text.get_text())
+
+
+def test_bridged_coordinate_shows_truth_baselines_samples_and_keyframes():
+    line = np.linspace(TRUTH[0], TRUTH[-1], FRAMES)
+    fig, ax = plots.bridged_coordinate(TRUTH, {"linear": line}, TRUTH + NOISE, fps=FPS, keyframes=(0, 7, -1))
+    found = _labels(ax)
+    assert {*found} == {"truth", "linear", "3 samples", "keyframe"}
+    assert np.array_equal(found["truth"].get_ydata(), TRUTH) and np.array_equal(found["linear"].get_ydata(), line)
+    assert found["keyframe"].get_xdata() == pytest.approx([0, 0.35, 2.0])
+    assert found["keyframe"].get_ydata() == pytest.approx(TRUTH[[0, 7, -1]])
+    drawn = [curve.get_ydata() for curve in ax.lines if curve.get_color() == plots.CYCLE[0] and len(curve.get_ydata())]
+    assert np.array_equal(drawn, TRUTH + NOISE)
+    _legible(fig)
+
+
+def test_seams_are_lengths_of_steps_and_mark_those_at_keyframes():
+    x = np.stack([3 * TRUTH, 4 * TRUTH], axis=-1)  # steps of 5 times those of the truth
+    pasted = x.copy()
+    pasted[1:-1] += [0.3, 0.4]
+    fig, ax = plots.seams({"truth": x, "pasted": np.stack([pasted, pasted])}, fps=FPS, keyframes=(0, 20, -1))
+    found = _labels(ax)
+    assert to_hex(found["truth"].get_color()) == "#000000"
+    assert found["truth"].get_ydata() == pytest.approx(5 * np.abs(np.diff(TRUTH)))
+    assert found["pasted"].get_ydata()[0] == pytest.approx(5 * np.abs(np.diff(TRUTH))[0] + 0.5)
+    assert found["pasted"].get_xdata()[:2] == pytest.approx([0.025, 0.075])
+    marks = [line for line in ax.lines if line.get_marker() == "o"]
+    assert [mark.get_xdata().tolist() for mark in marks] == [pytest.approx([0.025, 0.975, 1.025, 1.975])] * 2
+    _legible(fig)
+
+
+@pytest.mark.parametrize("frames", [40, 41])
+def test_spectra_stand_at_their_frequencies(frames):
+    wave = np.sin(2 * np.pi * 5 * np.arange(frames) / frames)  # 5 turns in the clip
+    power = np.abs(np.fft.rfft(wave)) ** 2 + 1e-6
+    fig, axes = plots.spectra({"truth": power, "louder": 4 * power}, fps=FPS, frames=frames)
+    truth = _labels(axes[0])["truth"]
+    assert truth.get_xdata()[truth.get_ydata().argmax()] == pytest.approx(5 * FPS / frames)
+    ratios = [line.get_ydata() for line in axes[1].lines]
+    assert any(np.allclose(ratio, 4.0) for ratio in ratios) and axes[0].get_yscale() == "log"
+    _legible(fig)
+    _, axes = plots.spectra({"a": power}, fps=FPS, frames=frames)
+    assert len(axes) == 1
+
+
+def test_imposed_steps_mark_noisy_and_clean_keyframes():
+    levels = [1.0, 0.5, 0.0]
+    x = TRUTH + np.array(levels)[:, None] * NOISE
+    fig, axes = plots.imposed_steps(x, levels, keyframes=(0, -1), fps=FPS)
+    assert [ax.get_title(loc="left") for ax in axes.flat] == ["noise 1.00", "noise 0.50", "clean"]
+    for ax, values in zip(axes.flat, x, strict=True):
+        found = _labels(ax)
+        assert found["keyframe at this noise"].get_ydata() == pytest.approx(values[[0, -1]])
+        assert found["clean keyframe"].get_ydata() == pytest.approx(TRUTH[[0, -1]])
+    _legible(fig)
+    four, _ = plots.imposed_steps(np.stack([*x, TRUTH]), [*levels, 0.0], fps=FPS)
+    _legible(four)
+
+
+def test_training_view_goes_to_cosines_and_back():
+    y = dct(TRUTH, norm="ortho")
+    noisy = y + 0.1 * NOISE[0]
+    fig, axes = plots.training_view(TRUTH, y, {"noise 0.10": (noisy, idct(noisy, norm="ortho"))}, fps=FPS)
+    assert axes.shape == (2, 2)
+    assert np.array_equal(axes[0, 0].lines[0].get_ydata(), TRUTH)
+    assert axes[1, 0].lines[-1].get_ydata() == pytest.approx(TRUTH + 0.1 * idct(NOISE[0], norm="ortho"))
+    stems = np.array(axes[1, 1].collections[0].get_segments())
+    assert stems[:, 1, 1] == pytest.approx(noisy) and stems[:, 0, 0] == pytest.approx(np.arange(FRAMES) * FPS / (2 * FRAMES))
+    _legible(fig)
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (lambda: plots.bridged_coordinate(TRUTH, {"short": TRUTH[1:]}, fps=FPS), "short: 40 frames; expected 41"),
+        (lambda: plots.bridged_coordinate(TRUTH, dict.fromkeys("abcdef", TRUTH), fps=FPS), "6 baselines; expected at most 5"),
+        (lambda: plots.bridged_coordinate(TRUTH, {}, fps=FPS, keyframes=(41,)), r"\[41\]; expected one or more of -41 to 40"),
+        (lambda: plots.seams({"a": NOISE.T, "b": NOISE.T[1:]}, fps=FPS), "lengths of the rows are {'a': 41, 'b': 40}"),
+        (lambda: plots.spectra({"a": TRUTH}, fps=FPS, frames=79), "79 frames have 40 frequencies; expected 41"),
+        (lambda: plots.spectra({}, fps=FPS), "at least one row"),
+        (lambda: plots.imposed_steps(NOISE, [0.0, 0.5, 1.0], fps=FPS), "expected 3, one for each step, falling"),
+    ],
+)
+def test_what_does_not_fit_is_refused(call, message):
+    with pytest.raises(ValueError, match=message):
+        call()

@@ -1,0 +1,137 @@
+"""Bodies that go somewhere: they stand where and when they are, from the side that shows it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import matplotlib.pyplot as plt
+import numpy as np
+import pytest
+from matplotlib.collections import LineCollection
+from matplotlib.text import Text
+
+from mwlib import plots
+from mwlib.data.synthetic.script import synthetic_motions
+
+WALK = synthetic_motions(1, seconds=2)[0].resample(25.0).cut(0, 41)
+
+
+def _going(speed: float, angle: float = 0.0):
+    """The first pose of a walk, slid over the floor, metres per second."""
+    time = np.arange(len(WALK)) / WALK.fps
+    slide = time[:, None] * speed * np.array([np.cos(angle), np.sin(angle), 0.0])
+    return replace(WALK, positions=(WALK.positions[:1] + slide[:, None]).astype(np.float32), rig=None)
+
+
+def _bodies(ax):
+    return [group for group in ax.collections if isinstance(group, LineCollection)]
+
+
+def _legible(fig) -> None:
+    with plots.style():
+        fig.draw_without_rendering()
+        box = fig.get_tightbbox()
+    width, height = fig.get_size_inches()
+    assert width <= 6.4 + 1e-9 and height <= 8.5 and not plt.get_fignums()
+    assert box.x0 > -0.02 and box.y0 > -0.02 and box.x1 < width + 0.02 and box.y1 < height + 0.02
+    assert all(text.get_fontsize() >= 9 for text in fig.findobj(Text) if text.get_text())
+
+
+@pytest.mark.parametrize("angle", [0.0, 1.0, 2.5, -1.6])
+def test_the_way_runs_to_the_right_of_the_page_in_metres(angle):
+    fig, ax = plots.passages(_going(2.0, angle), every=10)
+    (path,) = (line for line in ax.lines if len(line.get_xdata()) == len(WALK))
+    assert np.diff(path.get_xdata()) == pytest.approx(np.full(len(WALK) - 1, 2.0 / 25), rel=1e-3)
+    assert np.ptp(path.get_ydata()) < 1e-3
+    assert ax.get_xlim()[1] - ax.get_xlim()[0] == pytest.approx(
+        (ax.get_ylim()[1] - ax.get_ylim()[0]) * np.divide(*fig.get_size_inches())
+    )
+    _legible(fig)
+
+
+def test_keyframes_are_black_and_what_lies_between_is_light():
+    _, ax = plots.passages({"truth": _going(2.0), "sample": _going(2.0)}, every=10, keyframes=(0, 20, -1))
+    bones = len(WALK.skeleton.bones)
+    found = [(group.get_alpha(), len(group.get_segments())) for group in _bodies(ax)]
+    assert sum(count for alpha, count in found if alpha == 1.0) == 2 * 3 * bones  # frames 0, 20, 40
+    assert sum(count for alpha, count in found if alpha < 1.0) == 2 * 2 * bones  # frames 10, 30
+    colours = [{tuple(c[:3]) for group in _bodies(ax) if group.get_alpha() == a for c in group.get_color()} for a in (1.0, 0.65)]
+    assert colours[0] == {(0.0, 0.0, 0.0)} and len(colours[1]) == 3
+    words = [text.get_text() for text in ax.texts]
+    assert words.count("0.80") == 2 and {"truth", "sample", "1 m"} <= set(words)
+
+
+def test_bodies_that_would_pile_up_are_spread_by_time_and_it_says_so():
+    fig, ax = plots.passages(
+        {"still": _going(0.0), "going": replace(_going(2.0), positions=_going(2.0).positions + np.float32(1))},
+        every=10,
+        keyframes=(0, 15, -1),
+    )
+    words = {text.get_text() for text in ax.texts}
+    assert {"going", "still (spread by time)"} <= words
+    fig, ax = plots.passages(_going(0.0), every=10, keyframes=(0, 15, -1))
+    assert any("spread by time" in text.get_text() for text in ax.texts)
+    numbers = sorted((text.get_position()[0], float(text.get_text())) for text in ax.texts if text.get_text()[:1].isdigit())
+    x, seconds = np.array(numbers).T
+    assert seconds.tolist() == [0.0, 0.6, 1.2, 1.6] and np.allclose(np.diff(x) / np.diff(seconds), np.diff(x)[0] / 0.6)
+    _legible(fig)
+
+
+def test_rows_of_one_start_share_their_camera_and_others_have_their_own():
+    together, apart = _going(2.0), _going(2.0, 1.5)
+    aside = replace(together, positions=together.positions + np.float32([1.0, 0, 0]))
+    _, ax = plots.passages({"a": together, "b": apart}, every=10)
+    spans = [np.ptp(line.get_xdata()) for line in ax.lines if len(line.get_xdata()) == len(WALK)]
+    assert max(spans) < 3.0
+    _, ax = plots.passages({"a": aside, "b": apart}, every=10)
+    spans = [np.ptp(line.get_xdata()) for line in ax.lines if len(line.get_xdata()) == len(WALK)]
+    assert spans == pytest.approx([3.2, 3.2], rel=1e-3)
+
+
+def test_eight_rows_and_other_axes_fit_the_page():
+    rows = {f"sample {row}": WALK.with_up("y") for row in range(8)}
+    fig, ax = plots.passages(rows, spread=True)
+    upright, _ = plots.passages(dict.fromkeys(rows, WALK), spread=True)
+    assert fig.get_size_inches() == pytest.approx(upright.get_size_inches())
+    assert {*rows} <= {text.get_text() for text in ax.texts}
+    _legible(fig)
+
+
+def test_what_cannot_be_drawn_is_refused():
+    with pytest.raises(ValueError, match=r"keyframes of a are \[0, 41\]; it has 41 frames, no 41"):
+        plots.passages({"a": WALK}, keyframes=(0, 41))
+    with pytest.raises(ValueError, match="0 rows"):
+        plots.passages({})
+    with pytest.raises(ValueError, match="every 0 frames"):
+        plots.passages(WALK, every=0)
+
+
+def test_broken_bones_are_coloured_by_their_error():
+    skeleton = WALK.skeleton
+    bones = np.array(skeleton.bones)
+    first = WALK.positions[:1].repeat(3, axis=0)
+    lengths = np.linalg.norm(first[0, bones[:, 1]] - first[0, bones[:, 0]], axis=-1)
+    broken = first.copy()
+    joint = next(
+        joint for joint in range(len(skeleton) - 1, 0, -1) if joint not in skeleton.parents
+    )  # a leaf: one bone alone changes
+    bone = [child for _, child in skeleton.bones].index(joint)
+    outward = broken[:, joint] - broken[:, skeleton.parents[joint]]
+    broken[:, joint] += 0.05 * outward / np.linalg.norm(outward, axis=-1, keepdims=True)  # 50 mm too long
+    fig, ax = plots.broken_bodies({"whole": first, "broken": broken}, skeleton, lengths, fps=25.0, frames=(0, -1), most=100.0)
+    whole, *_, last = _bodies(ax)
+    assert len(_bodies(ax)) == 4 and np.ptp(whole.get_color(), axis=0).max() < 0.01
+    odd = np.abs(last.get_color() - whole.get_color()).max(axis=1)
+    assert odd.argmax() == bone and np.delete(odd, bone).max() < 0.01
+    assert last.get_linewidths()[bone] == pytest.approx(2.4, abs=0.01)
+    assert {text.get_text() for text in ax.texts} == {"0.00 s", "0.08 s", "whole", "broken"}
+    assert fig.axes[1].get_xlabel() == "error of the bone's length (mm)"
+    _legible(fig)
+    with pytest.raises(ValueError, match=r"rows of \[3, 2\] frames; expected"):
+        plots.broken_bodies({"a": first, "b": first[1:]}, skeleton, lengths, fps=25.0)
+
+
+def test_bridging_overview_stays_on_its_sheet():
+    y = np.random.default_rng(0).normal(size=(41, 51))
+    fig, _ = plots.bridging_overview(WALK.positions, y, 2 * y, WALK.positions[None].repeat(3, axis=0), WALK.skeleton)
+    _legible(fig)
