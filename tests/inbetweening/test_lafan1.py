@@ -263,6 +263,7 @@ def test_slerp_of_the_benchmark():
     draws = torch.Generator().manual_seed(0)
     a, b = torch.nn.functional.normalize(torch.randn(2, 500, 4, generator=draws, dtype=torch.float64), dim=-1)
     b[:250] = torch.nn.functional.normalize(a[:250] + 0.2 * b[:250], dim=-1)  # half of them near
+    b[:100] *= -1
     share = torch.rand(500, generator=draws, dtype=torch.float64)
     found = benchmark_slerp(a, b, share)
     expected = [slow_slerp(*case) for case in zip(a.numpy(), b.numpy(), share.tolist(), strict=True)]
