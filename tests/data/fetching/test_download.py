@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import io
 import random
 import socket
 import time
@@ -128,6 +129,7 @@ def test_announced_bytes_are_counted_whatever_the_library_does(tmp_path, monkeyp
 
         def __call__(self, url: str, sink, pooch: None) -> None:
             response = requests.Response()
+            response.raw = io.BytesIO()
             response.status_code, response.headers["Content-Length"] = 200, "10"
             self.begin(response)
             sink.write(b"five!")
