@@ -23,7 +23,8 @@ def add_parser(subparsers: _SubParsersAction) -> None:
     """Register this module's commands."""
     text = "train a preset, or go on with a run that was stopped; prints the run's folder"
     parser = subparsers.add_parser("train", help=text, description=f"{text.capitalize()}.", epilog=_names())
-    parser.add_argument("--preset", default="laptop", help=f"one of {', '.join(Config.presets)} (default: laptop)")
+    parser.add_argument("--system", default="prediction", help="prediction or inbetweening (default: prediction)")
+    parser.add_argument("--preset", default="laptop", help=f"one of {', '.join(Config.presets)} ... (default: laptop)")
     add_set(parser)
     parser.set_defaults(run=_train)
 
@@ -51,8 +52,8 @@ def add_parser(subparsers: _SubParsersAction) -> None:
 
 
 _SHIPPING = (
-    "synthetic takes about an hour of one core, cmu half an hour and the clips under MWLIB_DATA; a graphics card is used where "
-    "there is one. A training that was stopped goes on."
+    "synthetic takes about an hour of one core, cmu and inbetween half an hour and the clips under MWLIB_DATA; a graphics card "
+    "is used where there is one. A training that was stopped goes on."
 )
 
 
@@ -94,11 +95,11 @@ def configuration(grid: Grid, args: Namespace) -> Settings:
 
 
 def _names() -> str:
-    return f"Settings: {', '.join(sorted(Config.owners()))}. mwlib/prediction/config.py says what each means."
+    return f"Settings of prediction: {', '.join(sorted(Config.owners()))}. Each system's config.py says what each means."
 
 
 def _train(args: Namespace) -> int:
-    print(get_run(Config.preset(args.preset, **parse_changes(args.set)), progress=True))
+    print(get_run(system(args.system).Config.preset(args.preset, **parse_changes(args.set)), progress=True))
     return 0
 
 
