@@ -135,11 +135,12 @@ class Rig:
     def across(self) -> int | None:
         """The axis of the joints' own frames along which left and right are mirror images, within 3 cm; None: along none.
 
+        What does not hang from the motion's root, like a joint on the floor, and the root's own way do not count.
         Of CMU's rigs and most others it is x. Of LaFAN1's, whose bones lie along x, it is z.
         """
-        offsets = self.offsets[1:] if self.moves is None else self.moves[0, 1:]
-        swap = self.skeleton.mirror[1:] - 1
-        apart = [np.abs(offsets[swap] * (1 - 2 * unit) - offsets).max() for unit in np.eye(3)]
+        offsets, below = self.offsets if self.moves is None else self.moves[0], self._hanging()[1:]
+        image = offsets[self.skeleton.mirror]
+        apart = [np.abs(image * (1 - 2 * unit) - offsets)[below].max(initial=0.0) for unit in np.eye(3)]
         return int(np.argmin(apart)) if min(apart) < ALIKE else None
 
     def rooted(self) -> Rig:
@@ -154,11 +155,8 @@ class Rig:
         root, parents = self.points[0], self.skeleton.parents
         if root == 0 and self.moves is None:
             return self
-        at = {root: 0}
-        for joint in range(root + 1, len(parents)):
-            if parents[joint] in at:
-                at[joint] = len(at)
-        kept, below = [*at], [*at][1:]
+        kept = self._hanging()
+        at, below = {joint: i for i, joint in enumerate(kept)}, kept[1:]
         if lost := sorted({*self.points} - {*at}):
             raise ValueError(f"{self.skeleton.joints[lost[0]]} does not hang from {self.skeleton.joints[root]}; expected all to")
         moves = np.broadcast_to(self.offsets, (len(self.root), *self.offsets.shape)) if self.moves is None else self.moves
@@ -176,6 +174,13 @@ class Rig:
             tree, moves.mean(axis=0)[kept], continuous(_tensor(rotations)).numpy().astype(rotations.dtype), places[:, root],
             tuple(at[j] for j in self.points), (MOVES + ANGLES, *[self.channels[j] for j in below]),
         )  # fmt: skip
+
+    def _hanging(self) -> list[int]:
+        """The motion's root, and the joints that hang from it."""
+        found = [self.points[0]]
+        for joint in range(found[0] + 1, len(self.skeleton)):
+            found += [joint] if self.skeleton.parents[joint] in found else []
+        return found
 
 
 def _between(path: np.ndarray, low: np.ndarray, high: np.ndarray, share: np.ndarray) -> np.ndarray:

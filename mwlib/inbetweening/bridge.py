@@ -60,7 +60,7 @@ class Bridge:
             ValueError: unknown settings, bad values, or settings of the trained model.
         """
         if others := [
-            name for name in changes if Config.owners().get(name) in {"data", "task", "model", "diffusion", "training"}
+            name for name in changes if Config.owners().get(name) in {"data", "task", "model", "diffusion", "objective", "training"}
         ]:
             raise ValueError(f"{', '.join(others)} belongs to the trained model; expected settings of the sampling")
         return Bridge(self.net, self.representation, self.space, self.cfg.override(**changes))

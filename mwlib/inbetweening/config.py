@@ -133,7 +133,9 @@ class Config(Settings):
         if m.tokens == "sines" and m.target != "departure":
             raise ValueError(f"tokens are sines, but target is {m.target}; expected departure: it vanishes at both ends")
         if m.rows and m.tokens == "frames":
-            raise ValueError(f"rows is {m.rows} with frames as tokens; expected 0: only cosines can be left out")
+            raise ValueError(f"rows is {m.rows} with frames as tokens; expected 0: only cosines or sines can be left out")
+        if task.between < 2:
+            raise ValueError(f"between is {task.between}; expected at least 2: seams and jerk are those of four frames")
         if task.shortest > task.between:
             raise ValueError(f"shortest is {task.shortest}; expected at most between ({task.between})")
         if m.output == "wiener" and self.diffusion.prediction != "y0":

@@ -39,7 +39,8 @@ def filled(
     Raises:
         ValueError: bodies, length or keyframes do not fit the model; the message says why.
     """
-    first, *last = bridge.space.bodies.prepare([start] if not isinstance(end, Motion) else [start, end])
+    poses = [start] if not isinstance(end, Motion) else [start.cut(len(start) - 1, len(start)), end.cut(0, 1)]
+    first, *last = bridge.space.bodies.prepare(poses)
     if isinstance(end, Motion):
         count = bridge.cfg.task.between if frames is None else frames
         like, x, mask = first, *_of_poses(bridge, first, last[0], count)

@@ -44,6 +44,9 @@ class InbetweeningObjective(Objective):
         cfg: configuration.
         split: clips for training, and for the validation loss.
         learnt: what was learnt in an earlier part of the same training; empty: it is fitted now.
+
+    Raises:
+        ValueError: the clips do not match each other, or are all shorter than a window, those for validation too.
     """
 
     def __init__(self, cfg: Config, split: Split, learnt: Mapping[str, Tensor] | None = None) -> None:
@@ -51,6 +54,8 @@ class InbetweeningObjective(Objective):
         self.space = make_space(split.train, cfg.task.state)
         self.clips = Clips(split.train, self.space, cfg.task.mirror)
         self.held_out = Clips(split.validation, self.space) if split.validation else None
+        if self.held_out is not None:
+            self.held_out.require(self.task.frames)
         self.alpha_bar = alpha_bar(cfg.diffusion.schedule, cfg.diffusion.steps)
         snr = self.alpha_bar / (1 - self.alpha_bar)
         self.level = snr.clamp(*SNR_BOUNDS).float() if cfg.objective.level_weight == "snr" else None

@@ -24,6 +24,7 @@ from mwlib.body.skeleton import Skeleton
 from mwlib.data.bodies import Bodies
 
 UP = "z"
+STIFF = 1e-3  # half a turn in radians up to which a joint counts as not turning
 
 
 class Placement(NamedTuple):
@@ -186,7 +187,7 @@ class RotationSpace(Space):
         """See `Space`.
 
         Raises:
-            ValueError: the motion has no rig, or another tree of joints.
+            ValueError: the motion has no rig, or another tree of joints, or it turns one that has no rotation here.
         """
         rig = rooted_rig(motion)
         if rig.skeleton.parents != self.tree.parents or rig.points != self.points:
@@ -194,6 +195,10 @@ class RotationSpace(Space):
                 f"{motion.name or 'a motion'} has a rig of {len(rig.skeleton)} joints, {rig.skeleton.name}; expected the "
                 f"{len(self.tree)} of {self.tree.name}, as the others have"
             )
+        stiff = [j for j in range(len(self.tree)) if j not in self.turning]
+        if lost := [j for j in stiff if np.abs(rig.rotations[:, j, 1:]).max() > STIFF]:
+            name = f"{motion.name or 'a motion'} turns {self.tree.joints[lost[0]]}"
+            raise ValueError(f"{name}, which has no rotation channels in the first clip; expected the same channels in all clips")
         turns = torch.from_numpy(rig.rotations[:, self.turning].astype(np.float32))
         return torch.cat([torch.from_numpy(rig.root.astype(np.float32)), six(turns).flatten(-2)], dim=-1)
 

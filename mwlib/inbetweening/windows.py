@@ -95,21 +95,34 @@ class Clips:
         Raises:
             ValueError: no clip is longer than that.
         """
+        self.require(frames)
+        starts = [torch.arange(0, max(n - frames, 0), stride) for n in self.lengths.tolist()]
+        return torch.repeat_interleave(torch.tensor([len(s) for s in starts])), torch.cat(starts)
+
+    def require(self, frames: int) -> None:
+        """Refuse clips none of which is longer than so many frames.
+
+        Raises:
+            ValueError: as it says.
+        """
         longest = int(self.lengths.max())
         if longest <= frames:
             raise ValueError(
                 f"no clip is longer than {frames} frames, the keyframes and what lies between; the longest has {longest}; "
                 "longer clips, fewer frames between or a smaller fps would do"
             )
-        starts = [torch.arange(0, max(n - frames, 0), stride) for n in self.lengths.tolist()]
-        return torch.repeat_interleave(torch.tensor([len(s) for s in starts])), torch.cat(starts)
 
     def cut(self, frames: int, stride: int) -> Cut:
         """Every window of so many frames, see `starts`."""
         return self.take(*self.starts(frames, stride), frames)
 
     def draw(self, batch: int, frames: int, generator: torch.Generator) -> Cut:
-        """Random windows, every one as likely as another."""
+        """Random windows, every one as likely as another.
+
+        Raises:
+            ValueError: no clip is longer than that.
+        """
+        self.require(frames)
         room = (self.lengths - frames).clamp_min(0)
         last = room.cumsum(0)
         number = torch.randint(int(last[-1]), (batch,), generator=generator)

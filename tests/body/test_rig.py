@@ -15,6 +15,7 @@ from mwlib.body.motion import Motion
 from mwlib.body.rig import ANGLES, MOVES, Rig
 from mwlib.body.rotation import continuous, euler_quaternions
 from mwlib.body.skeleton import H36M17, LAFAN1, Skeleton
+from tests.inbetweening.sample import lafan_motion
 
 # A trunk with two arms; the hands are End Sites, and the motion leaves the first joint out.
 TREE = Skeleton(
@@ -234,3 +235,87 @@ def test_rotations_of_the_world_are_those_of_the_chain():
     expected = walk_down(made.rotations[5], OFFSETS, made.root[5], TREE.parents)
     np.testing.assert_allclose(places[5], expected[0], atol=1e-12)
     np.testing.assert_allclose(np.abs(np.sum(turns[5] * expected[1], axis=-1)), 1.0, atol=1e-12)
+
+
+def lafan(frames: int = 12) -> Motion:
+    """A body whose bones lie along the joints' x and whose sides are mirror images along z, as LaFAN1's are."""
+    return lafan_motion(frames=frames, seed=3)
+
+
+@pytest.mark.parametrize("up", ["y", "z"])
+def test_the_mirror_image_of_sides_along_another_axis(up):
+    whole = replace(lafan(), up=up)
+    assert whole.rig.across() == 2
+    image = whole.mirror()
+    agrees(image)
+    np.testing.assert_array_equal(image.positions, replace(whole, rig=None).mirror().positions)
+    np.testing.assert_allclose(image.rig.offsets[1:], whole.rig.offsets[1:], atol=1e-12)  # the same body, not its image
+    again = image.mirror()
+    np.testing.assert_allclose(again.positions, whole.positions, atol=1e-6)
+    alike = np.abs(np.sum(again.rig.rotations * whole.rig.rotations, axis=-1))
+    np.testing.assert_allclose(alike, 1.0, atol=1e-6)
+
+
+@pytest.mark.parametrize("axis", [0, 1, 2])
+def test_across_is_the_axis_that_the_sides_lie_along(axis):
+    """The same body with its joints' frames named otherwise."""
+    turn = np.roll(np.eye(3), axis - 2, axis=1)
+    assert Rig(**{**vars(lafan().rig), "offsets": lafan().rig.offsets @ turn}).across() == axis
+    uneven = lafan().rig.offsets.copy()
+    uneven[1] += [0.0, 0.0, 0.025]
+    assert replace(lafan().rig, offsets=uneven).across() == 2  # people are never quite even
+    uneven[1] += [0.04, 0.04, 0.04]
+    assert replace(lafan().rig, offsets=uneven).across() is None
+
+
+def standing(frames: int = 12) -> Rig:
+    """As Bandai-Namco's files: a joint that stays on the floor, and every joint's place in each frame."""
+    body = lafan(frames).rig
+    tree = body.skeleton
+    joints = ("floor", *tree.joints, "prop")
+    parents = (-1, 0, *[p + 1 for p in tree.parents[1:]], 0)
+    left, right = (tuple(j + 1 for j in side) for side in (tree.left, tree.right))
+    skeleton = Skeleton("STANDING", joints, parents, left, right)
+    none = np.tile([1.0, 0, 0, 0], (frames, 1, 1))
+    quarter = np.array([0.5**0.5, 0, 0, 0.5**0.5])
+    rotations = np.concatenate([np.tile(quarter, (frames, 1, 1)), body.rotations, none], axis=1).astype(np.float32)
+    moves = np.tile(np.concatenate([np.zeros((1, 3)), body.offsets, np.ones((1, 3))]), (frames, 1, 1))
+    moves[:, 1] = body.root
+    channels = ((), *[MOVES + ANGLES] * len(tree), MOVES)
+    return Rig(skeleton, moves[0], rotations, np.zeros((frames, 3)), tuple(range(1, 23)), channels, moves)
+
+
+def test_rooting_keeps_places_and_turns_and_leaves_out_what_does_not_hang_from_the_root():
+    rig = standing()
+    found = rig.rooted()
+    assert found.skeleton.joints == LAFAN1.joints and found.skeleton.parents == LAFAN1.parents and found.moves is None
+    assert found.skeleton.left == LAFAN1.left and found.skeleton.right == LAFAN1.right and found.points == tuple(range(22))
+    np.testing.assert_allclose(found.positions(), rig.positions(), atol=1e-6)
+    turns, expected = found.world()[1], rig.world()[1][:, 1:23]
+    np.testing.assert_allclose(np.abs(np.sum(turns * expected, axis=-1)), 1.0, atol=1e-6)
+    assert np.sum(found.rotations[1:] * found.rotations[:-1], axis=-1).min() > 0
+    assert set(found.channels[0]) == {*MOVES, *ANGLES} and found.rooted() is found
+    own = lafan().rig
+    assert own.rooted() is own
+    whole = Motion(rig.positions().astype(np.float32), 30.0, LAFAN1, rig=rig)
+    replace(whole, rig=found)  # whose check compares the places
+
+
+def test_a_body_that_cannot_be_rooted_is_refused():
+    rig = standing()
+    stretched = rig.moves.copy()
+    stretched[3, 6] += [0.0, 0.0, 0.05]
+    with pytest.raises(ValueError, match="a joint of STANDING moves 0.05 m against its parent; expected bones of fixed length"):
+        replace(rig, moves=stretched).rooted()
+    with pytest.raises(ValueError, match="floor does not hang from Hips; expected all to"):
+        replace(rig, points=(1, 0, *range(3, 23))).rooted()
+
+
+@pytest.mark.parametrize("unrooted", [False, True])
+def test_rooting_and_mirroring_can_be_exchanged(unrooted):
+    """A floor joint and places in every frame do not hide along which axis the sides lie."""
+    rig = standing() if unrooted else lafan().rig
+    order = LAFAN1.mirror
+    one, other = rig.mirrored(order).rooted(), rig.rooted().mirrored(order)
+    np.testing.assert_allclose(one.positions(), other.positions(), atol=1e-5)
+    np.testing.assert_allclose(one.offsets[1:], other.offsets[1:], atol=1e-6)

@@ -152,3 +152,60 @@ def test_gradients(function):
         "continuous": q[:1],
     }
     assert torch.autograd.gradcheck(getattr(rotation, function), tuple(arguments[function]))
+
+
+PRECISIONS = [(torch.float32, 1e-5), (torch.float64, 1e-12)]
+
+
+@pytest.mark.parametrize(("dtype", "atol"), PRECISIONS)
+def test_six_are_the_first_two_columns_and_lead_back(dtype, atol):
+    q = turns(200, 3).to(dtype)
+    columns = scipy(q.double()).as_matrix()[:, :, :2].transpose(0, 2, 1).reshape(200, 3, 6)
+    np.testing.assert_allclose(rotation.six(q).numpy(), columns, atol=atol)
+    back = rotation.from_six(rotation.six(q))
+    assert back.dtype == dtype
+    np.testing.assert_allclose((back * q).sum(dim=-1).abs().numpy(), 1.0, atol=atol)
+    torch.testing.assert_close(rotation.six(-q), rotation.six(q))
+    torch.testing.assert_close(rotation.six(back), rotation.six(q), atol=atol, rtol=0)
+
+
+def test_six_numbers_of_no_rotation_become_gram_and_schmidts():
+    numbers = torch.from_numpy(RNG.normal(size=(50, 6)))
+    found = scipy(rotation.from_six(numbers)).as_matrix()
+    x, across = numbers[:, :3].numpy(), numbers[:, 3:].numpy()
+    x = x / np.linalg.norm(x, axis=-1, keepdims=True)
+    y = across - np.sum(x * across, axis=-1, keepdims=True) * x
+    y = y / np.linalg.norm(y, axis=-1, keepdims=True)
+    np.testing.assert_allclose(found, np.stack([x, y, np.cross(x, y)], axis=-1), atol=1e-12)
+    scale = torch.from_numpy(RNG.uniform(0.1, 9, (50, 2))).repeat_interleave(3, dim=1)
+    torch.testing.assert_close(rotation.from_six(scale * numbers), rotation.from_six(numbers))
+
+
+def half_turns(dtype: torch.dtype) -> torch.Tensor:
+    """Quaternions at and near half turns about the axes and about what lies between them; and no turn."""
+    axes = unit(np.array([[1, 0, 0], [0, 1, 0], [0, 0, 1], [1, 1, 0], [0, -1, 1], [1, 2, 3], [-1, 0, 1e-4]], float))
+    angle = torch.from_numpy(np.array([0.0, 1e-8, 1e-4, np.pi - 1e-3, np.pi - 1e-8, np.pi, np.pi + 1e-6]))[:, None, None]
+    return torch.cat([torch.cos(angle / 2).expand(7, 7, 1), torch.sin(angle / 2) * axes], dim=-1).to(dtype)
+
+
+@pytest.mark.parametrize(("dtype", "atol"), PRECISIONS)
+def test_quaternions_of_matrices_at_half_turns(dtype, atol):
+    for q in (half_turns(dtype), turns(300).to(dtype)):
+        found = rotation.from_matrix(rotation.matrix(q))
+        np.testing.assert_allclose(found.norm(dim=-1).numpy(), 1.0, atol=1e-6)
+        apart = torch.minimum((found - q).norm(dim=-1), (found + q).norm(dim=-1))
+        assert apart.max() < 4 * atol
+    mostly_w = torch.nn.functional.normalize(turns(100) * 0.3 + torch.tensor([1.0, 0, 0, 0]), dim=-1)
+    torch.testing.assert_close(rotation.from_matrix(rotation.matrix(mostly_w)), mostly_w)  # not its negative
+
+
+@pytest.mark.parametrize("dtype", [torch.float32, torch.float64])
+def test_gradients_stay_finite_and_right_at_half_turns(dtype):
+    numbers = rotation.six(half_turns(dtype)).requires_grad_()
+    weights = torch.randn(4, generator=torch.Generator().manual_seed(0)).to(dtype)
+    (gradient,) = torch.autograd.grad((rotation.from_six(numbers) * weights).sum(), numbers)
+    assert gradient.isfinite().all() and gradient.abs().max() < 10
+    away = rotation.six(turns(4)).requires_grad_()
+    assert torch.autograd.gradcheck(rotation.from_six, (away,))
+    matrices = rotation.matrix(turns(4)).requires_grad_()
+    assert torch.autograd.gradcheck(rotation.from_matrix, (matrices,))

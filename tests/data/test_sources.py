@@ -145,3 +145,22 @@ def test_every_clip_is_in_one_part_at_most_and_none_is_lost(monkeypatch):
 def test_fingerprints_are_those_of_training_and_of_test(monkeypatch):
     split = split_of(monkeypatch, [clip(s) for s in "ABCD"])
     assert split.fingerprints() == (fingerprint(split.train), fingerprint(split.test)) and len(set(split.fingerprints())) == 2
+
+
+def test_clips_are_made_ready_as_the_system_wants_them(monkeypatch):
+    """By default turned, carried over and resampled; otherwise whatever the given function makes of them."""
+    asked = []
+
+    def halved(motions, fps):
+        asked.append((len(motions), fps))
+        return [replace(m, fps=fps, positions=m.positions[:30]) for m in motions]
+
+    monkeypatch.setattr(sources, "load_motions", lambda source, **stated: [clip(s) for s in "ABCD"])
+    given = SourceConfig(data="somewhere", fps=25.0)
+    split = split_motions(given, halved)
+    assert asked == [(4, 25.0)] and {(len(m), m.fps) for part in split for m in part} == {(30, 25.0)}
+    assert [m.subject for m in split.train] == [m.subject for m in split_motions(given).train]
+    assert {len(m) for m in split_motions(given).train} == {30} and split_motions(given).train[0].fps == 25.0
+    assert not np.array_equal(split_motions(given).train[0].positions, split.train[0].positions)
+    with pytest.raises(ValueError, match="has fps"):
+        split_motions(given, lambda motions, fps: [replace(m, fps=fps + i) for i, m in enumerate(motions)])

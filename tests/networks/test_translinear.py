@@ -110,3 +110,44 @@ def test_dropout_keeps_the_mean_and_only_when_training():
 def test_bad_sizes(change, message):
     with pytest.raises(ValueError, match=message):
         network(**change)
+
+
+SIZES = dict(rows=7, columns=6, width=16, layers=4, heads=2, feedforward=24, dropout=0.0)
+
+
+def test_a_default_network_is_as_before_to_the_bit(generator):
+    """Weights and outputs of trained models must not change because a network may be told more."""
+    default, said = network(), network(told=0, conditioned=True)
+    assert [*default.state_dict()] == [*said.state_dict()] and "condition.weight" in default.state_dict()
+    assert all(torch.equal(a, b) for a, b in zip(default.parameters(), said.parameters(), strict=True))
+    torch.manual_seed(0)
+    fresh = TransLinear(**SIZES)
+    torch.manual_seed(0)
+    time = torch.nn.Sequential(torch.nn.Linear(16, 16), torch.nn.SiLU(), torch.nn.Linear(16, 16))
+    condition, enter = torch.nn.Linear(42, 16), torch.nn.Linear(6, 16)
+    for made, drawn in ((fresh.time[0], time[0]), (fresh.time[2], time[2]), (fresh.condition, condition), (fresh.enter, enter)):
+        assert torch.equal(made.weight, drawn.weight) and torch.equal(made.bias, drawn.bias)
+    assert torch.equal(fresh.position, torch.randn(7, 16))
+    y = torch.randn(3, 7, 6, generator=generator)
+    assert torch.equal(default(y, 5, y), said(y, 5, y)) and torch.equal(default.evaluate(y, 5, None)[0], default(y, 5))
+
+
+def test_what_is_told_enters_and_is_not_predicted(generator):
+    net = network(told=4, conditioned=False).eval()
+    y, told = torch.randn(3, 7, 6, generator=generator), torch.randn(3, 7, 4, generator=generator)
+    out, _ = net.evaluate(torch.cat([y, told], dim=-1), 5, None)
+    assert out.shape == y.shape and net.enter.weight.shape == (16, 10)
+    blank, _ = net.evaluate(torch.cat([y, torch.zeros_like(told)], dim=-1), 5, None)
+    assert (out - blank).abs().max() > 1e-3
+    plain = network(conditioned=False).eval()
+    own = {name: w[:, :6] if name == "enter.weight" else w for name, w in net.state_dict().items()}
+    plain.load_state_dict(own)
+    torch.testing.assert_close(plain(y, 5), blank, atol=1e-4, rtol=1e-4)
+
+
+def test_a_network_without_a_condition_refuses_one(generator):
+    net, y = network(conditioned=False), torch.randn(2, 7, 6, generator=generator)
+    assert not [name for name, _ in net.named_parameters() if name.startswith("condition")]
+    with pytest.raises(ValueError, match="built without a layer for a condition; expected none"):
+        net(y, 3, y)
+    torch.testing.assert_close(net(y, 3), net.evaluate(y, 3, None)[0])

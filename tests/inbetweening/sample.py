@@ -1,0 +1,118 @@
+"""Configurations of in-betweening that train in a second, and motions for them: places alone, and a rig like LaFAN1's."""
+
+from __future__ import annotations
+
+from functools import cache
+
+import numpy as np
+import torch
+from torch import nn
+
+from mwlib.body.motion import Motion
+from mwlib.body.rig import ANGLES, MOVES, Rig
+from mwlib.body.rotation import continuous, euler_quaternions
+from mwlib.body.skeleton import LAFAN1
+from mwlib.data.bodies import prepare
+from mwlib.data.sources import Split
+from mwlib.data.synthetic.script import synthetic_motions
+from mwlib.inbetweening.bridge import Bridge
+from mwlib.inbetweening.config import Config
+from mwlib.inbetweening.objective import InbetweeningObjective, make_network
+from mwlib.inbetweening.representation import Representation
+from mwlib.inbetweening.windows import Clips, make_space, ready
+
+SMALL = dict(
+    fps=10.0, between=6, shortest=0, state="positions", mirror=False, test_stride=8, test_windows=0,
+    tokens="cosines", rows=0, target="departure", keyframes="told", output="direct", prediction="y0", more_keyframes=0,
+    width=16, layers=2, heads=2, feedforward=16, dropout=0.1, attention_dropout=0.0, steps=50,
+    level_weight="snr", diversity_weight=0.0, smoothness_weight=0.0, length_weight=0.0, angle_weight=0.0,
+    train_steps=6, batch=4, checkpoint_every=3, ema=0.9, ema_start=2, warmup=0, lr=1e-3, lr_schedule="constant", seed=0,
+    samples=2, ddim_steps=5, temperature=1.0, spacing="leading", scheme="none", method="diffusion", sampling_seed=0,
+)  # fmt: skip
+PAPER = dict(target="motion", keyframes="untold", prediction="eps", level_weight="uniform", scheme="replacement")
+
+
+def small(**changes) -> Config:
+    """The tiny preset, made smaller; everything that the tests depend on is said here."""
+    return Config.preset("tiny", **{**SMALL, **changes})
+
+
+# LaFAN1's bones, metres: along the joints' own x, left and right mirrored along z.
+SIDE = {"UpLeg": (0.001, 0.018, 0.11), "Shoulder": (0.19, -0.015, 0.063)}
+BONES = {
+    "Leg": 0.435, "Foot": 0.424, "Toe": 0.173, "Arm": 0.113, "ForeArm": 0.33, "Hand": 0.252, "Spine": 0.069, "Spine1": 0.126,
+    "Spine2": 0.123, "Neck": 0.258, "Head": 0.118,
+}  # fmt: skip
+
+
+def lafan_offsets(size: float = 1.0) -> np.ndarray:
+    """From parent to joint in the parent's frame."""
+    rows = [(0.0, 0.0, 0.0)]
+    for name in LAFAN1.joints[1:]:
+        part, sign = name.removeprefix("Left").removeprefix("Right"), -1 if name.startswith("Right") else 1
+        x, y, z = SIDE.get(part, (BONES.get(part, 0.0), 0.0, 0.0))
+        rows.append((x, y, sign * z))
+    return size * np.array(rows)
+
+
+def lafan_motion(frames: int = 40, seed: int = 0, fps: float = 10.0, up: str = "z", subject: str = "A", size: float = 1.0):
+    """Smooth random rotations of such a body, which walks a random way."""
+    rng = np.random.default_rng(seed)
+    steps = rng.normal(0, 0.15, (frames, 22, 3))
+    angles = np.cumsum(steps, axis=0) + rng.normal(0, 0.4, (22, 3))
+    angles[:, 0] = np.cumsum(0.5 * steps[:, 0], axis=0) + [rng.uniform(-3, 3), 0.2, 1.6]
+    turns = continuous(torch.from_numpy(euler_quaternions("zyx", angles))).numpy().astype(np.float32)
+    root = np.cumsum(rng.normal(0, 0.04, (frames, 3)), axis=0) + rng.normal(0, 2, 3)
+    rig = Rig(LAFAN1, lafan_offsets(size), turns, root, tuple(range(22)), (MOVES + ANGLES, *[ANGLES] * 21))
+    name = f"{subject}{seed}"
+    return Motion(rig.positions().astype(np.float32), fps, LAFAN1, subject=subject, name=name, up=up, rig=rig)
+
+
+@cache
+def people() -> Split:
+    """Synthetic people at 10 Hz, places alone: one to train on, one for the validation loss, one for the test."""
+    motions = prepare(synthetic_motions(subjects=3, seconds=3.0), 10.0)
+    return Split(motions[:12], motions[12:24], motions[24:])
+
+
+@cache
+def dancers() -> Split:
+    """Bodies with rotations, of two sizes."""
+    parts = ([0, 1, 2], [3], [4, 5])
+    made = ([lafan_motion(seed=s, subject="ABC"[i], size=1 + 0.1 * (s % 2)) for s in p] for i, p in enumerate(parts))
+    return Split(*(ready(part, 10.0) for part in made))
+
+
+def data_of(cfg: Config) -> Split:
+    """What a configuration of either state trains on."""
+    return dancers() if cfg.task.state == "rotations" else people()
+
+
+def objective(**changes) -> InbetweeningObjective:
+    """What trains with these settings."""
+    cfg = small(**changes)
+    return InbetweeningObjective(cfg, data_of(cfg))
+
+
+def shaken(network: nn.Module, std: float = 0.1) -> nn.Module:
+    """Random weights also where a training starts from zero."""
+    generator = torch.Generator().manual_seed(0)
+    with torch.no_grad():
+        for parameter in network.parameters():
+            parameter.normal_(std=std, generator=generator)
+    return network
+
+
+def untrained(**changes) -> Bridge:
+    """A bridge that does something without a training."""
+    cfg = small(**changes)
+    space = make_space(data_of(cfg).train, cfg.task.state)
+    x = Clips(data_of(cfg).train, space).cut(cfg.task.frames, 3).x
+    representation = Representation.fit(cfg.model, cfg.task.frames, x)
+    return Bridge(shaken(make_network(cfg, representation)), representation, space, cfg)
+
+
+def windows_for(bridge: Bridge, frames: int | None = None):
+    """Windows of people whom it has not seen."""
+    clips = Clips(data_of(bridge.cfg).test, bridge.space)
+    return clips.cut(frames or bridge.cfg.task.frames, bridge.cfg.task.test_stride)

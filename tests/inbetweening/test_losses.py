@@ -1,0 +1,141 @@
+"""The four losses: the facts' worked numbers, batches, gradients where formulae are singular."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+import torch
+
+from mwlib.body import kinematics
+from mwlib.body.skeleton import H36M17, LAFAN1, Skeleton
+from mwlib.inbetweening.losses import (
+    bone_angle_loss,
+    bone_angles,
+    bone_length_loss,
+    bone_lengths,
+    diversity_loss,
+    smoothness_loss,
+)
+from mwlib.inbetweening.space import RotationSpace
+from tests.inbetweening.sample import dancers
+
+ARM = Skeleton("arm", ("shoulder", "elbow", "wrist"), (-1, 0, 1))
+
+
+def random(*shape: int) -> torch.Tensor:
+    return torch.randn(*shape, dtype=torch.float64, generator=torch.Generator().manual_seed(sum(shape)))
+
+
+def arm(angle: float, dtype: torch.dtype = torch.float64) -> torch.Tensor:
+    """One frame of an arm bent so far."""
+    wrist = [1 + math.cos(angle), math.sin(angle), 0.0]
+    return torch.tensor([[[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], wrist]], dtype=dtype)
+
+
+LOSSES = {
+    "distance": lambda x: diversity_loss(x.flatten(-2), "distance"),
+    "exponential": lambda x: diversity_loss(x.flatten(-2), "exponential", 40.0),
+    "step": lambda x: smoothness_loss(x.flatten(-2), None, "step").mean(-1),
+    "velocity": lambda x: smoothness_loss(x.flatten(-2), 0.5 * x.flatten(-2), "velocity").mean(-1),
+    "acceleration": lambda x: smoothness_loss(x.flatten(-2), None, "acceleration").mean(-1),
+    "length": lambda x: bone_length_loss(x, torch.full((16,), 0.7, dtype=x.dtype), H36M17).mean(-1),
+    "angle": lambda x: bone_angle_loss(x, torch.full((15,), 0.7, dtype=x.dtype)[: _angles()], H36M17).mean(-1),
+}
+
+
+def _angles() -> int:
+    return sum(parent > 0 for parent in H36M17.parents)
+
+
+@pytest.mark.parametrize("loss", LOSSES.values(), ids=LOSSES)
+def test_a_batch_is_a_loop_and_gradients_are_right(loss):
+    x = random(3, 2, 4, 17, 3)
+    together = loss(x)
+    assert together.shape == (3,)
+    torch.testing.assert_close(together, torch.stack([loss(each) for each in x]))
+    assert torch.autograd.gradcheck(lambda x: loss(x), (x[:1].clone().requires_grad_(),), fast_mode=True)
+
+
+@pytest.mark.parametrize("kind, expected", [("step", 5 / 3), ("acceleration", 2.5)])
+def test_smoothness_of_the_worked_path(kind, expected):
+    x = torch.tensor([0.0, 1.0, 1.0, 3.0])[:, None]
+    assert float(smoothness_loss(x, None, kind)) == pytest.approx(expected, abs=1e-6)
+    assert float(smoothness_loss(x.repeat(1, 4), None, kind)) == pytest.approx(4 * expected, abs=1e-5)  # squared length
+
+
+def test_smoothness_by_velocity_needs_the_truth_and_is_zero_there():
+    x = random(4, 7, 6)
+    assert smoothness_loss(x, x + 3, "velocity").abs().max() < 1e-24  # a shift has no speed
+    by_hand = (np.diff(x.numpy(), axis=1) - np.diff(2 * x.numpy(), axis=1)) ** 2
+    np.testing.assert_allclose(smoothness_loss(x, 2 * x, "velocity"), by_hand.sum(-1).mean(-1))
+    with pytest.raises(ValueError, match="truth is None"):
+        smoothness_loss(x, None, "velocity")
+
+
+def test_diversity_is_over_pairs():
+    samples = random(6, 4, 3)
+    flat = samples.flatten(1).numpy()
+    pairs = [np.linalg.norm(a - b) for i, a in enumerate(flat) for b in flat[:i]]
+    assert float(diversity_loss(samples, "distance")) == pytest.approx(-np.mean(pairs))
+    assert float(diversity_loss(samples, "exponential", 7.0)) == pytest.approx(np.mean(np.exp(-np.square(pairs) / 7)))
+    with pytest.raises(ValueError, match="1 sample; expected at least two"):
+        diversity_loss(samples[:1], "distance")
+
+
+@pytest.mark.parametrize("kind", ["distance", "exponential"])
+def test_gradients_of_samples_that_are_alike_are_finite(kind):
+    samples = torch.ones(3, 4, 2, requires_grad=True)
+    diversity_loss(samples, kind).backward()
+    assert samples.grad.isfinite().all()
+
+
+@pytest.mark.parametrize("angle", [0.0, 1e-6, 1e-3, 1.0, math.pi / 2, 3.0, math.pi - 1e-3, math.pi])
+def test_angles_of_an_arm(angle):
+    x = arm(angle).requires_grad_()
+    found = bone_angles(x, ARM)
+    assert found.shape == (1, 1) and float(found.detach()) == pytest.approx(angle, abs=2e-6)
+    (gradient,) = torch.autograd.grad(found.sum(), x)
+    assert gradient.isfinite().all() and gradient.abs().max() < 2.5
+    single = arm(angle, torch.float32).requires_grad_()
+    (gradient,) = torch.autograd.grad(bone_angles(single, ARM).sum(), single)
+    assert gradient.isfinite().all()
+
+
+def test_angles_are_numpys_and_in_the_order_of_children():
+    x = random(5, 17, 3)
+    found = bone_angles(x, H36M17)
+    rows = [(H36M17.parents[j], j, c) for c, j in enumerate(H36M17.parents) if j > 0]
+    for column, (above, joint, below) in enumerate(rows):
+        u, v = (x[:, joint] - x[:, above]).numpy(), (x[:, below] - x[:, joint]).numpy()
+        cosine = np.sum(u * v, axis=-1) / np.linalg.norm(u, axis=-1) / np.linalg.norm(v, axis=-1)
+        np.testing.assert_allclose(found[:, column], np.arccos(cosine), atol=1e-6)
+    assert found.shape == (5, len(rows))
+
+
+def test_only_what_is_beyond_the_limit_counts():
+    limits = torch.tensor([1.0], dtype=torch.float64)
+    assert float(bone_angle_loss(arm(0.9), limits, ARM)) == 0
+    assert float(bone_angle_loss(arm(1.5), limits, ARM)) == pytest.approx(0.25, abs=1e-5)
+    both = torch.cat([arm(0.9), arm(1.5)])
+    assert float(bone_angle_loss(both, limits, ARM)) == pytest.approx(0.125, abs=1e-5)
+
+
+def test_lengths_are_the_kinematics_in_the_same_order():
+    x = random(4, 6, 22, 3)
+    np.testing.assert_allclose(bone_lengths(x, LAFAN1), kinematics.bone_lengths(x.numpy(), LAFAN1))
+    lengths = bone_lengths(x[:, 0], LAFAN1)
+    for i in range(4):
+        by_hand = (kinematics.bone_lengths(x[i].numpy(), LAFAN1) - lengths[i].numpy()) ** 2
+        assert float(bone_length_loss(x, lengths, LAFAN1)[i]) == pytest.approx(by_hand.mean())
+
+
+def test_forward_kinematics_has_no_length_loss():
+    motion = dancers().train[0]
+    space = RotationSpace.of(motion)
+    x = space.valid(space.encode(motion) + 0.3 * torch.randn(len(motion), space.channels))
+    places = space.positions(x, space.offsets(motion))
+    assert float(bone_length_loss(places, bone_lengths(places[0], LAFAN1), LAFAN1)) < 1e-10
+    stretched = places * torch.tensor([1.0, 1.0, 1.1])
+    assert float(bone_length_loss(stretched, bone_lengths(places[0], LAFAN1), LAFAN1)) > 1e-5

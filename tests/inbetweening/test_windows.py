@@ -1,0 +1,169 @@
+"""Windows against slow loops: cut, drawn, mirrored; keyframes and the lines between them against NumPy."""
+
+from __future__ import annotations
+
+import warnings
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+
+from mwlib.body.skeleton import LAFAN1
+from mwlib.inbetweening.space import Placement, PositionSpace, RotationSpace
+from mwlib.inbetweening.windows import Clips, draw_keyframes, interpolated, make_space, mirror_images, ready
+from tests.inbetweening.sample import dancers, lafan_motion, people
+
+LENGTHS = (20, 9, 8, 31, 3)
+
+
+def clips(state: str = "positions") -> Clips:
+    motions = [lafan_motion(n, seed=n) for n in LENGTHS]
+    return Clips(motions, make_space(motions, state))
+
+
+@pytest.mark.parametrize("state", ["positions", "rotations"])
+@pytest.mark.parametrize("frames, stride", [(8, 1), (8, 5), (3, 4), (30, 40)])
+def test_cutting_is_a_slow_loop(state, frames, stride):
+    found = clips(state)
+    cut, at = found.cut(frames, stride), 0
+    for number, motion in enumerate(found.motions):
+        start = 0
+        while start + frames < len(motion):  # strictly, as LaFAN1's code has it
+            part = motion.cut(start, start + frames)
+            x, offsets = found.space.encode(part), found.space.offsets(part)
+            place = found.space.placement(x, offsets)
+            assert (int(cut.clip[at]), int(cut.start[at])) == (number, start)
+            torch.testing.assert_close(cut.x[at], found.space.seen_from(x, place), atol=1e-5, rtol=0)
+            torch.testing.assert_close(cut.offsets[at], offsets)
+            here = Placement(cut.placement.angle[at], cut.placement.origin[at])
+            np.testing.assert_allclose(
+                found.space.positions(found.space.placed(cut.x[at], here), offsets), part.positions, atol=1e-5
+            )
+            at, start = at + 1, start + stride
+    assert at == len(cut.x) == len(cut.clip) == len(cut.start)
+
+
+def test_lafans_count_of_windows():
+    """`while start + 65 < frames`, stride 40."""
+    lengths = [65, 66, 105, 106, 300]
+    motions = [people().train[0].resample(10.0) for _ in lengths]
+    motions = [replace(m, positions=np.resize(m.positions, (n, *m.positions.shape[1:]))) for m, n in zip(motions, lengths, strict=True)]
+    clip, start = Clips(motions, make_space(motions, "positions")).starts(65, 40)
+    expected = [(i, s) for i, n in enumerate(lengths) for s in range(0, n, 40) if s + 65 < n]
+    assert [*zip(clip.tolist(), start.tolist(), strict=True)] == expected
+
+
+def test_every_window_is_drawn_as_often_as_another(generator):
+    found = clips()
+    cut = found.draw(5200, 8, generator)
+    pairs = list(zip(cut.clip.tolist(), cut.start.tolist(), strict=True))
+    clip, start = found.starts(8, 1)
+    everyone = [*zip(clip.tolist(), start.tolist(), strict=True)]
+    assert {*pairs} == {*everyone}
+    counts = np.array([pairs.count(pair) for pair in everyone])
+    expected = 5200 / len(everyone)
+    assert ((counts - expected) ** 2 / expected).sum() < len(everyone) + 5 * np.sqrt(2 * len(everyone))
+    again = found.take(cut.clip[:9], cut.start[:9], 8)
+    torch.testing.assert_close(again.x, cut.x[:9])
+    same = found.draw(50, 8, torch.Generator().manual_seed(3))
+    assert torch.equal(same.x, found.draw(50, 8, torch.Generator().manual_seed(3)).x)
+
+
+@pytest.mark.parametrize("ask", ["cut", "draw", "starts"])
+def test_clips_that_are_too_short_are_refused(ask, generator):
+    found = clips()
+    given = {"cut": (31, 5), "starts": (31, 5), "draw": (4, 31, generator)}[ask]
+    with pytest.raises(ValueError, match="no clip is longer than 31 frames, .*the longest has 31; longer clips"):
+        getattr(found, ask)(*given)
+
+
+@pytest.mark.parametrize("state", ["positions", "rotations"])
+def test_mirror_images_are_the_same_windows_mirrored(state):
+    motions = [lafan_motion(20, seed=s) for s in (1, 2)]
+    space = make_space(motions, state)
+    found = Clips(motions, space, mirror=True)
+    assert len(found.motions) == 4
+    cut = found.cut(8, 6)
+    half = len(cut.x) // 2
+    torch.testing.assert_close(cut.offsets[half:], cut.offsets[:half], atol=1e-6, rtol=0)
+    places = space.positions(cut.x, cut.offsets)
+    flip, order = torch.tensor([1.0, -1.0, 1.0]), torch.from_numpy(LAFAN1.mirror)
+    # the left lies along x before and after, so that what is mirrored is forward and backward
+    expected = places[:half][..., order, :] * torch.tensor([-1.0, 1.0, 1.0])
+    torch.testing.assert_close(places[half:], expected, atol=1e-5, rtol=0)
+    assert (places[half:] - places[:half] * flip).abs().max() > 0.01
+
+
+def test_what_cannot_be_mirrored_is_left_out_with_a_warning():
+    motions = [lafan_motion(20, seed=1)]
+    offsets = motions[0].rig.offsets.copy()
+    offsets[1] += 0.1
+    rig = replace(motions[0].rig, offsets=offsets)
+    uneven = [replace(motions[0], rig=rig, positions=rig.positions().astype(np.float32))]
+    with pytest.warns(UserWarning, match="does not mirror: left and right joints of LAFAN1 are not turned alike"):
+        assert mirror_images(uneven, RotationSpace.of(uneven[0])) == []
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert len(mirror_images(uneven, make_space(uneven, "positions"))) == 1
+
+
+def test_spaces_by_name_and_motions_made_ready():
+    split = dancers()
+    assert isinstance(make_space(split.train, "positions"), PositionSpace)
+    assert isinstance(make_space(split.train, "rotations"), RotationSpace)
+    (made,) = ready([replace(lafan_motion(fps=30.0), up="y")], 10.0)
+    assert made.up == "z" and made.fps == 10.0 and made.rig is not None and made.skeleton == LAFAN1
+    with pytest.raises(ValueError, match="expected one and the same"):
+        make_space([split.train[0], replace(split.train[0], fps=11.0)], "positions")
+
+
+def test_cuts_are_thinned_evenly_and_picked():
+    cut = clips().cut(8, 1)
+    assert cut.thin(0) is cut and cut.thin(10**6) is cut
+    few = cut.thin(5)
+    rows = np.round(np.linspace(0, len(cut.x) - 1, 5)).astype(int)
+    assert torch.equal(few.x, cut.x[rows]) and torch.equal(few.placement.origin, cut.placement.origin[rows])
+    part = cut.pick(slice(2, 4))
+    assert torch.equal(part.start, cut.start[2:4]) and torch.equal(part.placement.angle, cut.placement.angle[2:4])
+
+
+def test_drawn_keyframes(generator):
+    assert torch.equal(draw_keyframes(3, 5, 0, generator), torch.tensor([[1, 0, 0, 0, 1]] * 3).bool())
+    mask = draw_keyframes(4000, 30, 3, generator)
+    assert mask[:, [0, -1]].all()
+    more = mask[:, 1:-1].sum(1)
+    assert int(more.max()) == 3 and abs(float((more == 0).double().mean()) - 0.5) < 0.1
+    where = mask[:, 1:-1].double().mean(0)
+    assert (where / where.mean() - 1).abs().max() < 0.5  # everywhere
+    one, other = (draw_keyframes(9, 30, 3, torch.Generator().manual_seed(1)) for _ in "ab")
+    assert torch.equal(one, other)
+
+
+def lines(x: np.ndarray, mask: np.ndarray) -> np.ndarray:
+    """Channel by channel with NumPy."""
+    at = np.flatnonzero(mask)
+    return np.stack([np.interp(np.arange(len(x)), at, x[at, c]) for c in range(x.shape[1])], axis=1)
+
+
+def test_interpolation_is_numpys_for_any_mask(generator):
+    x = torch.randn(60, 9, 4, dtype=torch.float64, generator=generator)
+    mask = torch.rand(60, 9, generator=generator) < 0.3
+    mask[mask.sum(1) == 0, 4] = True
+    mask[0], mask[1] = True, torch.arange(9) == 6  # all, and one
+    expected = np.stack([lines(a, b) for a, b in zip(x.numpy(), mask.numpy(), strict=True)])
+    np.testing.assert_allclose(interpolated(x, mask), expected, atol=1e-12)
+    ends = torch.arange(9) % 8 == 0
+    shared = np.stack([lines(a, ends.numpy()) for a in x.numpy()])
+    np.testing.assert_allclose(interpolated(x, ends), shared, atol=1e-12)
+    np.testing.assert_allclose(interpolated(x.reshape(6, 10, 9, 4), mask.reshape(6, 10, 9)).reshape(60, 9, 4), expected, atol=1e-12)
+    np.testing.assert_allclose(interpolated(x.reshape(6, 10, 9, 4), mask[:6, None])[2], interpolated(x[20:30], mask[2]), atol=1e-12)
+
+
+def test_interpolation_keeps_keyframes_to_the_bit_and_looks_at_nothing_else(generator):
+    x = torch.randn(5, 9, 4, generator=generator)
+    mask = torch.tensor([0, 1, 0, 0, 1, 0, 0, 1, 0]).bool()
+    blind = torch.where(mask[:, None], x, torch.nan)
+    found = interpolated(blind, mask)
+    assert found.isfinite().all() and torch.equal(found[:, mask], x[:, mask])
+    assert torch.equal(found[:, 0], x[:, 1]) and torch.equal(found[:, 8], x[:, 7])
