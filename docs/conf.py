@@ -61,6 +61,7 @@ napoleon_custom_sections = [("Source", "notes_style")]
 html_theme = "furo"
 html_title = project
 html_static_path = ["_static"]
+html_favicon = "_static/icon.svg"
 html_css_files = ["site.css"]
 html_copy_source = False
 html_show_sphinx = False

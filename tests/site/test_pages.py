@@ -83,6 +83,7 @@ def page(browser, address, request) -> Iterator[Page]:
     """One window, of either size; `troubles` collects what goes wrong in it."""
     wide, high = SIZES[request.param]
     opened = browser.new_page(viewport={"width": wide, "height": high}, is_mobile=request.param == "phone")
+    opened.set_default_timeout(120_000)  # a busy machine is slow to open the longest chapter
     opened.troubles = []
     opened.on("console", lambda message: opened.troubles.append(message.text) if message.type in ("error", "warning") else None)
     opened.on("pageerror", lambda error: opened.troubles.append(str(error)))
