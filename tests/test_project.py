@@ -59,9 +59,9 @@ def imported(folder: Path, skip: str = "") -> dict[str, str]:
 @pytest.mark.parametrize(
     "folder, skip, extras, brought",
     [
-        ("mwlib", "course", (), {"IPython", "ipywidgets"}),
+        ("mwlib", "course", (), {"IPython", "anywidget", "ipywidgets", "traitlets"}),
         ("mwlib", "", ("notebooks",), set()),
-        ("tests", "blender", ("notebooks", "dev"), set()),  # Blender is no dependency, see test-blender
+        ("tests", "blender", ("notebooks", "dev", "browser"), set()),  # Blender is no dependency, see test-blender
         ("benchmarks", "", ("notebooks", "dev"), set()),
     ],
 )
@@ -89,12 +89,12 @@ def test_every_dependency_is_pinned_and_every_pin_allowed():
     lines = [line for line in (ROOT / "constraints.txt").read_text().splitlines() if not line.startswith("#")]
     assert all(re.fullmatch(r"[\w.-]+==[\w.]+", line) for line in lines)  # exact; no address, no build tag
     pins = {canonicalize_name(name): version for name, version in (line.split("==") for line in lines)}
-    for name, wanted in requirements("notebooks", "dev").items():
+    for name, wanted in requirements("notebooks", "dev", "browser").items():
         assert pins[name] in wanted.specifier, name
 
 
 def test_bounds_say_from_when_on():
-    for name, found in requirements("notebooks", "dev").items():
+    for name, found in requirements("notebooks", "dev", "browser").items():
         assert any(part.operator == ">=" for part in found.specifier), name
 
 

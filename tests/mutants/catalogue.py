@@ -416,4 +416,25 @@ MUTANTS = [
         ("deviation-in-metres", "(value, scale * spread)", "(value, spread)"),
         ("numbers-of-the-first-seed", "m: mean(v) for", "m: v[0] for"),
     ),
+    *of(
+        "plots/stage.py", "plots/test_player.py",
+        ("short-motions-begin-with-the-film", "frames - len(positions) if history else 0", "0"),
+        ("floor-at-the-root", "positions[..., 2].min(axis=1)", "positions[:, 0, 2]"),
+        ("given-pose-not-moved-along", "return positions[0] - actor.offset", "return positions[0]"),
+    ),
+    *of(
+        "plots/player.py", "plots/test_player.py",
+        ("positions-wrap-round", "max(MILLIMETRE, float(np.abs(raised).max()) / LARGEST)", "MILLIMETRE"),
+        ("positions-cut-instead-of-rounded", "np.round(raised / unit)", "np.trunc(raised / unit)"),
+        ("left-and-right-exchanged", '"l" if joint in skeleton.left else "r"', '"r" if joint in skeleton.left else "l"'),
+        ("names-can-end-the-script", r'.replace("<", "\\u003c")', ""),
+        ("ghosts-at-the-wrong-frame", "at = frame - actor.start", "at = frame - actor.start - 1"),
+    ),
+    *of(
+        "plots/loops.py", "plots/test_loops.py",
+        ("loop-plays-once", '"loop": 0}', '"loop": 1}'),
+        ("loop-without-its-last-frame", "range((shown.frames - 1) % step, shown.frames, step)",
+         "range(0, shown.frames - step, step)"),
+        ("limit-forgotten", "if size <= most_bytes:", "if True:"),
+    ),
 ]  # fmt: skip
