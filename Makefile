@@ -90,7 +90,7 @@ player: $(READY) ## build the 3-D player's bundle of its sources anew, the same 
 	cp build/player/node_modules/three/LICENSE $(ASSETS)/LICENSE.three
 
 test-player: $(READY) ## open players in headless Chromium: CHROMIUM=chromium
-	$(RUN) -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[notebooks,dev,browser]'
+	$(RUN) -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[notebooks,dev,site]'
 	MWLIB_CHROMIUM=$(call quoted,$(value CHROMIUM)) $(RUN) -m pytest tests/browser
 
 lab: $(READY) ## open JupyterLab on the first notebook

@@ -59,7 +59,7 @@ def imported(folder: Path, skip: str = "") -> dict[str, str]:
 @pytest.mark.parametrize(
     "folder, skip, extras, brought",
     [
-        ("mwlib", "course", (), {"IPython", "ipywidgets"}),
+        ("mwlib", "course", (), {"IPython", "anywidget", "ipywidgets", "traitlets"}),
         ("mwlib", "", ("notebooks",), set()),
         ("tests", "blender", ("notebooks", "dev", "site"), set()),  # Blender is no dependency, see test-blender
         ("benchmarks", "", ("notebooks", "dev"), set()),

@@ -40,7 +40,7 @@ def add_parser(subparsers: _SubParsersAction) -> None:
 
     text = "write a looping picture of a clip: the truth, and sampled futures beside it"
     parser = subparsers.add_parser("loop", help=text, description=f"{text.capitalize()}. {_LOOP}")
-    _options(parser)
+    _options(parser, several=False)
     parser.add_argument("--clip", default="", metavar="NAME", help="which clip (default: the first)")
     parser.add_argument("--start", type=int, default=0, help="first observed frame, at the model's rate (default 0)")
     parser.add_argument("--width", type=int, default=900, help="pixels (default 900)")
@@ -61,13 +61,14 @@ _BVH = (
 _LOOP = "Beside the picture stand its alternative text (.txt) and its provenance (.json)."
 
 
-def _options(parser: ArgumentParser) -> None:
+def _options(parser: ArgumentParser, several: bool = True) -> None:
     parser.add_argument("run_folder", type=Path, metavar="RUN", help="folder of a finished training run, as train prints it")
     parser.add_argument("source", metavar="SOURCE", help="motions to continue: 'synthetic', a file or a folder")
     add_statements(parser)
     parser.add_argument("--samples", type=int, default=3, help="futures of each clip (default 3)")
     parser.add_argument("--seed", type=int, default=0, help="of the sampling (default 0)")
-    parser.add_argument("--clips", type=int, default=0, metavar="N", help="only the first N clips (default: all)")
+    if several:
+        parser.add_argument("--clips", type=int, default=0, metavar="N", help="only the first N clips (default: all)")
 
 
 def _predictor(args: Namespace) -> Predictor:

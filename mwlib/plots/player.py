@@ -204,7 +204,7 @@ def player(
 
 
 def _live() -> ShownAs:
-    from IPython import get_ipython  # at hand in every notebook; the library itself does without
+    from IPython.core.getipython import get_ipython  # at hand in every notebook; the library itself does without
 
     return "widget" if find_spec("anywidget") and getattr(get_ipython(), "kernel", None) else "html"
 

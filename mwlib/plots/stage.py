@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float, Num
@@ -114,12 +115,11 @@ def _named(motions: object) -> dict[str, Shown]:
         items = [(_called(motions, ""), motions)]
     found: dict[str, Shown] = {}
     for name, motion in items:
-        several = not isinstance(motion, Motion) and _several(array(motion))
-        parts = (
-            [(f"{name} {number}".strip(), part) for number, part in enumerate(motion, 1)] if several else [(str(name), motion)]
-        )
-        for part, shown in parts:
-            found[part if part not in found else f"{part} ({len(found) + 1})"] = shown
+        parts: dict[Any, Any] = {name: motion}
+        if not isinstance(motion, Motion) and _several(values := array(motion)):
+            parts = {f"{name} {number}".strip(): part for number, part in enumerate(values, 1)}
+        for part, shown in parts.items():
+            found[str(part) if part not in found else f"{part} ({len(found) + 1})"] = shown
     return found
 
 

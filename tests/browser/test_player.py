@@ -158,3 +158,35 @@ def test_a_dark_page_gets_light_bodies(opened):
     settled(page)
     dark = picture(page, "dark")
     assert np.median(dark) < 60 and (dark.min(axis=-1) > 150).sum() > 500
+
+
+MODEL = """
+async ([esm, state]) => {
+  const heard = {}, el = document.body.appendChild(document.createElement("div"));
+  const model = {
+    get: (name) => state[name], save_changes: () => (state.saved = (state.saved ?? 0) + 1),
+    set: (name, value) => { state[name] = value; heard[name]?.(); },
+    on: (name, act) => (heard[name.slice("change:".length)] = act),
+  };
+  Object.assign(globalThis, { model, state, el });
+  const module = await import(URL.createObjectURL(new Blob([esm], { type: "text/javascript" })));
+  globalThis.leave = await module.default.render({ model, el });
+}
+"""
+
+
+def test_the_widget_tells_python_and_is_steered_by_it(opened):
+    """Own choice: a stand-in for the notebook's model, so that no notebook server has to run."""
+    page = opened(plots.player(WALK, autoplay=False, height=150))
+    widget = plots.player(WALK, autoplay=False, height=150).widget()
+    state = {name: getattr(widget, name) for name in ("key", "bundle", "payload", "frame", "playing", "speed")}
+    page.evaluate(MODEL, [widget._esm, state])
+    told = "frame => el.shadowRoot.querySelector('output')?.value === frame"
+    page.wait_for_function(told, arg="0.00 s")
+    page.evaluate("model.set('frame', 30)")
+    page.wait_for_function(told, arg="1.20 s")
+    page.evaluate("el.shadowRoot.querySelector('.box').dispatchEvent(new KeyboardEvent('keydown', { key: 'ArrowRight' }))")
+    page.wait_for_function("state.frame === 31 && state.saved > 0")
+    page.evaluate("model.set('playing', true)")
+    page.wait_for_function("state.frame !== 31")
+    page.evaluate("leave()")

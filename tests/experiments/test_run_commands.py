@@ -1,9 +1,12 @@
-"""The commands about a finished run: predict and export-bvh."""
+"""The commands about a finished run: predict, export-bvh and loop."""
 
 from __future__ import annotations
 
+import json
+
 import numpy as np
 import pytest
+from PIL import Image
 
 import mwlib as mw
 from mwlib.__main__ import main
@@ -35,6 +38,20 @@ def test_export_bvh_writes_files_that_read_back(run, tmp_path, capsys):
     motions = mw.load_motions(tmp_path)
     assert len(motions) == 2 and all(len(m) == 20 and m.fps == 10 and m.up == "y" for m in motions)
     assert "mm from the predicted ones" in capsys.readouterr().out
+
+
+def test_loop_writes_a_moving_picture_that_says_what_it_is(run, tmp_path, capsys):
+    out = tmp_path / "walk.webp"
+    words = ["loop", str(run), "synthetic", "--samples", "2", "--width", "300", "--out", str(out)]
+    assert main([*words, "--clip", "P2_walk", "--start", "5"]) == 0
+    with Image.open(out) as image:
+        assert image.is_animated and image.n_frames == 20 and image.info["loop"] == 0 and image.width <= 300
+    assert "P2_walk (walk)" in out.with_suffix(".txt").read_text() and "20 pictures" in capsys.readouterr().out
+    about = json.loads(out.with_suffix(".json").read_text())
+    assert (about["clip"], about["start_frame"], about["samples"], about["seeds"]) == ("P2_walk", 5, 2, {"sampling": 0})
+    assert main([*words, "--clip", "nobody"]) == 1 and main([*words, "--start", "9999"]) == 1
+    told = capsys.readouterr().err
+    assert "clip is 'nobody'; synthetic has P1_walk" in told and "start is 9999; P1_walk has" in told
 
 
 def test_mistakes_are_told(run, tmp_path, capsys):

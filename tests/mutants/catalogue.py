@@ -539,6 +539,8 @@ MUTANTS = [
         ("seam-after-the-keyframe-only", "for step in (k - 1, k) if", "for step in (k,) if"),
         ("cosines-at-twice-their-frequency", "fps / (2 * len(x))", "fps / len(x)"),
         ("clean-keyframes-of-the-first-step", "x[-1, given], marker", "x[0, given], marker"),
+    ),
+    *of(
         "course/outputs.py", "course/test_outputs.py::test_outputs_that_do_not_match_their_calls_are_left_out",
         ("outputs-that-do-not-match-are-paired", "if len(stems) == len(outputs):", "if stems:"),
         ("outputs-of-other-cells-count", "or not _speaks(node, helpers)] for tree", "or True] for tree",
@@ -556,5 +558,26 @@ MUTANTS = [
     *of(
         "course/site_exhibits.py", "course/test_site.py::test_committed_results_come_first",
         ("committed-results-are-not-shown", "if row.committed:", "if not row.committed:"),
+    ),
+    *of(
+        "plots/stage.py", "plots/test_player.py",
+        ("short-motions-begin-with-the-film", "frames - len(positions) if history else 0", "0"),
+        ("floor-at-the-root", "positions[..., 2].min(axis=1)", "positions[:, 0, 2]"),
+        ("given-pose-not-moved-along", "return positions[0] - actor.offset", "return positions[0]"),
+    ),
+    *of(
+        "plots/player.py", "plots/test_player.py",
+        ("positions-wrap-round", "max(MILLIMETRE, float(np.abs(raised).max()) / LARGEST)", "MILLIMETRE"),
+        ("positions-cut-instead-of-rounded", "np.round(raised / unit)", "np.trunc(raised / unit)"),
+        ("left-and-right-exchanged", '"l" if joint in skeleton.left else "r"', '"r" if joint in skeleton.left else "l"'),
+        ("names-can-end-the-script", r'.replace("<", "\\u003c")', ""),
+        ("ghosts-at-the-wrong-frame", "at = frame - actor.start", "at = frame - actor.start - 1"),
+    ),
+    *of(
+        "plots/loops.py", "plots/test_loops.py",
+        ("loop-plays-once", '"loop": 0}', '"loop": 1}'),
+        ("loop-without-its-last-frame", "range((shown.frames - 1) % step, shown.frames, step)",
+         "range(0, shown.frames - step, step)"),
+        ("limit-forgotten", "if size <= most_bytes:", "if True:"),
     ),
 ]  # fmt: skip

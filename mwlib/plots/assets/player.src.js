@@ -9,6 +9,7 @@ import { Body, Panel } from "./scene.src.js";
 const UP = new Vector3(0, 0, 1);
 const SPEEDS = [0.1, 0.25, 0.5, 1, 2];
 const GAP = 8, LABEL = 34; // pixels: between panels; of a name, which no head may hide
+const LONGEST = 0.2; // seconds between two pictures: a machine that needs more plays slower and leaves nothing out
 const REST = 0.5; // seconds that a loop waits on its last frame
 const EXPLODED = 2; // times as wide as the smallest body: such a one is cut off and does not shrink the others
 const ICONS = {
@@ -248,7 +249,7 @@ class Player {
     this.pending = undefined;
     if (!this.visible || !this.cells) return;
     if (this.playing) {
-      this.time += ((now - (this.before ?? now)) / 1000) * this.payload.fps * this.speed;
+      this.time += Math.min((now - (this.before ?? now)) / 1000, LONGEST) * this.payload.fps * this.speed;
       this.before = now;
       if (this.looping && this.time >= this.last + REST * this.payload.fps) this.time = 0;
       if (!this.looping && this.time >= this.last) this.play(false);
