@@ -138,6 +138,11 @@ def origin(kind: str, stem: str, provenance: Mapping[str, object]) -> str:
 
 
 def described(alt: str) -> str:
+    """An alternative text on one line.
+
+    Raises:
+        ValueError: it is empty.
+    """
     if not alt.strip():
         raise ValueError("the alternative text is empty; expected a sentence that says what the picture shows")
     return " ".join(alt.split())
