@@ -13,6 +13,8 @@ from mwlib.__main__ import main
 from mwlib.course.files import course
 from mwlib.experiments import committed, lines, measure, read_grids, results, tables
 from mwlib.experiments.grids import changes, row_config
+from mwlib.experiments.systems import system
+from mwlib.material import course_folder
 from mwlib.prediction.config import Config
 from mwlib.prediction.evaluation import METRICS
 from tests.sample_settings import SMALL
@@ -35,12 +37,13 @@ def write(folder: Path, **parts) -> Path:
 
 def test_the_papers_grids_are_complete():
     known = read_grids()
+    known = {name: grid for name, grid in known.items() if grid.system == "prediction"}  # the others' numbers are lost to us
     sizes = {name: sum(bool(row.paper) for row in known[name].rows) for name in known if known[name].paper}
     assert sizes == {"table_2": 2, "table_3": 10, "table_4": 11, "table_4_raw": 11, "table_5": 2, "table_6": 3}
     best = known["table_4"].rows[7]
     assert best.changes == {"tabg_scale": 1.0, "tabg_sigma": 2.5, "wmsg": "every_step"}
     assert best.paper == {"apd": 6.506, "ade": 0.376, "fde": 0.408, "mmade": 0.466, "mmfde": 0.443}
-    assert {grid.notebook for grid in known.values() if grid.notebook} <= {path.stem for path in course()}
+    assert {grid.notebook for grid in read_grids().values() if grid.notebook} <= {path.stem for path in course()}
 
 
 @pytest.mark.parametrize(
@@ -169,5 +172,8 @@ def test_the_committed_tables_come_back_as_lines(tmp_path):
     assert committed("bases", some, tmp_path) == lines(rows, some)
     with pytest.raises(FileNotFoundError, match="table_9"):
         committed("table_9", METRICS)
+    figures = course_folder() / "figures"
+    places = {"bridges": figures / "lafan1", "bridge_parts": figures / "synthetic"}
     for name, grid in read_grids().items():
-        assert len(committed(name, METRICS)) == len(grid.rows)
+        columns = system(grid.system).METRICS
+        assert len(committed(name, columns, places.get(name, figures / "cmu"))) == len(grid.rows)
