@@ -35,7 +35,7 @@ def test_it_is_small_and_nobody_knows_it():
     file = Path(curves_system.__file__)
     assert len(file.read_text().splitlines()) < 80
     package = Path(system.__code__.co_filename).parents[1]
-    assert not [path for path in package.rglob("*.py") if "curves_system" in path.read_text()]
+    assert not [path for path in package.rglob("*.py") if "experiments.curves_system" in path.read_text()]
 
 
 def test_it_learns_and_resumes_to_the_bit(tmp_path):
