@@ -93,8 +93,8 @@ def card(title: str, command: str, cfg: Settings, metrics: Mapping[str, Any], co
     )
     measured = (
         f"Measured on {model['windows']} windows of the test people: {sampling.samples} samples, {sampling.ddim_steps} denoising "
-        f"steps, sampling seed {sampling.sampling_seed}, {about['measured on']['device']}. Metres, unless a line says otherwise. "
-        + (f"The true futures of similar histories have an APD of {apd:.3g}." if (apd := model.get("multimodal_apd")) else "")
+        f"steps, sampling seed {sampling.sampling_seed}, {about['measured on']['device']}. Metres, unless a line says otherwise."
+        + (f" The true futures of similar histories have an APD of {apd:.3g}." if (apd := model.get("multimodal_apd")) else "")
     )
     again = (
         f"`{command}` makes it again, on another machine up to the rounding of its arithmetic. All settings are in `{CONFIG}`, "

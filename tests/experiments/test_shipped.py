@@ -27,7 +27,7 @@ def test_what_comes_along_is_what_the_recipe_makes(name):
     metrics, kind = json.loads((SHIPPED / name / METRICS).read_text(encoding="utf-8")), system_of(cfg)
     again = card(title, f"mwlib ship {name}", cfg, metrics, {**kind.METRICS, **details(kind)})
     assert (SHIPPED / name / CARD).read_text(encoding="utf-8") == again and metrics["about"]["settings"] == cfg.hash()
-    assert ("mocap.cs.cmu.edu" in again) == (name == "cmu")
+    assert ("mocap.cs.cmu.edu" in again) == (name != "synthetic")
     weights, _ = load_tensors(SHIPPED / name / MODEL)
     assert {t.dtype for key, t in weights.items() if key.startswith("net.")} == {torch.float16}
     assert (SHIPPED / name / MODEL).stat().st_size < 9e6
@@ -53,9 +53,9 @@ def test_a_name_stands_for_the_model_that_comes_along_unless_a_folder_is_called_
     assert load_run("cmu").representation.frames == 125
     get_run(small()).rename(tmp_path / "cmu")
     assert load_run("cmu").representation.frames == 20
-    with pytest.raises(FileNotFoundError, match=r"kmu/config.yaml is missing.*models that come with mwlib: cmu, synthetic"):
+    with pytest.raises(FileNotFoundError, match=r"kmu/config.yaml is missing.*models that come with mwlib: cmu, inbetween, synthetic"):
         load_run("kmu")
-    with pytest.raises(ValueError, match="'kmu'; expected one of synthetic, cmu"):
+    with pytest.raises(ValueError, match="'kmu'; expected one of synthetic, cmu, inbetween"):
         recipe("kmu")
 
 
