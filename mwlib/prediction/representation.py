@@ -27,7 +27,7 @@ from mwlib.transforms import (
 )
 
 SCALES = ("mean", "deviation", "condition_mean", "condition_deviation")
-# Windows at a time of which a periodic autoencoder learns: four are as many frames as a step needs (grid `phase_sweep`).
+# Windows at a time of which a periodic autoencoder learns. Own choice: four, as in equal time many small steps lose less.
 LEARNING_WINDOWS = {"phase": 16, "straight_phase": 4}
 SCALE_WINDOWS = 2048  # drawn for the scales: deviations are then known to 1.6 %, whatever the size of the data
 
