@@ -13,8 +13,8 @@ from mwlib.transforms.linear import Constant, LinearTransform
 class DSTTransform(LinearTransform):
     """Low-pass sine coefficients of every channel, of the frames between the first and the last.
 
-    Source: own choice: the orthonormal DST-I over the T - 2 inner frames. Its sines, sin(pi k n / (T - 1)), are zero at both ends;
-    they are the eigenvectors of the Brownian bridge, so that its coefficients are independent.
+    Source: own choice: the orthonormal DST-I over the T - 2 inner frames. Its sines, sin(pi k n / (T - 1)), are zero at both
+    ends; they are the eigenvectors of the Brownian bridge, so that its coefficients are independent.
 
     Args:
         frames, channels: T and C of the motions.

@@ -47,7 +47,7 @@ def test_places_go_straight_and_only_the_ends_are_looked_at():
     blind = x.clone()
     blind[:, 1:-1] = torch.nan
     found = between(make_space(people().train, "positions"), blind, "interpolation")
-    expected = np.linspace(x[:, 0], x[:, -1], 8, axis=1)
+    expected = np.linspace(x[:, 0].numpy(), x[:, -1].numpy(), 8, axis=1)
     np.testing.assert_allclose(found, expected, atol=1e-6)
 
 
@@ -68,7 +68,9 @@ def test_rotations_are_slerped_at_the_pace(pace):
 
 
 def test_the_gaussian_is_a_conditional_mean_by_brute_force(generator):
-    smooth = torch.randn(200, 30, 3, generator=generator, dtype=torch.float64).cumsum(1)[:, 10:17].float() * torch.tensor([1, 5, 0.1])
+    smooth = torch.randn(200, 30, 3, generator=generator, dtype=torch.float64).cumsum(1)[:, 10:17].float() * torch.tensor(
+        [1, 5, 0.1]
+    )
     x = smooth + torch.tensor([3.0, -1.0, 0.5])
     model = GaussianBetween(x)
     mean, deviation = x.numpy().mean((0, 1)), x.numpy().reshape(-1, 3).std(0, ddof=1)
