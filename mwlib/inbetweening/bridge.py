@@ -59,9 +59,7 @@ class Bridge:
         Raises:
             ValueError: unknown settings, bad values, or settings of the trained model.
         """
-        if others := [
-            name for name in changes if Config.owners().get(name) in {"data", "task", "model", "diffusion", "objective", "training"}
-        ]:
+        if others := [name for name in changes if Config.owners().get(name, "sampling") not in ("sampling", "imposing")]:
             raise ValueError(f"{', '.join(others)} belongs to the trained model; expected settings of the sampling")
         return Bridge(self.net, self.representation, self.space, self.cfg.override(**changes))
 

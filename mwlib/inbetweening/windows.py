@@ -165,6 +165,6 @@ def interpolated(x: Float[Tensor, "*lead T C"], mask: Bool[Tensor, "*#lead T"]) 
     after = torch.where(mask, time, frames).flip(-1).cummin(-1).values.flip(-1)
     low = torch.where(before < 0, after, before)
     high = torch.where(after >= frames, low, after)
-    share = ((time - low) / (high - low).clamp_min(1)).clamp(0, 1)[..., None].to(x)
+    share = ((time - low).to(x) / (high - low).clamp_min(1).to(x)).clamp(0, 1)[..., None]
     low, high = (index[..., None].expand(x.shape).to(x.device) for index in (low, high))
     return torch.gather(x, -2, low) * (1 - share) + torch.gather(x, -2, high) * share

@@ -53,7 +53,9 @@ def test_a_name_stands_for_the_model_that_comes_along_unless_a_folder_is_called_
     assert load_run("cmu").representation.frames == 125
     get_run(small()).rename(tmp_path / "cmu")
     assert load_run("cmu").representation.frames == 20
-    with pytest.raises(FileNotFoundError, match=r"kmu/config.yaml is missing.*models that come with mwlib: cmu, inbetween, synthetic"):
+    with pytest.raises(
+        FileNotFoundError, match=r"kmu/config.yaml is missing.*models that come with mwlib: cmu, inbetween, synthetic"
+    ):
         load_run("kmu")
     with pytest.raises(ValueError, match="'kmu'; expected one of synthetic, cmu, inbetween"):
         recipe("kmu")

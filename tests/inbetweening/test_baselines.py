@@ -47,7 +47,7 @@ def test_places_go_straight_and_only_the_ends_are_looked_at():
     blind = x.clone()
     blind[:, 1:-1] = torch.nan
     found = between(make_space(people().train, "positions"), blind, "interpolation")
-    expected = np.linspace(x[:, 0], x[:, -1], 8, axis=1)
+    expected = np.linspace(x[:, 0].numpy(), x[:, -1].numpy(), 8, axis=1)
     np.testing.assert_allclose(found, expected, atol=1e-6)
 
 

@@ -33,9 +33,9 @@ def test_hashes_cover_what_they_should():
     for name, value in later.items():
         assert cfg.hash() != cfg.override(**{name: value}).hash(), name
     trained = dict(
-        between=7, shortest=3, state="rotations", mirror=True, tokens="sines", rows=5, more_keyframes=1, width=32, lr=1e-5, seed=4,
-        steps=60, diversity_weight=0.1, draws=3, smoothness_weight=0.1, smoothness="velocity", length_weight=0.1, angle_weight=0.1,
-        level_weight="uniform", data="elsewhere", fps=9.0, target="motion",
+        between=7, shortest=3, state="rotations", mirror=True, tokens="sines", rows=5, more_keyframes=1, width=32, lr=1e-5,
+        seed=4, steps=60, diversity_weight=0.1, draws=3, smoothness_weight=0.1, smoothness="velocity", length_weight=0.1,
+        angle_weight=0.1, level_weight="uniform", data="elsewhere", fps=9.0, target="motion",
     )  # fmt: skip
     for name, value in trained.items():
         assert cfg.training_hash() != cfg.override(**{name: value}).training_hash(), name

@@ -129,7 +129,7 @@ def test_what_is_decoded_can_be_written_and_read_again(tmp_path):
     space = RotationSpace.of(motion)
     made = space.decode(space.valid(space.encode(motion)), motion)
     assert made.rig is not None and write_bvh(made, tmp_path / "a.bvh").max < 1e-5
-    (again,) = load_motions(tmp_path / "a.bvh")
+    (again,) = load_motions(tmp_path / "a.bvh", unit="cm")
     assert again.skeleton.joints == LAFAN1.joints
     np.testing.assert_allclose(again.with_up("z").positions, motion.positions, atol=1e-5)
     bare = PositionSpace(Bodies.of([motion])).decode(PositionSpace(Bodies.of([motion])).encode(motion), motion)

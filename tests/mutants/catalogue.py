@@ -580,4 +580,62 @@ MUTANTS = [
          "range(0, shown.frames - step, step)"),
         ("limit-forgotten", "if size <= most_bytes:", "if True:"),
     ),
+    *of(
+        "body/rig.py", "body/test_rig.py",
+        ("sides-of-what-stands-on-the-floor", "- offsets)[below].max(", "- offsets)[1:].max(",
+         "body/test_rig.py::test_rooting_and_mirroring_can_be_exchanged"),
+        ("mirrored-without-the-half-turn", "if axis:  #", "if False:  #",
+         "body/test_rig.py::test_the_mirror_image_of_sides_along_another_axis"),
+    ),
+    *of(
+        "body/rotation.py", "body/test_rotation.py::test_six_are_the_first_two_columns_and_lead_back",
+        ("six-by-rows", "[..., :2].transpose(-1, -2).flatten(-2)", "[..., :2].flatten(-2)"),
+        ("largest-part-of-a-quaternion-not-looked-for", "dim2=-1).argmax(dim=-1)", "dim2=-1).argmax(dim=-1) * 0",
+         "body/test_rotation.py::test_quaternions_of_matrices_at_half_turns"),
+    ),
+    *of(
+        "transforms/dst.py", "transforms/test_dst.py",
+        ("sines-begin-a-frame-late", "((0, 0), (1, 1))", "((0, 0), (2, 0))"),
+    ),
+    *of(
+        "inbetweening/space.py", "inbetweening/test_space.py",
+        ("turned-the-wrong-way", "return self._turn(moved, -placement.angle)", "return self._turn(moved, placement.angle)"),
+        ("only-the-place-turns", "turned = turn_heading(x[..., : 3 * self.turned]", "turned = turn_heading(x[..., :3]"),
+    ),
+    *of(
+        "inbetweening/windows.py", "inbetweening/test_windows.py",
+        ("one-window-more-than-lafan", "max(n - frames, 0)", "max(n - frames + 1, 0)"),
+        ("short-clips-drawn-as-often", "clip = torch.searchsorted(last, number, right=True)",
+         "clip = number % len(last)"),
+        ("a-line-one-frame-short", "(high - low).clamp_min(1)", "(high - low + 1).clamp_min(1)"),
+    ),
+    *of(
+        "inbetweening/network.py", "inbetweening/test_network.py",
+        ("linear-denoiser-shrinks-too-little", "(a.sqrt() * s**2 / v) * y_t", "(a.sqrt() * s / v) * y_t"),
+        ("share-without-the-power", "return s * ((1 - a) / v).sqrt()", "return ((1 - a) / v).sqrt()"),
+    ),
+    *of(
+        "inbetweening/objective.py", "inbetweening/test_objective.py",
+        ("losses-on-bodies-unweighted", "(total.mean(1) * self.alpha_bar[t].to(x)).mean()", "total.mean(1).mean()",
+         "inbetweening/test_objective.py::test_where_all_is_noise_the_losses_on_bodies_hardly_count"),
+        ("statistics-fitted-again", "        if learnt:\n", "        if not learnt:\n",
+         "inbetweening/test_objective.py::test_what_was_learnt_goes_on_with_the_training"),
+    ),
+    *of(
+        "inbetweening/bridge.py", "inbetweening/test_bridge.py",
+        ("noise-of-the-place-in-the-chunk", "ids[first : first + size], shape", "range(len(part)), shape",
+         "inbetweening/test_bridge.py::test_a_window_depends_on_seed_and_identity_alone"),
+        ("keyframes-as-the-sampler-left-them", "return with_keyframes(states, x[:, None], mask)", "return states",
+         "inbetweening/test_bridge.py::test_keyframes_are_there_to_the_bit_and_nothing_else_is_looked_at"),
+    ),
+    *of(
+        "inbetweening/motions.py", "inbetweening/test_motions.py",
+        ("leaves-from-the-first-pose", "start.cut(len(start) - 1, len(start))", "start.cut(0, 1)",
+         "inbetweening/test_motions.py::test_it_leaves_the_last_pose_and_arrives_at_the_first"),
+    ),
+    *of(
+        "inbetweening/baselines.py", "inbetweening/test_baselines.py",
+        ("hermite-with-speed-at-its-ends", "u**2 * (3 - 2 * u)", "u * (3 - 2 * u)"),
+        ("correlation-of-sums", "self.rho = rho / torch.bincount(lag.flatten())", "self.rho = rho"),
+    ),
 ]  # fmt: skip
