@@ -75,6 +75,8 @@ class WienerNetwork(nn.Module):
     def __init__(self, inner: KeyframeNetwork, power: Float[Tensor, "rows channels"], alpha_bar: Float[Tensor, " M"]) -> None:
         super().__init__()
         self.inner = inner
+        self.power: Tensor
+        self.alpha_bar: Tensor
         self.register_buffer("power", power.clone(), persistent=False)
         self.register_buffer("alpha_bar", alpha_bar.float(), persistent=False)
 

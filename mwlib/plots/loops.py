@@ -222,7 +222,8 @@ def _timeline(fig: Figure, history: int, frames: int) -> tuple[Line2D, Text]:
     if history:
         seen = MARGIN + (1 - 2 * MARGIN) * (history - 1) / max(frames - 1, 1)
         fig.add_artist(Line2D((MARGIN, seen), (y, y), color=OBSERVED, linewidth=3))
-    line = fig.add_artist(Line2D(ends, (y, y), color=PREDICTED, linewidth=3, animated=True))
+    line = Line2D(ends, (y, y), color=PREDICTED, linewidth=3, animated=True)
+    fig.add_artist(line)
     text = fig.text(MARGIN, 0.99, "", va="top", animated=True)
     return line, text
 
