@@ -1,0 +1,101 @@
+"""Scores: the truth has no error, baselines are what they are, and every column has its number."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+import torch
+
+from mwlib.body.skeleton import BANDAI21, CMU, H36M17, HUMANEVA15, HUMANML22, LAFAN1, Skeleton
+from mwlib.inbetweening.baselines import PACES, between
+from mwlib.inbetweening.evaluation import DETAILS, METRICS, Score, evaluate, feet
+from mwlib.inbetweening.windows import Clips, make_space
+from tests.inbetweening.sample import data_of, small, untrained
+
+STATES = ("positions", "rotations")
+
+
+def nobody():
+    raise AssertionError("a baseline asks for no model")
+
+
+def score(**changes) -> dict:
+    cfg = small(**changes)
+    return evaluate(cfg, nobody, data_of(cfg))
+
+
+@pytest.mark.parametrize("state", STATES)
+def test_the_truth_has_no_error(state):
+    found = score(state=state, method="truth")["mean"]
+    for name in ("l2p", "l2p_best", "npss", "ade", "ade_mean", "keyframe_error", "bone_error", *["l2q"][: state == "rotations"]):
+        assert found[name] == pytest.approx(0, abs=1e-5), name
+    assert found["nearer"] > 0.9 and 0.5 < found["seam"] < 2 and found["speed"] > 0.1 and math.isnan(found["apd"])
+
+
+@pytest.mark.parametrize("state", STATES)
+@pytest.mark.parametrize("method", [*PACES, "gaussian"])
+def test_baselines_need_no_model_and_meet_the_keyframes(state, method):
+    found = score(state=state, method=method)
+    assert found["mean"]["keyframe_error"] == pytest.approx(0, abs=1e-5) and found["mean"]["l2p"] > 0.01
+    if (method, state) == ("interpolation", "positions"):
+        assert found["mean"]["nearer"] == 0  # than itself
+    if state == "rotations":
+        assert found["mean"]["bone_error"] < 1e-5
+
+
+@pytest.mark.parametrize("state", STATES)
+def test_every_column_has_a_number_for_every_window(state):
+    bridge = untrained(state=state)
+    cfg = small(state=state, test_windows=5)
+    found = evaluate(cfg, lambda: bridge, data_of(cfg))
+    names = {*METRICS, *DETAILS} - ({"l2q"} if state == "positions" else set())
+    assert set(found["mean"]) == names and set(found["values"]) == set(found["standard_error"]) == names - {"npss"}
+    assert found["windows"] == 5 == len(found["clips"]) and {len(v) for v in found["values"].values()} == {5}
+    assert found["mean"]["ade"] <= found["mean"]["ade_mean"] and found["mean"]["l2p_best"] <= found["mean"]["l2p"]
+    assert all(math.isfinite(found["mean"][name]) for name in names - {"skate"})
+    assert found["mean"]["apd"] > 0 and found["mean"]["keyframe_error"] == 0
+
+
+def test_scores_do_not_depend_on_how_many_are_scored_together(monkeypatch):
+    whole = score(method="hermite")
+    monkeypatch.setattr("mwlib.inbetweening.evaluation.CHUNK", 3)
+    parts = score(method="hermite")
+    assert parts["clips"] == whole["clips"]
+    for name, value in whole["mean"].items():
+        assert parts["mean"][name] == pytest.approx(value, rel=1e-4, abs=1e-6, nan_ok=True), name
+
+
+def test_zero_velocity_is_worst_and_jumps_at_the_end_alone():
+    zero, straight = (score(method=m) for m in ("zero_velocity", "interpolation"))
+    assert zero["mean"]["l2p"] > straight["mean"]["l2p"] and math.isnan(zero["mean"]["seam"])
+    assert straight["mean"]["seam"] == pytest.approx(1, abs=1e-4) and straight["mean"]["jerk"] < 1e-2
+
+
+def test_statistics_are_those_of_the_training_people_about_their_roots():
+    cfg = small()
+    split = data_of(cfg)
+    space = make_space(split.train, "positions")
+    made = Score.of(split, space, 8)
+    assert torch.equal(made.deviation, Score.of(split._replace(test=[]), space, 8).deviation)
+    cut = Clips(split.train, space).cut(8, 20)
+    places = space.positions(cut.x, cut.offsets)
+    places = places - torch.cat([places[:, :, :1, :2].mean(1, keepdim=True), torch.zeros(len(places), 1, 1, 1)], dim=-1)
+    torch.testing.assert_close(made.deviation, places.flatten(2).flatten(0, 1).std(0, correction=0).clamp_min(1e-4))
+    x = Clips(split.test, space).cut(8, 8)
+    line = between(space, x.x, "interpolation")[:, None]
+    p, g = (space.positions(v, x.offsets).flatten(-2)[:, 1:-1] for v in (line[:, 0], x.x))
+    expected = ((p - g) / made.deviation).norm(dim=-1).mean(-1)
+    torch.testing.assert_close(made(line, x)["l2p"], expected, atol=1e-4, rtol=1e-4)
+
+
+@pytest.mark.parametrize(
+    "skeleton, names",
+    [
+        (LAFAN1, {"LeftToe", "RightToe"}), (CMU, {"left_toes", "right_toes"}), (BANDAI21, {"Toes_L", "Toes_R"}),
+        (H36M17, {"left_foot", "right_foot"}), (HUMANML22, {"left_foot", "right_foot"}),
+        (HUMANEVA15, {"left_ankle", "right_ankle"}), (Skeleton("arm", ("a", "b"), (-1, 0)), set()),
+    ],
+)  # fmt: skip
+def test_feet_are_what_touches_the_floor(skeleton, names):
+    assert {skeleton.joints[i] for i in feet(skeleton)} == names

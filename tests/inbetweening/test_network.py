@@ -1,0 +1,109 @@
+"""Networks that are told and not, motions shorter than the longest, and the linear denoiser by hand."""
+
+from __future__ import annotations
+
+import pytest
+import torch
+from torch.nn import functional as F
+
+from mwlib.diffusion import alpha_bar, ddim, ddim_indices, noised, to_eps
+from mwlib.inbetweening.network import TOLD, KeyframeNetwork, WienerNetwork, at_frequencies
+from tests.inbetweening.sample import PAPER, shaken, small
+
+A_BAR = alpha_bar("cosine", 1000)
+
+
+def network(**changes) -> KeyframeNetwork:
+    return shaken(KeyframeNetwork(small(**changes).model, 8, 5), 0.3).eval()
+
+
+@pytest.mark.parametrize("rows", [8, 5, 1])
+@pytest.mark.parametrize("changes, told", [(PAPER, 0), ({}, 5 + TOLD)], ids=["untold", "told"])
+def test_outputs_have_the_shape_of_inputs_and_shorter_ones_are_padded(changes, told, rows, generator):
+    net = network(**changes)
+    y = torch.randn(3, rows, 5, generator=generator)
+    hints = torch.randn(3, rows, told, generator=generator) if told else None
+    t = torch.tensor([1, 20, 49])
+    found = net(y, t, hints)
+    assert found.shape == y.shape
+    whole = F.pad(y if hints is None else torch.cat([y, hints], dim=-1), (0, 0, 0, 8 - rows))
+    torch.testing.assert_close(found, net.net.evaluate(whole, t, None)[0][:, :rows])
+    one = net(y[1:2], 20, None if hints is None else hints[1:2])
+    torch.testing.assert_close(found[1:2], one, atol=1e-4, rtol=1e-4)
+    assert net.net.condition is None
+
+
+def test_what_is_told_matters(generator):
+    net, y = network(), torch.randn(3, 8, 5, generator=generator)
+    told = torch.randn(3, 8, 5 + TOLD, generator=generator)
+    for column in (0, 5, 6, 7):
+        other = told.clone()
+        other[..., column] += 1
+        assert (net(y, 5, other) - net(y, 5, told)).abs().max() > 1e-3
+
+
+class Says(KeyframeNetwork):
+    """A network that says one number, and remembers what it was asked."""
+
+    device = torch.device("cpu")
+
+    def __init__(self, number: float) -> None:
+        torch.nn.Module.__init__(self)
+        self.number = number
+
+    def forward(self, y, t, told=None):
+        self.seen = y
+        return torch.full_like(y, self.number)
+
+
+def wiener(number: float = 0.0) -> WienerNetwork:
+    power = torch.tensor([[3.0, 0.5], [1.0, 0.05], [0.1, 1.0]])
+    return WienerNetwork(Says(number), power, A_BAR)
+
+
+@pytest.mark.parametrize("t", [1, 300, 700, 990])
+def test_silence_is_the_posterior_mean_of_independent_gaussians(t, generator):
+    """y0 ~ N(0, s²), y_t = sqrt(a) y0 + sqrt(1 - a) eps: by Bayes, precision-weighted."""
+    net, a = wiener(), float(A_BAR[t])
+    y_t = torch.randn(4, 3, 2, generator=generator)
+    precision = 1 / net.power.double() ** 2 + a / (1 - a)
+    expected = (a**0.5 / (1 - a)) * y_t.double() / precision
+    torch.testing.assert_close(net(y_t, t).double(), expected, atol=1e-4, rtol=1e-3)
+    deviation = precision**-0.5  # of the posterior
+    torch.testing.assert_close(net.share(y_t, t)[0].double(), deviation, atol=1e-5, rtol=1e-3)
+    torch.testing.assert_close((wiener(2.0)(y_t, t) - net(y_t, t))[0].double(), 2 * deviation, atol=1e-4, rtol=1e-3)
+
+
+@pytest.mark.parametrize("t", [1, 500, 999])
+def test_what_the_network_sees_and_should_say_has_unit_deviation(t, generator):
+    net = wiener()
+    y = net.power * torch.randn(20000, 3, 2, generator=generator)
+    y_t = noised(y, torch.randn(20000, 3, 2, generator=generator), A_BAR[t])
+    missed = (y - net(y_t, torch.full((20000,), t))) / net.share(y_t, t)
+    for unit in (net.inner.seen, missed):
+        torch.testing.assert_close(unit.std(0), torch.ones(3, 2), atol=0.03, rtol=0)
+
+
+def test_sampling_with_silence_gives_every_coefficient_its_power(generator):
+    """The map of the sampler is linear: what it makes of noise 1 is the deviation."""
+    net = wiener()
+    start = torch.ones(1, 3, 2)
+    indices = ddim_indices(1000, 250, "trailing")
+    denoise = lambda y, t: to_eps("y0", net(y, t), y, A_BAR[t])  # noqa: E731
+    for step in ddim(denoise, start, A_BAR, indices, noise=lambda: torch.zeros_like(start)):
+        last = step.y
+    torch.testing.assert_close(last[0], net.power, atol=0.002, rtol=0.05)
+
+
+def test_deviations_for_shorter_motions_lie_between_the_nearest(generator):
+    power = torch.rand(9, 3, generator=generator)
+    assert at_frequencies(power, 9) is power
+    half = at_frequencies(power, 5)
+    torch.testing.assert_close(half, power[::2])
+    odd = at_frequencies(power, 4)
+    assert odd.shape == (4, 3)
+    torch.testing.assert_close(odd[[0, -1]], power[[0, -1]])
+    torch.testing.assert_close(odd[1], power[2] + (power[3] - power[2]) * (8 / 3 - 2), atol=1e-5, rtol=0)
+    net = WienerNetwork(Says(0.0), power, A_BAR)
+    assert net(torch.ones(2, 5, 3), torch.tensor([3, 900])).shape == (2, 5, 3)
+    assert [*net.state_dict()] == []  # the statistics are what the representation learnt

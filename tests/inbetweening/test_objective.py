@@ -1,0 +1,179 @@
+"""What is trained: it learns, every weight counts and none explodes, it resumes to the bit."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+import torch
+
+from mwlib.data.sources import Split
+from mwlib.files import load_tensors
+from mwlib.inbetweening.losses import bone_angles
+from mwlib.inbetweening.objective import Batch, InbetweeningObjective
+from mwlib.inbetweening.space import PositionSpace, space_from_json
+from mwlib.training import CHECKPOINT, MODEL, train
+from tests.inbetweening.sample import PAPER, data_of, objective, people, shaken, small
+
+KINDS = {
+    "told": {},
+    "paper": PAPER,
+    "wiener": dict(output="wiener", level_weight="unit", tokens="sines", between=6, shortest=4, more_keyframes=1),
+    "frames": dict(tokens="frames", prediction="v"),
+    "rotations": dict(state="rotations", mirror=True),
+}
+each_kind = pytest.mark.parametrize("changes", KINDS.values(), ids=KINDS)
+WEIGHTS = {
+    "diversity_weight": dict(diversity="exponential"), "smoothness_weight": dict(smoothness="velocity"), "length_weight": {},
+    "angle_weight": {},
+}  # fmt: skip
+
+
+def batch(made: InbetweeningObjective, count: int = 16) -> Batch:
+    return made.draw(count, torch.Generator().manual_seed(5))
+
+
+def loss(made: InbetweeningObjective, given: Batch, seed: int = 0) -> torch.Tensor:
+    return made.loss(made.network.eval(), given, torch.Generator().manual_seed(seed))
+
+
+@each_kind
+def test_it_learns(changes):
+    cfg = small(**changes, train_steps=60, batch=16, lr=1e-2, dropout=0.0, checkpoint_every=60)
+    losses = [step.loss for step in train(lambda learnt: InbetweeningObjective(cfg, data_of(cfg), learnt), cfg.training)]
+    assert sum(losses[-15:]) < 0.93 * sum(losses[:15])
+
+
+@each_kind
+def test_batches_are_windows_of_one_length_with_their_keyframes(changes):
+    made, lengths, more = objective(**changes), set(), set()
+    for seed in range(30):
+        cut, mask = made.draw(4, torch.Generator().manual_seed(seed))
+        assert cut.x.shape[:2] == mask.shape and mask[:, [0, -1]].all()
+        lengths.add(cut.x.shape[1])
+        more |= set(mask[:, 1:-1].sum(1).tolist())
+    assert lengths == set(range(changes.get("shortest", 6) + 2, 9))
+    assert more == set(range(changes.get("more_keyframes", 0) + 1))
+
+
+def test_the_paper_loss_by_hand():
+    """The simple loss of DDPM on cosines of normalised states."""
+    made = objective(**PAPER)
+    shaken(made.network)
+    given = batch(made)
+    draws = torch.Generator().manual_seed(0)
+    t = torch.randint(1, 50, (16,), generator=draws)
+    z = (given.cut.x - made.representation.mean) / made.representation.deviation
+    y = made.representation.transform(8)(z)
+    eps = torch.randn(y.shape, generator=draws)
+    a = made.alpha_bar[t][:, None, None].float()
+    output = made.network.eval()(a.sqrt() * y + (1 - a).sqrt() * eps, t)
+    assert float(loss(made, given).detach()) == pytest.approx(float((output - eps).square().mean()), rel=1e-4)
+
+
+@pytest.mark.parametrize("weight", WEIGHTS)
+@pytest.mark.parametrize("state", ["positions", "rotations"])
+def test_every_weight_has_an_effect(weight, state):
+    """But that bones of forward kinematics have their lengths whatever the network says."""
+    plain = objective(state=state)
+    made = objective(state=state, **{weight: 3.0}, **WEIGHTS[weight])
+    made.limits = 0.3 * made.limits
+    for each in (plain, made):
+        shaken(each.network)
+    given = batch(plain)
+    one, other = loss(plain, given), loss(made, given)
+    assert other.isfinite()
+    (gradient,) = torch.autograd.grad(other, made.network.net.leave.weight)
+    assert gradient.isfinite().all()
+    nothing = weight == "length_weight" and state == "rotations"
+    if weight != "diversity_weight":  # which draws other noise
+        assert (abs(float((other - one).detach())) < 1e-6) == nothing
+    else:
+        less = replace(made.cfg.objective, diversity_weight=1.0)
+        made.cfg = replace(made.cfg, objective=less)
+        assert abs(float((loss(made, given) - other).detach())) > 1e-3
+
+
+def gradient_norm(made: InbetweeningObjective, given: Batch) -> float:
+    made.network.zero_grad()
+    loss(made, given).backward()
+    return float(sum(p.grad.square().sum() for p in made.network.parameters() if p.grad is not None) ** 0.5)
+
+
+@pytest.mark.parametrize("weight", ["smoothness_weight", "length_weight", "angle_weight"])
+def test_where_all_is_noise_the_losses_on_bodies_hardly_count(weight, monkeypatch):
+    """Doubling a weight at the last steps changes the gradient little, though errors in eps are blown up there."""
+    made = [objective(**PAPER, steps=1000, **{weight: w}) for w in (0.002, 0.004)]
+    for each in made:
+        shaken(each.network)
+    given, randint = batch(made[0]), torch.randint
+    late = lambda low, high, size, generator: randint(990, 1000, size, generator=generator)  # noqa: E731
+    monkeypatch.setattr(torch, "randint", late)
+    one, two = (gradient_norm(each, given) for each in made)
+    assert two == pytest.approx(one, rel=0.3)
+
+
+def test_the_estimate_of_one_clip_is_compared_with_its_own_noise_draws():
+    """Two draws of one clip, not two clips: of a network that knows the clip nothing is left."""
+    made = objective(diversity_weight=1.0, draws=3)
+    given = batch(made)
+    hint = given.cut.x
+    y = made.representation.transform(8)(made.representation.modelled(hint, hint))
+    assert y.abs().max() == 0  # the interpolation is the clip: a network that says zero is right
+
+    class Zero(torch.nn.Module):
+        def forward(self, y_t, t, told):
+            return torch.zeros_like(y_t)
+
+    everywhere = Batch(given.cut, torch.ones_like(given.mask))
+    assert float(made.loss(Zero(), everywhere, torch.Generator().manual_seed(0))) == pytest.approx(0, abs=1e-6)
+
+
+@pytest.mark.parametrize("kind", ["told", "wiener", "rotations"])
+def test_resuming_is_as_if_never_stopped_to_the_bit(kind, tmp_path):
+    cfg = small(**KINDS[kind], length_weight=0.1, train_steps=6, checkpoint_every=3)
+    for folder, stop in ((tmp_path / "whole", 99), (tmp_path / "stopped", 4)):
+        for step in train(lambda learnt: InbetweeningObjective(cfg, data_of(cfg), learnt), cfg.training, folder, "key"):
+            if step.step == stop:
+                break
+    rest = train(lambda learnt: InbetweeningObjective(cfg, data_of(cfg), learnt), cfg.training, tmp_path / "stopped", "key")
+    assert [step.step for step in rest] == [4, 5, 6]
+    for name in (CHECKPOINT, MODEL):
+        found, expected = (load_tensors(tmp_path / run / name)[0] for run in ("stopped", "whole"))
+        assert found.keys() == expected.keys() and all(torch.equal(found[k], expected[k]) for k in expected)
+
+
+def test_what_was_learnt_goes_on_with_the_training():
+    made = objective()
+    other = Split([people().train[1]], people().validation, [])
+    again = InbetweeningObjective(small(), other, made.learnt())
+    assert all(torch.equal(again.learnt()[name], tensor) for name, tensor in made.learnt().items())
+    assert set(made.learnt()) == {"mean", "deviation", "departure", "power", "limits"}
+    assert isinstance(space_from_json(made.about()["space"]), PositionSpace)
+    parents = made.space.bodies.skeleton.parents
+    assert [*made.about()] == ["space"] and made.limits.shape == (sum(parent > 0 for parent in parents),)
+
+
+def test_validation_is_the_same_every_time_and_leaves_the_network_evaluating():
+    made = objective(dropout=0.5)
+    network = shaken(made.network).train()
+    first = made.validate(network)
+    assert first is not None and made.validate(network.train()) == first and not network.training
+    alone = InbetweeningObjective(small(), Split(people().train, [], []))
+    assert alone.validate(alone.network) is None
+
+
+@pytest.mark.parametrize("part", ["train", "validation"])
+def test_clips_that_are_too_short_are_refused_before_the_training(part):
+    short = [m.cut(0, 8) for m in people().train]
+    split = people()._replace(test=[], **{part: short})
+    with pytest.raises(ValueError, match="no clip is longer than 8 frames"):
+        InbetweeningObjective(small(), split)
+
+
+def test_the_limits_are_those_of_the_training_people():
+    made = objective()
+    cut = made.clips.cut(8, 3)
+    angles = bone_angles(made.space.positions(cut.x, cut.offsets), made.space.bodies.skeleton).flatten(0, 1)
+    beyond = (angles > made.limits).double().mean(0)
+    assert 0 < float(beyond.mean()) < 0.03

@@ -1,0 +1,94 @@
+"""What is diffused: there and back for all tokens and targets, of unit size, and what the network is told of it."""
+
+from __future__ import annotations
+
+import pytest
+import torch
+
+from mwlib.inbetweening.representation import LEAST, Representation
+from mwlib.inbetweening.windows import Clips, interpolated, make_space
+from mwlib.transforms import DCTTransform
+from tests.inbetweening.sample import PAPER, data_of, small, untrained
+
+KINDS = {"cosines": {}, "sines": dict(tokens="sines"), "frames": dict(tokens="frames"), "paper": PAPER}
+each_kind = pytest.mark.parametrize("changes", KINDS.values(), ids=KINDS)
+
+
+def clips(cfg, frames: int = 8) -> torch.Tensor:
+    return Clips(data_of(cfg).train, make_space(data_of(cfg).train, cfg.task.state)).cut(frames, 3).x
+
+
+def ends(x: torch.Tensor) -> torch.Tensor:
+    mask = torch.zeros(x.shape[-2], dtype=torch.bool)
+    mask[[0, -1]] = True
+    return mask
+
+
+@each_kind
+@pytest.mark.parametrize("frames", [8, 6])
+def test_there_and_back_through_tokens(changes, frames):
+    made = untrained(**changes).representation
+    x = clips(small(**changes), frames)
+    hint = interpolated(x, ends(x))
+    tf = made.transform(frames)
+    y = tf(made.modelled(x, hint))
+    assert y.shape[1:] == tf.shape == (frames - 2 * (changes.get("tokens") == "sines"), 51)
+    torch.testing.assert_close(made.states(tf.inverse(y), hint), x, atol=1e-4, rtol=0)
+    torch.testing.assert_close(tf.join(tf.split(y)), y)
+    torch.testing.assert_close(tf.project(y), y)
+
+
+@each_kind
+def test_what_is_diffused_is_of_unit_size(changes):
+    cfg = small(**changes)
+    x = clips(cfg)
+    made = Representation.fit(cfg.model, 8, x)
+    z = made.modelled(x, interpolated(x, ends(x)))
+    inner = z[:, 1:-1] if cfg.model.target == "departure" else z
+    size = inner.flatten(0, 1).square().mean(0).sqrt()
+    alive = (made.departure if cfg.model.target == "departure" else made.deviation) > LEAST
+    torch.testing.assert_close(size[alive], torch.ones(int(alive.sum())), atol=0.02, rtol=0)
+    assert (size <= 1.02).all()
+    y = made.transform(8)(z)
+    torch.testing.assert_close(made.power, y.square().mean(0).sqrt().clamp_min(1e-4))
+
+
+def test_a_departure_vanishes_at_keyframes():
+    cfg = small()
+    made, x = untrained().representation, clips(cfg)
+    mask = torch.tensor([1, 0, 0, 1, 0, 0, 0, 1]).bool()
+    z = made.modelled(x, interpolated(x, mask))
+    assert z[:, mask].abs().max() == 0 and z[:, ~mask].abs().max() > 1
+
+
+@each_kind
+def test_what_was_learnt_comes_back(changes):
+    made = untrained(**changes).representation
+    again = Representation.restore(small(**changes).model, 8, made.learnt())
+    assert set(made.learnt()) == {"mean", "deviation", "departure", "power"}
+    assert all(torch.equal(again.learnt()[name], tensor) for name, tensor in made.learnt().items())
+    x = clips(small(**changes))
+    assert torch.equal(again.modelled(x, x), made.modelled(x, x)) and again.transform(8) is again.transform(8)
+
+
+def test_the_network_is_told_lines_mask_frequency_and_length():
+    made, x = untrained().representation, clips(small(), 6)
+    mask = torch.tensor([1, 0, 1, 0, 0, 1]).bool().expand(len(x), 6)
+    hint = interpolated(x, mask)
+    told = made.told(hint, mask)
+    assert told.shape == (len(x), 6, 51 + 3)
+    tf = DCTTransform(6, 51)
+    torch.testing.assert_close(told[..., :51], tf((hint - made.mean) / made.deviation))
+    torch.testing.assert_close(told[..., 51:52], DCTTransform(6, 1)(mask[..., None].float()))
+    torch.testing.assert_close(told[0, :, 52], torch.arange(6) / 6.0)
+    assert (told[..., 53] == 6 / 8).all()
+    other = x.clone()
+    other[~mask] = 9.0
+    assert torch.equal(made.told(interpolated(other, mask), mask), told)
+
+
+def test_fewer_cosines_are_the_slow_part():
+    made = untrained(rows=3).representation
+    x = clips(small())
+    assert made.transform(8).shape == made.power.shape == (3, 51)
+    torch.testing.assert_close(made.transform(8)(x), DCTTransform(8, 51)(x)[:, :3])
