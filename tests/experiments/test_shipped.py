@@ -74,7 +74,8 @@ def test_a_shipped_model_is_its_run_in_half_precision(tmp_path, monkeypatch):
     run, written = load_run(get_run(cfg)), load_run(tmp_path / "out")
     history = torch.randn(3, 6, 48, generator=torch.Generator().manual_seed(0))
     torch.testing.assert_close(written.predict(history, 2), run.predict(history, 2), atol=0.02, rtol=0.02)
-    monkeypatch.setitem(RECIPES, "synthetic", ("Somebody", "tiny", {name: small().get(name) for name in ("history", "future")}))
+    changes = {name: small().get(name) for name in ("history", "future")}
+    monkeypatch.setitem(RECIPES, "synthetic", ("Somebody", "prediction", "tiny", changes))
     assert recipe("synthetic")[1].get("history") == 6
 
 
