@@ -46,7 +46,8 @@ def test_data_are_loaded_with_rotations_or_on_seventeen_joints(tmp_path):
     for number, subject in enumerate("AABBCC"):
         motion = lafan_motion(30, seed=number, fps=30.0, subject=subject)
         write_bvh(motion, tmp_path / f"walk{number}_subject{number // 2 + 1}.bvh")
-    cfg = small(data=str(tmp_path), state="rotations", unit="cm", train_subjects=(), validation_subjects=(), test_subjects=())
+    nobody = dict.fromkeys(("train_subjects", "validation_subjects", "test_subjects"), ())
+    cfg = small(data=str(tmp_path), state="rotations", unit="cm", up="y", **nobody)
     found = module.load_data(cfg)
     clips = [*found.train, *found.validation, *found.test]
     assert all(m.rig is not None and m.up == "z" and m.fps == 10.0 and len(m.skeleton) == 22 for m in clips) and len(clips) == 6
