@@ -69,6 +69,10 @@ class Bridge:
         if not task.fewest <= frames <= task.frames:
             between = f"{task.fewest - 2} to {task.between}" if task.shortest else f"{task.between}"
             raise ValueError(f"frames between is {frames - 2}; expected {between}, for which the model was trained")
+        if mask.shape != (frames,) or not mask.any():
+            raise ValueError(
+                f"mask has shape {tuple(mask.shape)}, {int(mask.sum())} keyframes; expected ({frames},), at least one"
+            )
         told = model.keyframes == "told"
         if told and int(mask.sum()) > 2 + model.more_keyframes:
             raise ValueError(f"{int(mask.sum())} keyframes; expected at most {2 + model.more_keyframes}, as the model was told")
@@ -105,6 +109,8 @@ class Bridge:
             raise ValueError(f"samples is {samples}; expected at least 1")
         self.check(frames, mask)
         ids = [*range(len(x))] if window_ids is None else [*window_ids]
+        if len(x) == 0 or len(ids) != len(x):
+            raise ValueError(f"{len(ids)} window_ids for {len(x)} windows; expected one each, and at least one window")
         size = max(1, CHUNK // samples)
         found = []
         for first in tqdm(range(0, len(x), size), disable=not progress, desc="sampling", unit="chunk"):

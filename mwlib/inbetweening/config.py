@@ -61,7 +61,7 @@ class ModelConfig:
 class ObjectiveConfig:
     """Weights of the losses; those on bodies are multiplied by alpha_bar for each window."""
 
-    level_weight: Literal["uniform", "snr", "unit"] = "uniform"  # "snr": by signal over noise, bounded; "unit": see Wiener
+    level_weight: Literal["uniform", "snr", "unit"] = "uniform"  # "snr": signal over noise, bounded; "unit": Wiener's share
     diversity_weight: NotNegative = 0.0  # lambda_d
     diversity: Diversity = "distance"  # how alike samples are, see diversity_loss
     diversity_scale: Positive = 10.0  # metres², of "exponential"

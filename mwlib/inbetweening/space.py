@@ -65,7 +65,7 @@ class Space(ABC):
 
     @abstractmethod
     def decode(self, x: Float[Tensor, "T C"], like: Motion) -> Motion:
-        """The motion of a body with another's bones, where the state says nothing about them."""
+        """States as a motion. Rate, names and, for rotations, the rig and its bones are those of `like`."""
 
     def to_json(self) -> str:
         """As text that a model file carries."""

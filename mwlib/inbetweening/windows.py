@@ -142,7 +142,7 @@ def mirror_images(motions: Sequence[Motion], space: Space) -> list[Motion]:
 
 
 def draw_keyframes(batch: int, frames: int, most: int, generator: torch.Generator) -> Bool[Tensor, "B T"]:
-    """Masks that are True at the first and last frame, and in half of the windows at 1 to `most` random frames more."""
+    """Masks that are True at the first and last frame, and in half of the windows at up to `most` random frames more."""
     mask = torch.zeros(batch, frames, dtype=torch.bool)
     mask[:, [0, -1]] = True
     if most:

@@ -108,6 +108,20 @@ def test_ends_that_are_no_keyframes_are_refused_by_who_is_told_alone():
         bridge.sample(x, samples=0)
 
 
+@pytest.mark.parametrize(
+    "count, ids, mask, message",
+    [
+        (0, None, ends(8), "0 window_ids for 0 windows"),
+        (2, [5], ends(8), "1 window_ids for 2 windows; expected one each"),
+        (1, None, ends(9), r"mask has shape \(9,\), 2 keyframes; expected \(8,\)"),
+        (1, None, torch.zeros(8, dtype=torch.bool), "0 keyframes; expected"),
+    ],
+)
+def test_windows_and_masks_that_do_not_fit_are_named(count, ids, mask, message):
+    with pytest.raises(ValueError, match=message):
+        untrained(**PAPER).sample(torch.zeros(count, 8, 51), mask, window_ids=ids)
+
+
 def test_settings_of_the_sampling_and_no_others():
     bridge = untrained()
     other = bridge.with_sampling(scheme="paste", samples=5)
