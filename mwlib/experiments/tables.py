@@ -164,7 +164,8 @@ def committed(name: str, metrics: Mapping[str, Column], folder: Path | None = No
             if f"{heading}, paper" in row:
                 line[f"{heading}, paper"] = number.get(f"{heading}, paper")
             spread = number.get(f"{heading}, deviation")
-            line[heading] = number[heading] if spread is None else (number[heading], spread)
+            value = number.get(heading) if heading in row else number[heading]  # empty where a row has no such number
+            line[heading] = value if spread is None else (value, spread)
         out.append(line)
     return out
 
