@@ -160,11 +160,11 @@ def committed(name: str, metrics: Mapping[str, Column], folder: Path | None = No
     for row in rows:
         number = {heading: float(value) for heading, value in row.items() if heading != "row" and value}
         line: dict[str, object] = {"row": row["row"]}
-        for heading in headings:
+        for heading in (heading for heading in headings if heading in row):  # of places there are no rotations' errors
             if f"{heading}, paper" in row:
                 line[f"{heading}, paper"] = number.get(f"{heading}, paper")
             spread = number.get(f"{heading}, deviation")
-            value = number.get(heading) if heading in row else number[heading]  # empty where a row has no such number
+            value = number.get(heading)  # empty where a row has no such number
             line[heading] = value if spread is None else (value, spread)
         out.append(line)
     return out
