@@ -599,7 +599,7 @@ MUTANTS = [
     ),
     *of(
         "inbetweening/space.py", "inbetweening/test_space.py",
-        ("window-turned-the-wrong-way", "return self._turn(moved, -placement.angle)", "return self._turn(moved, placement.angle)"),
+        ("window-turned-wrongly", "return self._turn(moved, -placement.angle)", "return self._turn(moved, placement.angle)"),
         ("only-the-place-turns", "turned = turn_heading(x[..., : 3 * self.turned]", "turned = turn_heading(x[..., :3]"),
     ),
     *of(
