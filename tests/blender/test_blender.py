@@ -19,6 +19,7 @@ from mwlib.body.skeleton import LAFAN1, Skeleton
 from mwlib.data.formats.bvh_writing import write_bvh
 from mwlib.data.load import load_motions, motion_files, read_motion_file
 from mwlib.data.synthetic.script import synthetic_motions
+from mwlib.experiments import inbetween
 
 LOOK = Path(__file__).with_name("look.py")
 pytestmark = pytest.mark.skipif("MWLIB_BLENDER" not in os.environ, reason="make test-blender runs it")
@@ -68,3 +69,11 @@ def test_real_motions(tmp_path, data_folder, folder):
     agrees(motion.cut(0, min(60, len(motion))), tmp_path)
     if motion.skeleton == LAFAN1:
         agrees(motion.turn(1.0).mirror().cut(100, 130).with_up("z"), tmp_path)
+
+
+def test_an_in_between(tmp_path):
+    walk = load_motions("synthetic", fps=30)[0]
+    picture = tmp_path / "between.png"
+    (motion,) = inbetween(walk.cut(0, 1), walk.cut(31, 32), frames=30)
+    agrees(motion, tmp_path, picture)
+    assert 0.01 < (np.asarray(Image.open(picture).convert("L")) < 250).mean() < 0.3
