@@ -16,8 +16,8 @@ from mwlib.course.outputs import Kept, kept_outputs
 FOLDER = "exhibits"
 INTRODUCTION = """# Tables and figures of {name}
 
-In the paper's order. Where a result on real people is committed with the software, it is shown: clips of the CMU motion capture
-database, with the data, settings and seeds that stand beside it. Everything else is what the chapter shows on the embedded
+In the paper's order. Where a result on real people is committed with the software, it is shown, with the data, settings and
+seeds that stand beside it. Everything else is what the chapter shows on the embedded
 synthetic data at the preset `tiny`; it shows how the thing is made, and its numbers hold for those data alone.
 """
 INDEX = """# Exhibits
