@@ -40,7 +40,7 @@ def inbetween(
         FileNotFoundError: there is no such run.
         ValueError: it is one of another system, or bodies, length or keyframes do not fit it.
 
-    >>> walk = mw.load_motions("synthetic", fps=30)[0]
+    >>> walk = mw.load_motions("synthetic", fps=30.0)[0]
     >>> [motion] = inbetween(walk.cut(0, 1), walk.cut(31, 32), frames=30)
     >>> motion.positions.shape, motion.fps, np.allclose(motion.positions[0], walk.positions[0], atol=1e-5)
     ((32, 17, 3), 30.0, True)
