@@ -12,39 +12,11 @@ from torch import Tensor
 from mwlib.inbetweening.config import ModelConfig
 from mwlib.inbetweening.windows import interpolated
 from mwlib.transforms import DCTTransform, DSTTransform, Transform
-from mwlib.transforms.linear import LinearTransform
+from mwlib.transforms.linear import OrthonormalRows
 
 QUIETEST = 1e-4  # deviation of a coefficient below which it is not told from noise
 LEAST = 1e-2  # deviation, metres or parts of a unit vector, below which a channel is not blown up to 1
 STATISTICS = ("mean", "deviation", "departure", "power")
-
-
-class Frames(LinearTransform):
-    """No transform: the tokens are frames. The twin of the paper's method "without DCT"."""
-
-    def __init__(self, frames: int, channels: int) -> None:
-        self.frames, self.channels, self.shape = frames, channels, (frames, channels)
-        self.analysis_time = self.synthesis_time = np.eye(frames)
-
-    def __call__(self, x: Float[Tensor, "... T C"]) -> Float[Tensor, "... rows columns"]:
-        """The motion itself."""
-        return x
-
-    def inverse(self, y: Float[Tensor, "... rows columns"]) -> Float[Tensor, "... T C"]:
-        """The motion itself."""
-        return y
-
-    def project(self, y: Float[Tensor, "... rows columns"]) -> Float[Tensor, "... rows columns"]:
-        """The identity."""
-        return y
-
-    def split(self, y: Float[Tensor, "... rows columns"]) -> dict[str, Tensor]:
-        """One band."""
-        return {"frames": y}
-
-    def join(self, bands: dict[str, Tensor]) -> Float[Tensor, "... rows columns"]:
-        """Inverse of `split`."""
-        return bands["frames"]
 
 
 class Representation:
@@ -94,7 +66,7 @@ class Representation:
             channels = len(self.mean)
             kind, rows = self.model.tokens, self.model.rows or frames
             if kind == "frames":
-                self._transforms[frames] = Frames(frames, channels)
+                self._transforms[frames] = OrthonormalRows(np.eye(frames), channels, "frames")  # no transform: "without DCT"
             elif kind == "cosines":
                 self._transforms[frames] = DCTTransform(frames, channels, min(rows, frames))
             else:

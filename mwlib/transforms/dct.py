@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-from jaxtyping import Float
 from scipy.fft import dct
-from torch import Tensor
 
-from mwlib.transforms.linear import Constant, LinearTransform
+from mwlib.transforms.linear import OrthonormalRows
 
 
-class DCTTransform(LinearTransform):
+class DCTTransform(OrthonormalRows):
     """Low-pass cosine coefficients of every channel.
 
     Source: HumanMAC (Chen et al., 2023): orthonormal DCT-II over the T frames, first L rows kept.
@@ -33,27 +31,4 @@ class DCTTransform(LinearTransform):
         rows = frames if rows is None else rows
         if not 1 <= rows <= frames:
             raise ValueError(f"rows is {rows}; expected 1 to {frames} (frames)")
-        self.frames, self.channels, self.shape = frames, channels, (rows, channels)
-        self.analysis_time = np.asarray(dct(np.eye(frames), norm="ortho", axis=0))[:rows]
-        self.synthesis_time = self.analysis_time.T
-        self._forward, self._backward = Constant(self.analysis_time), Constant(self.synthesis_time)
-
-    def __call__(self, x: Float[Tensor, "... T C"]) -> Float[Tensor, "... rows columns"]:
-        """First L DCT-II coefficients over time."""
-        return self._forward.like(x) @ x
-
-    def inverse(self, y: Float[Tensor, "... rows columns"]) -> Float[Tensor, "... T C"]:
-        """The smooth motion with these coefficients; all higher ones zero."""
-        return self._backward.like(y) @ y
-
-    def project(self, y: Float[Tensor, "... rows columns"]) -> Float[Tensor, "... rows columns"]:
-        """The identity: the rows are orthonormal, so all coefficients are a motion's."""
-        return y
-
-    def split(self, y: Float[Tensor, "... rows columns"]) -> dict[str, Tensor]:
-        """One band."""
-        return {"dct": y}
-
-    def join(self, bands: dict[str, Tensor]) -> Float[Tensor, "... rows columns"]:
-        """Inverse of `split`."""
-        return bands["dct"]
+        super().__init__(np.asarray(dct(np.eye(frames), norm="ortho", axis=0))[:rows], channels, "dct")

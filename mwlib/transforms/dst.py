@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-from jaxtyping import Float
 from scipy.fft import dst
-from torch import Tensor
 
-from mwlib.transforms.linear import Constant, LinearTransform
+from mwlib.transforms.linear import OrthonormalRows
 
 
-class DSTTransform(LinearTransform):
+class DSTTransform(OrthonormalRows):
     """Low-pass sine coefficients of every channel, of the frames between the first and the last.
 
     Source: own choice: the orthonormal DST-I over the T - 2 inner frames. Its sines, sin(pi k n / (T - 1)), are zero at both
@@ -33,28 +31,5 @@ class DSTTransform(LinearTransform):
         rows = frames - 2 if rows is None else rows
         if not 1 <= rows <= frames - 2:
             raise ValueError(f"rows is {rows}; expected 1 to {frames - 2} (frames without the first and the last)")
-        self.frames, self.channels, self.shape = frames, channels, (rows, channels)
         sines = np.asarray(dst(np.eye(frames - 2), type=1, norm="ortho", axis=0))[:rows]
-        self.analysis_time = np.pad(sines, ((0, 0), (1, 1)))
-        self.synthesis_time = self.analysis_time.T
-        self._forward, self._backward = Constant(self.analysis_time), Constant(self.synthesis_time)
-
-    def __call__(self, x: Float[Tensor, "... T C"]) -> Float[Tensor, "... rows columns"]:
-        """First sine coefficients over time; the end frames do not count."""
-        return self._forward.like(x) @ x
-
-    def inverse(self, y: Float[Tensor, "... rows columns"]) -> Float[Tensor, "... T C"]:
-        """The smooth motion with these coefficients, zero in the first and the last frame."""
-        return self._backward.like(y) @ y
-
-    def project(self, y: Float[Tensor, "... rows columns"]) -> Float[Tensor, "... rows columns"]:
-        """The identity: the rows are orthonormal, so all coefficients are a motion's."""
-        return y
-
-    def split(self, y: Float[Tensor, "... rows columns"]) -> dict[str, Tensor]:
-        """One band."""
-        return {"dst": y}
-
-    def join(self, bands: dict[str, Tensor]) -> Float[Tensor, "... rows columns"]:
-        """Inverse of `split`."""
-        return bands["dst"]
+        super().__init__(np.pad(sines, ((0, 0), (1, 1))), channels, "dst")

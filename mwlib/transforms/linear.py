@@ -58,3 +58,38 @@ class Transform(ABC):
 
 class LinearTransform(Transform):
     """y = A x Bᵀ up to a fixed arrangement of the columns; its inverse likewise; every matrix is a `Constant`."""
+
+
+class OrthonormalRows(LinearTransform):
+    """Coefficients of every channel along time by a matrix of orthonormal rows; the inverse is its transpose.
+
+    Args:
+        rows: the matrix, float64.
+        channels: C of the motions.
+        name: of its one band.
+    """
+
+    def __init__(self, rows: Float[np.ndarray, "rows T"], channels: int, name: str) -> None:
+        self.frames, self.channels, self.shape, self.name = rows.shape[1], channels, (len(rows), channels), name
+        self.analysis_time, self.synthesis_time = rows, rows.T
+        self._forward, self._backward = Constant(self.analysis_time), Constant(self.synthesis_time)
+
+    def __call__(self, x: Float[Tensor, "... T C"]) -> Float[Tensor, "... rows columns"]:
+        """The coefficients."""
+        return self._forward.like(x) @ x
+
+    def inverse(self, y: Float[Tensor, "... rows columns"]) -> Float[Tensor, "... T C"]:
+        """The motion with these coefficients and no others."""
+        return self._backward.like(y) @ y
+
+    def project(self, y: Float[Tensor, "... rows columns"]) -> Float[Tensor, "... rows columns"]:
+        """The identity: the rows are orthonormal, so all coefficients are a motion's."""
+        return y
+
+    def split(self, y: Float[Tensor, "... rows columns"]) -> dict[str, Tensor]:
+        """One band."""
+        return {self.name: y}
+
+    def join(self, bands: dict[str, Tensor]) -> Float[Tensor, "... rows columns"]:
+        """Inverse of `split`."""
+        return bands[self.name]
