@@ -13,12 +13,12 @@ from mwlib.body.motion import Motion
 from mwlib.body.skeleton import Skeleton
 from mwlib.data import MotionFormatError, Windows, load_motions, windows
 from mwlib.data.formats.bvh_writing import write_bvh
-from mwlib.experiments import get_model, get_run, inbetween, load_run
+from mwlib.experiments import generate, get_model, get_run, inbetween, load_run
 from mwlib.prediction.config import Config
 from mwlib.transforms import DCTTransform, PhaseTransform, WaveletTransform
 from mwlib.version import __version__
 
 __all__ = [
     "Config", "DCTTransform", "Motion", "MotionFormatError", "PhaseTransform", "Skeleton", "WaveletTransform", "Windows",
-    "get_model", "get_run", "inbetween", "load_motions", "load_run", "metrics", "plots", "windows", "write_bvh", "__version__",
+    "generate", "get_model", "get_run", "inbetween", "load_motions", "load_run", "metrics", "plots", "windows", "write_bvh", "__version__",
 ]  # fmt: skip

@@ -7,7 +7,7 @@ import sys
 
 from mwlib.course import commands as course_commands
 from mwlib.data import commands as data_commands
-from mwlib.experiments import claim_commands, keyframe_commands, lafan1_commands, run_commands
+from mwlib.experiments import claim_commands, keyframe_commands, lafan1_commands, run_commands, sentence_commands
 from mwlib.experiments import commands as experiment_commands
 from mwlib.experiments import data_commands as check_commands
 from mwlib.version import __version__
@@ -21,6 +21,7 @@ ROOMS = (
     run_commands,
     keyframe_commands,
     lafan1_commands,
+    sentence_commands,
     course_commands,
 )
 

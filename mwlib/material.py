@@ -10,6 +10,7 @@ from pathlib import Path
 
 CHECKOUT = Path(__file__).resolve().parents[1]
 PACKAGED = Path(__file__).resolve().with_name("_material")  # hatch_build.py puts it into the wheel
+MODELS = Path(__file__).resolve().with_name("models")  # a run's folder for each model that comes with the package
 MARKS = ("notebooks", "figures/manifest.yaml", "Snakefile")
 CARRIED = ("LICENSE", "Snakefile", "notebooks/*.ipynb", "figures/*.yaml", "figures/*/*")  # what a working copy consists of
 

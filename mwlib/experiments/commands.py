@@ -23,7 +23,7 @@ def add_parser(subparsers: _SubParsersAction) -> None:
     """Register this module's commands."""
     text = "train a preset, or go on with a run that was stopped; prints the run's folder"
     parser = subparsers.add_parser("train", help=text, description=f"{text.capitalize()}.", epilog=_names())
-    parser.add_argument("--system", default="prediction", help="prediction or inbetweening (default: prediction)")
+    parser.add_argument("--system", default="prediction", help="prediction, inbetweening, text_to_motion or matching (default: prediction)")
     parser.add_argument("--preset", default="laptop", help=f"one of {', '.join(Config.presets)} ... (default: laptop)")
     add_set(parser)
     parser.set_defaults(run=_train)

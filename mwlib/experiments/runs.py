@@ -17,12 +17,12 @@ from mwlib.experiments.origins import file_hash, machine, models_used, package_h
 from mwlib.experiments.store import locked, read_result, runs_folder, write_result
 from mwlib.experiments.systems import Data, read_config, system_of
 from mwlib.files import sweep, write_atomic
+from mwlib.material import MODELS
 from mwlib.settings import Settings, digest
 from mwlib.training import MODEL, TrainingStep, read_model, read_outcome, train
 from mwlib.version import __version__
 
 CONFIG = "config.yaml"
-SHIPPED = Path(__file__).resolve().parents[1] / "models"  # a run's folder for each model that comes with the package
 PATIENCE = 60.0  # seconds after which waiting processes tell each other that they still wait, lest their connection expires
 
 
@@ -117,7 +117,7 @@ def get_model(cfg: Settings, data: Data | None = None, progress: bool = False) -
 
 def shipped() -> list[str]:
     """Names of the trained models that come with the package."""
-    return sorted(config.parent.name for config in SHIPPED.glob(f"*/{CONFIG}"))
+    return sorted(config.parent.name for config in MODELS.glob(f"*/{CONFIG}"))
 
 
 def load_run(folder: str | Path) -> Any:
@@ -136,7 +136,7 @@ def load_run(folder: str | Path) -> Any:
     """
     folder = Path(folder)
     if not (folder / CONFIG).exists() and str(folder) in shipped():
-        folder = SHIPPED / folder
+        folder = MODELS / folder
     if not (folder / CONFIG).exists():
         known = f"; models that come with mwlib: {', '.join(shipped())}"
         raise FileNotFoundError(f"{folder / CONFIG} is missing: no training run in this folder{known}")

@@ -49,7 +49,7 @@ def ship(cfg: Settings, folder: Path, title: str, command: str, progress: bool =
     Weights are kept in half precision: half the size. What is measured is the run's own model, in single precision.
 
     Args:
-        cfg: of any system whose field `method` knows "truth".
+        cfg: of any system; where it has a field `method`, that knows "truth".
         folder: gets config.yaml, model.safetensors, metrics.json and card.md.
         title: the card's first line.
         command: that makes this model again; the card names it.
@@ -60,48 +60,75 @@ def ship(cfg: Settings, folder: Path, title: str, command: str, progress: bool =
     """
     kind = system_of(cfg)
     data = kind.load_data(cfg)
-    found = {name: get_result(c, data, progress) for name, c in (("model", cfg), ("truth", cfg.override(method="truth")))}
+    asked = {"model": cfg, **({"truth": cfg.override(method="truth")} if "method" in cfg.owners() else {})}
+    found = {name: get_result(c, data, progress) for name, c in asked.items()}
     run = get_run(cfg, data)
     tensors, about = load_tensors(run / MODEL)
-    save_tensors(folder / MODEL, {name: t.half() if name.startswith("net.") else t for name, t in tensors.items()}, about)
+    save_tensors(folder / MODEL, {name: t.half() if name.startswith("net.") and t.is_floating_point() else t for name, t in tensors.items()}, about)
     metrics: dict[str, Any] = {name: _kept(result) for name, result in found.items()}
     metrics["training"] = read_result(run, cfg.training_hash())
     metrics["about"] = {
         "settings": cfg.hash(), "data": list(data.fingerprints()), "mwlib": __version__, "measured on": found["model"]["machine"]
     }  # fmt: skip
-    text = card(title, command, cfg, metrics, {**kind.METRICS, **details(kind)})
+    text = card(title, command, cfg, metrics)
     write_together({folder / CONFIG: cfg.to_yaml(), folder / CARD: text, folder / METRICS: json.dumps(metrics, indent=1)})
     return metrics
 
 
-def card(title: str, command: str, cfg: Settings, metrics: Mapping[str, Any], columns: Mapping[str, Column]) -> str:
+def card(title: str, command: str, cfg: Settings, metrics: Mapping[str, Any]) -> str:
     """What a reader must know of a model before using it, as Markdown."""
-    model, truth, training, about = metrics["model"], metrics["truth"], metrics["training"], metrics["about"]
+    kind, (model, training, about) = system_of(cfg), (metrics[name] for name in ("model", "training", "about"))
+    others = {name: metrics[name] for name in ("truth",) if name in metrics}
     rows = [
-        f"| {column.heading} | {column.scale * model['mean'][name]:.3g} | {_of(truth, name, column.scale)} |"
-        for name, column in columns.items()
+        f"| {column.heading} | " + " | ".join(_of(result, name, column.scale) for result in (model, *others.values())) + " |"
+        for name, column in {**kind.METRICS, **details(kind)}.items()
         if name in model["mean"]
     ]
-    source, sampling = cfg.get_group("data"), cfg.get_group("sampling")
     trained = (
-        f"Trained on `{source.data}` at {source.fps:g} Hz: {training['steps']} steps of {cfg.get('batch')} windows, seed "
-        f"{cfg.get('seed')}, {training['seconds']:.0f} s on {training['machine']['device']}. Weights are kept in half precision."
-    )
-    people = (
-        f"Test people: {_names(source.test_subjects) or 'the last quarter'}; for validation: "
-        f"{_names(source.validation_subjects) or 'nobody'}; trained on {_names(source.train_subjects) or 'everybody else'}."
+        f"Trained on {_source(cfg)}: {training['steps']} steps of {cfg.get('batch')} {_items(cfg)}, seed {cfg.get('seed')}, "
+        f"{training['seconds']:.0f} s on {training['machine']['device']}. Weights are kept in half precision."
     )
     measured = (
-        f"Measured on {model['windows']} windows of the test people: {sampling.samples} samples, {sampling.ddim_steps} denoising "
-        f"steps, sampling seed {sampling.sampling_seed}, {about['measured on']['device']}. Metres, unless a line says otherwise."
+        f"Measured on {model['windows']} {_items(cfg)} of the test people: {_sampling(cfg)}{about['measured on']['device']}. "
+        "Metres, unless a line says otherwise."
         + (f" The true futures of similar histories have an APD of {apd:.3g}." if (apd := model.get("multimodal_apd")) else "")
     )
     again = (
         f"`{command}` makes it again, on another machine up to the rounding of its arithmetic. All settings are in `{CONFIG}`, "
         f"standard errors over clips in `{METRICS}`."
     )
-    table = "\n".join(["| metric | model | truth |", "|---|---:|---:|", *rows])
-    return "\n\n".join([f"# {title}", trained, people, measured, table, again, *acknowledgement(source.data).values()]) + "\n"
+    heads = ["metric", "model", *others]
+    table = "\n".join([f"| {' | '.join(heads)} |", f"|---|{'---:|' * (len(heads) - 1)}", *rows])
+    parts = [f"# {title}", trained, *_people(cfg), measured, table, again, *acknowledgement(cfg.get("data")).values()]
+    return "\n\n".join(parts) + "\n"
+
+
+def _source(cfg: Settings) -> str:
+    rate = f" at {cfg.get('fps'):g} Hz" if "fps" in cfg.owners() else ""
+    return f"`{cfg.get('data')}`{rate}"
+
+
+def _items(cfg: Settings) -> str:
+    return "windows" if "fps" in cfg.owners() else "clips"
+
+
+def _people(cfg: Settings) -> list[str]:
+    """Who is held out, where the configuration says it; collections with captions have their own parts."""
+    if "test_subjects" not in cfg.owners():
+        return []
+    test, validation, train = (_names(cfg.get(f"{part}_subjects")) for part in ("test", "validation", "train"))
+    return [
+        f"Test people: {test or 'the last quarter'}; for validation: {validation or 'nobody'}; trained on "
+        f"{train or 'everybody else'}."
+    ]
+
+
+def _sampling(cfg: Settings) -> str:
+    """How many samples and steps, where something is sampled."""
+    if "ddim_steps" not in cfg.owners():
+        return f"sampling seed {cfg.get('sampling_seed')}, "
+    s = cfg.get_group("sampling")
+    return f"{s.samples} samples, {s.ddim_steps} denoising steps, sampling seed {s.sampling_seed}, "
 
 
 def _names(subjects: Sequence[str]) -> str:

@@ -58,6 +58,8 @@ _MODULES = {
     "prediction": "mwlib.prediction.system",
     "rebuilding": "mwlib.prediction.rebuilding",
     "inbetweening": "mwlib.inbetweening.system",
+    "text_to_motion": "mwlib.text_to_motion.system",
+    "matching": "mwlib.text_to_motion.matching_system",
 }
 _REGISTERED: dict[str, System] = {}
 

@@ -2,82 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
-import torch
 from jaxtyping import Bool, Float
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import FancyBboxPatch
 
 from mwlib.body.skeleton import Skeleton
-from mwlib.plots.bodies import THREE_QUARTER, draw_bodies, facing, poses, project
-from mwlib.plots.coefficients import DIVERGING
-from mwlib.plots.look import CYCLE, FAINT, INK, OBSERVED, WIDTH, array, canvas, limit, style
-
-Array = np.ndarray | torch.Tensor
-SPACING = 0.8  # metres between bodies
-Place = tuple[float, float, float, float]  # left, bottom, width, height, in inches
-
-
-def _board(height: float) -> tuple[Figure, Axes]:
-    """An empty sheet whose data unit is an inch."""
-    fig, axes = canvas(height=height)
-    fig.set_layout_engine("none")
-    ax = axes[0, 0]
-    ax.set(position=(0, 0, 1, 1), xlim=(0, WIDTH), ylim=(0, height))
-    ax.set_axis_off()
-    return fig, ax
-
-
-def _box(ax: Axes, place: Place, text: str, colour: str = INK) -> None:
-    left, bottom, width, height = place
-    look = {"boxstyle": "round,pad=0,rounding_size=0.08", "facecolor": FAINT, "edgecolor": colour, "linewidth": 1.4}
-    ax.add_patch(FancyBboxPatch((left, bottom), width, height, **look))
-    ax.text(left + width / 2, bottom + height / 2, text, ha="center", va="center", fontsize=9, color=INK)
-
-
-def _arrow(ax: Axes, start: tuple[float, float], end: tuple[float, float], text: str = "") -> None:
-    look = {
-        "arrowstyle": "-|>",
-        "color": INK,
-        "linewidth": 1.3,
-        "shrinkA": 2,
-        "shrinkB": 2,
-    }
-    ax.annotate("", end, start, arrowprops=look)
-    if text:
-        ax.text((start[0] + end[0]) / 2, (start[1] + end[1]) / 2 + 0.06, text, ha="center", va="bottom", fontsize=9)
-
-
-def _inset(ax: Axes, place: Place, title: str) -> Axes:
-    inset = ax.inset_axes(place, transform=ax.transData)
-    inset.set(xticks=[], yticks=[])
-    inset.spines[:].set_visible(True)
-    ax.text(place[0] + place[2] / 2, place[1] + place[3] + 0.05, title, ha="center", va="bottom", fontsize=9)
-    return inset
-
-
-def _image(ax: Axes, place: Place, title: str, values: Array, cmap: str = DIVERGING) -> None:
-    values = array(values)
-    most = limit(values)
-    low = -most if cmap == DIVERGING else 0
-    _inset(ax, place, title).imshow(values, cmap=cmap, vmin=low, vmax=most, aspect="auto")
-
-
-def _bodies(ax: Axes, place: Place, title: str, rows: Sequence[tuple[Array, str]], skeleton: Skeleton) -> None:
-    """Several poses side by side in an inset; each item is (poses (n, C), kind)."""
-    inset = _inset(ax, place, title)
-    inset.spines[:].set_visible(False)
-    bodies = [(poses(motion, skeleton), kind) for motion, kind in rows]
-    view = facing(bodies[0][0][0], skeleton) + THREE_QUARTER
-    flat = [(pose, kind) for body, kind in bodies for pose in project(body, view)]
-    for column, (pose, kind) in enumerate(flat):
-        draw_bodies(inset, (pose + [SPACING * column, 0.0])[None], skeleton, kind, width=1.5)
-    heights = np.concatenate([pose[:, 1] for pose, _ in flat])
-    inset.set(xlim=(-SPACING * 0.6, SPACING * (len(flat) - 0.4)), ylim=(heights.min() - 0.08, heights.max() + 0.12))
-    inset.set_aspect("equal")
+from mwlib.plots.look import CYCLE, INK, OBSERVED, array, limit, style
+from mwlib.plots.sheet import Array, arrow, box, image, inset, row_of_bodies, sheet
 
 
 @style()
@@ -99,7 +32,7 @@ def overview(
         futures: sampled futures of its history, metres.
         history: observed frames H.
     """
-    fig, ax = _board(5.3)
+    fig, ax = sheet(5.3)
     _overview_training(ax, array(x), y, y_t, skeleton, history)
     ax.plot([0.08, WIDTH - 0.08], [3.05, 3.05], color=OBSERVED, linewidth=0.8)
     _overview_prediction(ax, array(x), y, array(futures), skeleton, history)
@@ -111,15 +44,15 @@ def _overview_training(ax: Axes, x: Array, y: Array, y_t: Array, skeleton: Skele
     ax.text(0.08, 5.1, "Training", fontsize=10.5, fontweight="bold", va="center")
     middle = len(x) // 2
     moments = [(x[[0, history - 1]], "observed"), (x[[middle, -1]], "truth")]
-    _bodies(ax, (0.05, 3.4, 1.75, 1.1), "motion $\\mathbf{x}$, $T\\times C$", moments, skeleton)
-    _box(ax, (2.05, 3.7, 0.6, 0.5), "DWT")
-    _image(ax, (2.95, 3.4, 0.95, 1.1), "$\\mathbf{y}^{(0)}$, $K\\times4D$", y)
-    _arrow(ax, (1.8, 3.95), (2.05, 3.95))
-    _arrow(ax, (2.65, 3.95), (2.95, 3.95))
-    _arrow(ax, (3.9, 3.95), (4.4, 3.95), "noise")
-    _image(ax, (4.4, 3.4, 0.95, 1.1), "$\\mathbf{y}^{(t)}$", y_t)
-    _box(ax, (5.6, 3.62, 0.75, 0.66), "network\n$\\epsilon_\\theta$", CYCLE[0])
-    _arrow(ax, (5.36, 3.95), (5.6, 3.95))
+    row_of_bodies(ax, (0.05, 3.4, 1.75, 1.1), "motion $\\mathbf{x}$, $T\\times C$", moments, skeleton)
+    box(ax, (2.05, 3.7, 0.6, 0.5), "DWT")
+    image(ax, (2.95, 3.4, 0.95, 1.1), "$\\mathbf{y}^{(0)}$, $K\\times4D$", y)
+    arrow(ax, (1.8, 3.95), (2.05, 3.95))
+    arrow(ax, (2.65, 3.95), (2.95, 3.95))
+    arrow(ax, (3.9, 3.95), (4.4, 3.95), "noise")
+    image(ax, (4.4, 3.4, 0.95, 1.1), "$\\mathbf{y}^{(t)}$", y_t)
+    box(ax, (5.6, 3.62, 0.75, 0.66), "network\n$\\epsilon_\\theta$", CYCLE[0])
+    arrow(ax, (5.36, 3.95), (5.6, 3.95))
     ax.text(5.97, 3.56, "learns\nthe noise", ha="center", va="top", fontsize=9)
 
 
@@ -127,23 +60,23 @@ def _overview_prediction(ax: Axes, x: Array, y: Array, futures: Array, skeleton:
     """The lower half."""
     ax.text(0.08, 2.85, "Prediction", fontsize=10.5, fontweight="bold", va="center")
     last = x[[0, history // 2, history - 1]]
-    _bodies(ax, (0.05, 1.35, 1.3, 1.1), "history, padded", [(last, "observed")], skeleton)
-    _box(ax, (1.5, 1.65, 0.55, 0.5), "DWT")
-    _arrow(ax, (1.35, 1.9), (1.5, 1.9))
-    _arrow(ax, (2.05, 1.9), (2.45, 1.9))
-    _box(ax, (2.45, 1.5, 0.95, 0.8), "network\n$\\epsilon_\\theta$\n+ CFG, TABG", CYCLE[0])
-    _box(ax, (2.45, 0.45, 0.95, 0.55), "DDIM step,\nWMSG", CYCLE[0])
-    _arrow(ax, (3.15, 1.5), (3.15, 1.0))
-    _arrow(ax, (2.7, 1.0), (2.7, 1.5))
+    row_of_bodies(ax, (0.05, 1.35, 1.3, 1.1), "history, padded", [(last, "observed")], skeleton)
+    box(ax, (1.5, 1.65, 0.55, 0.5), "DWT")
+    arrow(ax, (1.35, 1.9), (1.5, 1.9))
+    arrow(ax, (2.05, 1.9), (2.45, 1.9))
+    box(ax, (2.45, 1.5, 0.95, 0.8), "network\n$\\epsilon_\\theta$\n+ CFG, TABG", CYCLE[0])
+    box(ax, (2.45, 0.45, 0.95, 0.55), "DDIM step,\nWMSG", CYCLE[0])
+    arrow(ax, (3.15, 1.5), (3.15, 1.0))
+    arrow(ax, (2.7, 1.0), (2.7, 1.5))
     ax.text(2.92, 0.18, "repeat, $t=M,\\dots,1$", ha="center", va="center", fontsize=9)
     noise = np.random.default_rng(0).normal(size=array(y).shape)
-    _image(ax, (1.1, 0.25, 0.8, 0.75), "start: noise", noise)
-    _arrow(ax, (1.9, 0.65), (2.45, 0.72))
-    _box(ax, (3.75, 0.47, 0.6, 0.5), "iDWT")
-    _arrow(ax, (3.4, 0.72), (3.75, 0.72), "")
+    image(ax, (1.1, 0.25, 0.8, 0.75), "start: noise", noise)
+    arrow(ax, (1.9, 0.65), (2.45, 0.72))
+    box(ax, (3.75, 0.47, 0.6, 0.5), "iDWT")
+    arrow(ax, (3.4, 0.72), (3.75, 0.72), "")
     ends = [(futures[: min(4, len(futures)), -1], "predicted")]
-    _bodies(ax, (4.55, 0.2, 1.8, 1.15), "many futures (last frames)", ends, skeleton)
-    _arrow(ax, (4.35, 0.72), (4.6, 0.72))
+    row_of_bodies(ax, (4.55, 0.2, 1.8, 1.15), "many futures (last frames)", ends, skeleton)
+    arrow(ax, (4.35, 0.72), (4.6, 0.72))
 
 
 @style()
@@ -167,33 +100,33 @@ def tabg_diagram(
         threshold: phi.
     """
     a_t, mask = array(a_t), array(mask)
-    fig, ax = _board(4.1)
+    fig, ax = sheet(4.1)
     shown = limit(np.quantile(np.abs(array(y_t)), 0.99))
     attention = np.minimum(array(attention), np.quantile(array(attention), 0.995))  # else one bright spot hides the rest
-    _image(ax, (0.1, 2.35, 0.95, 1.15), "$\\mathbf{y}^{(t)}$", np.clip(array(y_t), -shown, shown))
-    _box(ax, (1.35, 2.6, 0.95, 0.65), "TransLinear\n$\\epsilon_\\theta(\\mathbf{y}^{(t)})$", CYCLE[0])
-    _arrow(ax, (1.05, 2.92), (1.35, 2.92))
-    _image(ax, (2.75, 2.35, 1.15, 1.15), "attention, middle blocks", attention, "viridis")
-    _arrow(ax, (2.3, 2.92), (2.75, 2.92))
-    curve = _inset(ax, (4.55, 2.35, 1.7, 1.15), "$A_t$ and the rows of the mask $M_t$")
+    image(ax, (0.1, 2.35, 0.95, 1.15), "$\\mathbf{y}^{(t)}$", np.clip(array(y_t), -shown, shown))
+    box(ax, (1.35, 2.6, 0.95, 0.65), "TransLinear\n$\\epsilon_\\theta(\\mathbf{y}^{(t)})$", CYCLE[0])
+    arrow(ax, (1.05, 2.92), (1.35, 2.92))
+    image(ax, (2.75, 2.35, 1.15, 1.15), "attention, middle blocks", attention, "viridis")
+    arrow(ax, (2.3, 2.92), (2.75, 2.92))
+    curve = inset(ax, (4.55, 2.35, 1.7, 1.15), "$A_t$ and the rows of the mask $M_t$")
     rows = np.arange(len(a_t))
     curve.fill_between(rows, 0, float(a_t.max()) * 1.05, where=mask, color=CYCLE[1], alpha=0.3, linewidth=0, step="mid")
     curve.plot(rows, a_t, color=CYCLE[0])
     curve.axhline(threshold, color=INK, linewidth=0.9, linestyle="--")
     curve.set(ylim=(0, float(a_t.max()) * 1.05), xlim=(0, len(a_t) - 1))
     curve.text(len(a_t) * 0.97, threshold, "$\\phi$", ha="right", va="bottom", fontsize=9)
-    _arrow(ax, (3.9, 2.92), (4.55, 2.92), "sum over\nqueries")
-    _image(ax, (4.9, 0.35, 0.95, 1.15), "$\\hat{\\mathbf{y}}^{(t)}$: those rows noised", np.clip(array(y_hat), -shown, shown))
-    _arrow(ax, (5.4, 2.35), (5.4, 1.75))
-    _box(ax, (3.35, 0.6, 1.0, 0.65), "TransLinear\n$\\epsilon_\\theta(\\hat{\\mathbf{y}}^{(t)})$", CYCLE[0])
-    _arrow(ax, (4.9, 0.92), (4.35, 0.92))
+    arrow(ax, (3.9, 2.92), (4.55, 2.92), "sum over\nqueries")
+    image(ax, (4.9, 0.35, 0.95, 1.15), "$\\hat{\\mathbf{y}}^{(t)}$: those rows noised", np.clip(array(y_hat), -shown, shown))
+    arrow(ax, (5.4, 2.35), (5.4, 1.75))
+    box(ax, (3.35, 0.6, 1.0, 0.65), "TransLinear\n$\\epsilon_\\theta(\\hat{\\mathbf{y}}^{(t)})$", CYCLE[0])
+    arrow(ax, (4.9, 0.92), (4.35, 0.92))
     eq11 = "Eq. 11\n$\\tilde\\epsilon=\\epsilon+s\\,(\\hat\\epsilon-\\epsilon)$"
-    _box(ax, (1.05, 0.55, 1.6, 0.75), eq11, CYCLE[1])
-    _arrow(ax, (3.35, 0.92), (2.65, 0.92), "$\\hat\\epsilon$")
-    _arrow(ax, (1.82, 2.6), (1.82, 1.3))
+    box(ax, (1.05, 0.55, 1.6, 0.75), eq11, CYCLE[1])
+    arrow(ax, (3.35, 0.92), (2.65, 0.92), "$\\hat\\epsilon$")
+    arrow(ax, (1.82, 2.6), (1.82, 1.3))
     ax.text(1.9, 1.95, "$\\epsilon$", fontsize=10, va="center")
     ax.text(0.5, 0.92, "to CFG", ha="center", va="bottom", fontsize=9)
-    _arrow(ax, (1.05, 0.92), (0.15, 0.92))
+    arrow(ax, (1.05, 0.92), (0.15, 0.92))
     return fig, ax
 
 
@@ -214,7 +147,7 @@ def bridging_overview(
         samples: in-betweens of its keyframes, as x.
         skeleton: of all of them.
     """
-    fig, ax = _board(4.95)
+    fig, ax = sheet(4.95)
     for place, title in ((0.08, "Training"), (2.3, "Network"), (4.3, "Sampling")):
         ax.text(place, 4.78, title, fontsize=10.5, fontweight="bold", va="center")
     for place in (2.16, 4.2):
@@ -228,20 +161,20 @@ def bridging_overview(
 def _bridging_training(ax: Axes, x: np.ndarray, y: np.ndarray, y_t: np.ndarray, skeleton: Skeleton) -> None:
     """On the left: a whole clip, its coefficients, noise, losses."""
     moments = np.linspace(0, len(x) - 1, 4).round().astype(int)
-    _bodies(ax, (0.08, 3.5, 1.95, 0.9), "whole clip $\\mathbf{x}$", [(x[moments], "truth")], skeleton)
-    _arrow(ax, (0.5, 3.5), (0.5, 3.2))
-    _box(ax, (0.2, 2.85, 0.6, 0.35), "DCT")
+    row_of_bodies(ax, (0.08, 3.5, 1.95, 0.9), "whole clip $\\mathbf{x}$", [(x[moments], "truth")], skeleton)
+    arrow(ax, (0.5, 3.5), (0.5, 3.2))
+    box(ax, (0.2, 2.85, 0.6, 0.35), "DCT")
     low = min(len(y), 24)  # what lies above is next to nothing
     top = limit(np.quantile(np.abs(y[1:low]), 0.98))
-    _image(ax, (0.12, 1.6, 0.76, 0.8), "$\\mathbf{y}_0$", np.clip(y[:low], -top, top))
-    _arrow(ax, (0.5, 2.85), (0.5, 2.58))
+    image(ax, (0.12, 1.6, 0.76, 0.8), "$\\mathbf{y}_0$", np.clip(y[:low], -top, top))
+    arrow(ax, (0.5, 2.85), (0.5, 2.58))
     noisy = limit(np.quantile(np.abs(y_t[1:low]), 0.98))
-    _image(ax, (1.25, 1.6, 0.76, 0.8), "$\\mathbf{y}_t$", np.clip(y_t[:low], -noisy, noisy))
-    _arrow(ax, (0.88, 2.0), (1.25, 2.0))
+    image(ax, (1.25, 1.6, 0.76, 0.8), "$\\mathbf{y}_t$", np.clip(y_t[:low], -noisy, noisy))
+    arrow(ax, (0.88, 2.0), (1.25, 2.0))
     ax.text(1.07, 2.46, "noise", ha="center", va="center", fontsize=9)
-    _box(ax, (0.12, 0.2, 1.9, 0.95), "losses: noise; after iDCT\ndiversity, smoothness,\nbone length, bone angle", CYCLE[1])
-    _arrow(ax, (2.01, 2.15), (2.45, 4.05))
-    _arrow(ax, (2.45, 0.68), (2.02, 0.68))
+    box(ax, (0.12, 0.2, 1.9, 0.95), "losses: noise; after iDCT\ndiversity, smoothness,\nbone length, bone angle", CYCLE[1])
+    arrow(ax, (2.01, 2.15), (2.45, 4.05))
+    arrow(ax, (2.45, 0.68), (2.02, 0.68))
 
 
 def _bridging_network(ax: Axes) -> None:
@@ -253,30 +186,30 @@ def _bridging_network(ax: Axes) -> None:
         (0.4, 0.55, "linear layer:\nnoise $\\hat\\epsilon$"),
     )
     for bottom, height, words in boxes:
-        _box(ax, (2.45, bottom, 1.5, height), words, CYCLE[0])
+        box(ax, (2.45, bottom, 1.5, height), words, CYCLE[0])
     for (above, _, _), (below, height, _) in zip(boxes[:-1], boxes[1:], strict=True):
-        _arrow(ax, (3.2, above), (3.2, below + height))
+        arrow(ax, (3.2, above), (3.2, below + height))
     ax.add_patch(FancyBboxPatch((2.36, 1.48), 1.68, 1.86, boxstyle="round,pad=0,rounding_size=0.08", fill=False, linestyle="--"))
     ax.text(3.27, 1.3, "repeated", ha="left", va="center", fontsize=9)
 
 
 def _bridging_sampling(ax: Axes, x: np.ndarray, samples: np.ndarray, shape: tuple[int, ...], skeleton: Skeleton) -> None:
     """On the right: keyframes join at each step, noised as much as what lies between."""
-    _bodies(ax, (4.32, 3.65, 0.95, 0.8), "start, end", [(x[[0, -1]], "truth")], skeleton)
+    row_of_bodies(ax, (4.32, 3.65, 0.95, 0.8), "start, end", [(x[[0, -1]], "truth")], skeleton)
     noise = np.random.default_rng(0).normal(size=(min(shape[0], 24), shape[1]))
-    _image(ax, (5.5, 3.72, 0.7, 0.7), "noise $\\mathbf{y}_M$", noise)
-    _box(ax, (4.32, 2.92, 0.95, 0.42), "noise of\nstep $t$", CYCLE[1])
-    _box(ax, (5.5, 2.92, 0.7, 0.42), "iDCT")
-    _arrow(ax, (4.8, 3.65), (4.8, 3.34))
-    _arrow(ax, (5.85, 3.72), (5.85, 3.34))
-    _box(ax, (4.32, 2.2, 1.88, 0.4), "© join over time, DCT", CYCLE[1])
-    _arrow(ax, (4.8, 2.92), (4.8, 2.6))
-    _arrow(ax, (5.85, 2.92), (5.85, 2.6))
-    _box(ax, (4.32, 1.5, 1.88, 0.4), "network, step $t\\to t-1$", CYCLE[0])
-    _arrow(ax, (5.2, 2.2), (5.2, 1.9))
+    image(ax, (5.5, 3.72, 0.7, 0.7), "noise $\\mathbf{y}_M$", noise)
+    box(ax, (4.32, 2.92, 0.95, 0.42), "noise of\nstep $t$", CYCLE[1])
+    box(ax, (5.5, 2.92, 0.7, 0.42), "iDCT")
+    arrow(ax, (4.8, 3.65), (4.8, 3.34))
+    arrow(ax, (5.85, 3.72), (5.85, 3.34))
+    box(ax, (4.32, 2.2, 1.88, 0.4), "© join over time, DCT", CYCLE[1])
+    arrow(ax, (4.8, 2.92), (4.8, 2.6))
+    arrow(ax, (5.85, 2.92), (5.85, 2.6))
+    box(ax, (4.32, 1.5, 1.88, 0.4), "network, step $t\\to t-1$", CYCLE[0])
+    arrow(ax, (5.2, 2.2), (5.2, 1.9))
     ax.plot([6.2, 6.31, 6.31], [1.7, 1.7, 3.13], color=INK, linewidth=1.3)
-    _arrow(ax, (6.34, 3.13), (6.2, 3.13))
-    _arrow(ax, (5.2, 1.5), (5.2, 1.24))
+    arrow(ax, (6.34, 3.13), (6.2, 3.13))
+    arrow(ax, (5.2, 1.5), (5.2, 1.24))
     middles = samples[: min(3, len(samples)), samples.shape[1] // 2]
     rows = [(x[:1], "truth"), (middles, "predicted"), (x[-1:], "truth")]
-    _bodies(ax, (4.25, 0.1, 2.1, 0.92), "start, middles of samples, end", rows, skeleton)
+    row_of_bodies(ax, (4.25, 0.1, 2.1, 0.92), "start, middles of samples, end", rows, skeleton)

@@ -9,11 +9,11 @@ import torch
 
 import mwlib as mw
 from mwlib.__main__ import main
-from mwlib.experiments import get_run, load_run, system_of
-from mwlib.experiments.runs import CONFIG, SHIPPED, read_config, shipped
+from mwlib.experiments import get_run, load_run
+from mwlib.experiments.runs import CONFIG, read_config, shipped
 from mwlib.experiments.shipped import CARD, METRICS, RECIPES, card, recipe, ship
-from mwlib.experiments.tables import details
 from mwlib.files import load_tensors
+from mwlib.material import MODELS
 from mwlib.prediction.evaluation import score, test_windows
 from mwlib.prediction.system import load_data
 from mwlib.training import MODEL
@@ -23,14 +23,14 @@ from tests.sample_settings import small
 @pytest.mark.parametrize("name", RECIPES)
 def test_what_comes_along_is_what_the_recipe_makes(name):
     title, cfg = recipe(name)
-    assert read_config(SHIPPED / name / CONFIG) == cfg and shipped() == sorted(RECIPES)
-    metrics, kind = json.loads((SHIPPED / name / METRICS).read_text(encoding="utf-8")), system_of(cfg)
-    again = card(title, f"mwlib ship {name}", cfg, metrics, {**kind.METRICS, **details(kind)})
-    assert (SHIPPED / name / CARD).read_text(encoding="utf-8") == again and metrics["about"]["settings"] == cfg.hash()
-    assert ("mocap.cs.cmu.edu" in again) == (name != "synthetic")
-    weights, _ = load_tensors(SHIPPED / name / MODEL)
+    assert read_config(MODELS / name / CONFIG) == cfg and shipped() == sorted(RECIPES)
+    metrics = json.loads((MODELS / name / METRICS).read_text(encoding="utf-8"))
+    again = card(title, f"mwlib ship {name}", cfg, metrics)
+    assert (MODELS / name / CARD).read_text(encoding="utf-8") == again and metrics["about"]["settings"] == cfg.hash()
+    assert ("mocap.cs.cmu.edu" in again) == (name in ("cmu", "inbetween"))
+    weights, _ = load_tensors(MODELS / name / MODEL)
     assert {t.dtype for key, t in weights.items() if key.startswith("net.")} == {torch.float16}
-    assert (SHIPPED / name / MODEL).stat().st_size < 9e6
+    assert (MODELS / name / MODEL).stat().st_size < 9e6
 
 
 def test_the_synthetic_model_is_as_good_as_its_card_says():
@@ -40,7 +40,7 @@ def test_the_synthetic_model_is_as_good_as_its_card_says():
     every = test_windows(split, cfg.windows)
     some = every.thin(24)
     found = score(lambda x, ids: model.predict(x, 10, 0, window_ids=ids), some, every, cfg.evaluation)["mean"]
-    said = json.loads((SHIPPED / "synthetic" / METRICS).read_text(encoding="utf-8"))
+    said = json.loads((MODELS / "synthetic" / METRICS).read_text(encoding="utf-8"))
     still = (some.x_future - some.x_history[:, -1:]).norm(dim=-1).mean()
     assert found["ade"] < 0.8 * still and found["ade"] == pytest.approx(said["model"]["mean"]["ade"], abs=0.15)
     assert found["speed"] == pytest.approx(said["truth"]["mean"]["speed"], rel=0.3)
@@ -54,10 +54,10 @@ def test_a_name_stands_for_the_model_that_comes_along_unless_a_folder_is_called_
     get_run(small()).rename(tmp_path / "cmu")
     assert load_run("cmu").representation.frames == 20
     with pytest.raises(
-        FileNotFoundError, match=r"kmu/config.yaml is missing.*models that come with mwlib: cmu, inbetween, synthetic"
+        FileNotFoundError, match=r"kmu/config.yaml is missing.*models that come with mwlib: cmu, critic, evaluator, inbetween, sentences, synthetic"
     ):
         load_run("kmu")
-    with pytest.raises(ValueError, match="'kmu'; expected one of synthetic, cmu, inbetween"):
+    with pytest.raises(ValueError, match="'kmu'; expected one of synthetic, cmu, inbetween, evaluator, critic, sentences"):
         recipe("kmu")
 
 

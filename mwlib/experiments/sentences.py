@@ -1,0 +1,57 @@
+"""Motions from sentences by a model that is named."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from mwlib.body.motion import Motion
+from mwlib.experiments.runs import load_run
+from mwlib.text_to_motion.dataset import UNIT
+from mwlib.text_to_motion.generator import TextToMotion
+from mwlib.text_to_motion.motions import motion_of
+
+SHIPPED = "sentences"  # the model that comes with the package
+
+
+def generate(
+    texts: str | Sequence[str],
+    seconds: float | Sequence[float] = 4.0,
+    samples: int = 1,
+    seed: int = 0,
+    run: str | Path | TextToMotion = SHIPPED,
+    progress: bool = False,
+) -> list[Motion]:
+    """Motions that do what sentences say.
+
+    Args:
+        texts: a sentence, or several.
+        seconds: length of each motion, or one length for all; rounded to a multiple of four frames.
+        samples: motions of each sentence.
+        seed: of their noise. The first motions do not depend on how many are asked for.
+        run: folder of a finished run of text-to-motion, a name that `load_run` knows, or its model.
+        progress: show a bar.
+
+    Returns:
+        `samples` motions of the first sentence, then of the second, ...; metres, y up, named by their sentences.
+
+    Raises:
+        FileNotFoundError: there is no such run.
+        ValueError: it is one of another system, a sentence is empty, or a length is not one that the model was trained for.
+
+    >>> [walk] = generate("a person walks in a circle to the left", seconds=3.0)
+    >>> walk.positions.shape, walk.fps, walk.skeleton.name
+    ((60, 22, 3), 20.0, 'HUMANML22')
+    """
+    model = run if isinstance(run, TextToMotion) else load_run(run)
+    if not isinstance(model, TextToMotion):
+        raise ValueError(f"{run} is a run of another system; expected one of text_to_motion")
+    texts = [texts] if isinstance(texts, str) else [*texts]
+    lasting = [seconds] * len(texts) if isinstance(seconds, int | float) else [*seconds]
+    if samples < 1 or len(lasting) != len(texts):
+        raise ValueError(f"{len(lasting)} lengths and {samples} samples; expected one length for each of {len(texts)} sentences, "
+                         "and at least one sample")  # fmt: skip
+    frames = [round(each * model.layout.fps / UNIT) * UNIT for each in lasting]
+    many = [(text, n, 1000 * i + s) for i, (text, n) in enumerate(zip(texts, frames, strict=True)) for s in range(samples)]
+    found = model.sample([m[0] for m in many], [m[1] for m in many], seed, ids=[m[2] for m in many], progress=progress)
+    return [motion_of(x, model.layout, text) for x, (text, _, _) in zip(found, many, strict=True)]

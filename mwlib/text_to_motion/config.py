@@ -1,0 +1,116 @@
+"""Settings of text-to-motion: the clips, the networks, the two losses, the training and the sampling."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import ClassVar, Literal
+
+from mwlib.diffusion.schedule import ddim_indices
+from mwlib.settings import BelowOne, Count, Natural, NotNegative, Positive, Settings, Share
+from mwlib.text_to_motion.dataset import CaptionsConfig
+from mwlib.text_to_motion.losses import Band, Norm, Semantic, Stage
+from mwlib.text_to_motion.presets import PRESETS
+from mwlib.training.config import TrainingConfig
+
+Method = Literal["diffusion", "truth", "other_captions", "any_clip", "mean_pose"]
+
+
+@dataclass(frozen=True)
+class ModelConfig:
+    """The denoiser, and what reads the sentences."""
+
+    network: Literal["mdm", "unet"] = "mdm"  # MDM's encoder, or StableMoFusion's conditional U-Net
+    width: Count = 512  # of MDM; of the U-Net the base width, of which `multipliers` are multiples
+    layers: Count = 8  # of MDM
+    heads: Count = 4  # of MDM
+    feedforward: Count = 1024  # of MDM
+    dropout: BelowOne = 0.1  # of both networks
+    attention_dropout: BelowOne = 0.1  # of MDM, on attention weights; on the CPU anything but 0 is slow
+    frames_per_token: Count = 1  # of MDM; more is quicker
+    multipliers: tuple[int, ...] = (2, 2, 2, 2)  # of the U-Net, one for each level
+    text: Literal["words", "ngrams", "clip"] = "words"  # a small transformer, hashed parts of words, or CLIP from a file
+    text_width: Count = 512  # of "words" and "ngrams"
+    text_layers: Natural = 2  # of "words" and "ngrams"
+    clip_folder: str = ""  # of CLIP ViT-B/32, for "clip": see `mwlib.networks.clip_text`
+
+
+@dataclass(frozen=True)
+class ForwardConfig:
+    """The forward process; the network says the clean motion."""
+
+    schedule: Literal["linear", "cosine", "sigmoid", "sqrt"] = "cosine"  # of the noise, see `alpha_bar`
+    steps: Count = 50  # M, noising steps
+    normalisation: Literal["mdm", "stablemofusion"] = "mdm"  # of the features, see `mwlib.text_to_motion.statistics`
+
+
+@dataclass(frozen=True)
+class ObjectiveConfig:
+    """The losses and their weights: lambda_1 L_simple + lambda_2 L_LF + lambda_3 L_S."""
+
+    simple_weight: NotNegative = 1.0  # lambda_1
+    low_weight: NotNegative = 0.0  # lambda_2, of the low-frequency loss
+    semantic_weight: NotNegative = 0.0  # lambda_3, of the semantic loss
+    lf_norm: Norm = "l1"  # of the low-frequency loss, see low_frequency_loss
+    lf_band: Band = "low"  # or what lies above, as in the paper's Table 6
+    lf_k: Count = 10  # cosines that it keeps
+    lf_hz: NotNegative = 0.0  # or all below this frequency; 0 = lf_k says
+    stage: Stage = "prose"  # at which noise each loss counts, see stage_weights
+    semantic: Semantic = "cos_gt"  # see semantic_loss
+    s_th: Share = 0.5  # S_th of "reward" and "hinge"
+    critic: str = "critic"  # matching network of the semantic loss: comes with the package, or a run's folder
+    drop_text: BelowOne = 0.1  # share of samples that are trained without their sentence, for guidance
+
+
+@dataclass(frozen=True)
+class SamplingConfig:
+    """The reverse process, how much of it to run, and who judges the result."""
+
+    method: Method = "diffusion"  # or a yardstick; see `mwlib.text_to_motion.evaluation`
+    sampler: Literal["ddpm", "ddim", "sde_dpm"] = "ddpm"  # ancestral, deterministic, or SDE-DPM-Solver++ with Karras' levels
+    sampling_steps: Natural = 0  # denoising steps; 0 = all
+    guidance: NotNegative = 2.5  # s of classifier-free guidance; 1 = none
+    evaluator: str = "evaluator"  # matching network of the metrics: comes with the package, or a run's folder
+    test_clips: Natural = 0  # evaluate so many, spread evenly; 0 = all
+    pool: Count = 32  # of R-precision
+    replicates: Count = 1  # how often all is drawn again; confidence intervals need several
+    repeated: Count = 20  # sentences for multimodality
+    repeats: Count = 10  # motions of each of them
+    sampling_seed: Natural = 0  # of noise, captions and pools
+
+
+@dataclass(frozen=True)
+class Config(Settings):
+    """Everything that a run of text-to-motion depends on.
+
+    >>> cfg = Config.preset("tiny", low_weight=1.0)
+    >>> cfg.objective.lf_norm, cfg.forward.steps
+    ('l1', 50)
+
+    Raises:
+        ValueError: see `Settings`, and settings that do not fit each other.
+    """
+
+    system: ClassVar[str] = "text_to_motion"
+    presets = PRESETS
+    after_training: ClassVar[frozenset[str]] = frozenset({"sampling", "checkpoint_every"})
+
+    data: CaptionsConfig = field(default_factory=CaptionsConfig)
+    model: ModelConfig = field(default_factory=ModelConfig)
+    forward: ForwardConfig = field(default_factory=ForwardConfig)
+    objective: ObjectiveConfig = field(default_factory=ObjectiveConfig)
+    training: TrainingConfig = field(default_factory=TrainingConfig)
+    sampling: SamplingConfig = field(default_factory=SamplingConfig)
+
+    def check(self) -> None:
+        """Refuse values that do not fit each other."""
+        m, s, steps = self.model, self.sampling, self.forward.steps
+        if m.network == "mdm" and (m.width % m.heads or m.width % 2):
+            raise ValueError(f"width is {m.width}; expected an even multiple of heads ({m.heads})")
+        if (m.text == "clip") != bool(m.clip_folder):
+            raise ValueError(f"text is {m.text}, clip_folder {m.clip_folder!r}; expected a folder with clip, and only with it")
+        if s.sampling_steps > steps:
+            raise ValueError(f"sampling_steps is {s.sampling_steps}; expected at most steps ({steps})")
+        if s.sampling_steps:
+            ddim_indices(steps, s.sampling_steps)
+        if self.data.longest < self.data.shortest:
+            raise ValueError(f"longest is {self.data.longest}; expected at least shortest ({self.data.shortest})")

@@ -1,0 +1,104 @@
+"""Clips with captions: which ones a configuration names, and who is held out."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from typing import Literal, NamedTuple
+
+import numpy as np
+
+from mwlib.data.captioned_cmu import captioned_cmu
+from mwlib.data.captions import CaptionedClip
+from mwlib.data.formats.humanml import LAYOUTS, FeatureLayout
+from mwlib.data.formats.humanml_folder import read_folder
+from mwlib.data.synthetic.captioned import captioned_people
+from mwlib.settings import Count, Natural
+
+UNIT = 4  # frames: lengths are multiples of it, as the evaluators' convolutions need
+
+
+@dataclass(frozen=True)
+class CaptionsConfig:
+    """Which clips."""
+
+    data: str = "people"  # "people", "cmu", or a folder laid out as HumanML3D or KIT
+    clips: Count = 2400  # of "people"; other data are what they are
+    shortest: Count = 40  # frames: shorter clips are left out
+    longest: Count = 196  # frames: longer clips are cut
+    few: Natural = 0  # train on so many clips only, spread evenly; 0 = all
+
+
+class Parts(NamedTuple):
+    """Clips by what they may be used for; no clip, and where people are known no person, is in two parts."""
+
+    train: list[CaptionedClip]
+    val: list[CaptionedClip]
+    test: list[CaptionedClip]
+
+    def fingerprints(self) -> tuple[str, str]:
+        """Of the clips that a model is trained on, and of those that it is tested on."""
+        return fingerprint([*self.train, *self.val]), fingerprint(self.test)
+
+    @property
+    def layout(self) -> FeatureLayout:
+        """What a row of features means."""
+        return LAYOUTS[self.train[0].features.shape[1]]
+
+
+def load_clips(source: CaptionsConfig) -> Parts:
+    """The configured clips, parted as their collection parts them.
+
+    Raises:
+        ValueError: nothing is left to train or to test on.
+        MotionFormatError, FileNotFoundError: as the reader of the data.
+    """
+    clips = [_cut(clip, source.longest) for clip in _read(source.data, source.clips) if len(clip.features) >= source.shortest]
+    train, val, test = ([clip for clip in clips if clip.split == split] for split in ("train", "val", "test"))
+    if source.few:
+        train = [train[i] for i in np.linspace(0, len(train) - 1, min(source.few, len(train))).round().astype(int)]
+    if not train or not test:
+        found = f"{source.data} has {len(train)} clips to train and {len(test)} to test on"
+        raise ValueError(f"{found}, of {source.shortest} frames or more; expected some of both")
+    return Parts(train, val, test)
+
+
+@cache
+def _read(data: str, clips: int) -> list[CaptionedClip]:
+    if data == "people":
+        return captioned_people(clips)
+    if data == "cmu":
+        return captioned_cmu()
+    return read_folder(Path(data))
+
+
+def _cut(clip: CaptionedClip, longest: int) -> CaptionedClip:
+    if len(clip.features) <= longest:
+        return clip
+    return CaptionedClip(clip.features[:longest], clip.captions, clip.name, clip.split, clip.attributes)
+
+
+def halves(clips: Sequence[CaptionedClip], half: Literal["evaluator", "critic", "all"]) -> list[CaptionedClip]:
+    """The clips that a matching network of this purpose learns from: who judges a model has not seen what its loss has seen.
+
+    Own choice: halves by the parity of a hash of the clip's name.
+    """
+    if half == "all":
+        return list(clips)
+    return [clip for clip in clips if (_hash(clip.name) % 2 == 0) == (half == "evaluator")]
+
+
+def _hash(name: str) -> int:
+    return hashlib.sha256(name.encode()).digest()[0]
+
+
+def fingerprint(clips: Sequence[CaptionedClip]) -> str:
+    """Eight hex digits over names, captions and features."""
+    digest = hashlib.sha256()
+    for clip in clips:
+        digest.update(f"{clip.name}/{clip.captions}/{clip.features.shape}".encode())
+        digest.update(np.ascontiguousarray(clip.features, dtype=np.float32).tobytes())
+    return digest.hexdigest()[:8]

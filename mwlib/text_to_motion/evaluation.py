@@ -1,0 +1,177 @@
+"""How well a configuration turns sentences into motions, beside yardsticks that ignore them or look them up."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from mwlib.data.captions import CaptionedClip
+from mwlib.data.formats.humanml import FeatureLayout
+from mwlib.metrics import Column, clustered_error, diversity, fid, mm_dist, multimodality, r_precision
+from mwlib.text_to_motion.baselines import any_clip, mean_pose, nearest_caption
+from mwlib.text_to_motion.config import Config
+from mwlib.text_to_motion.dataset import UNIT, Parts
+from mwlib.text_to_motion.draws import one_caption_each
+from mwlib.text_to_motion.generator import TextToMotion
+from mwlib.text_to_motion.matching import Matcher, open_matcher
+from mwlib.text_to_motion.realism import CLAIMS, claims_met, movement
+
+METRICS = {  # the columns of every table
+    "fid": Column("FID", "lower"),
+    "top1": Column("R-precision top 1", "higher"),
+    "top2": Column("R-precision top 2", "higher"),
+    "top3": Column("R-precision top 3", "higher"),
+    "mm_dist": Column("MM-Dist", "lower"),
+    "diversity": Column("Diversity"),
+    "multimodality": Column("MultiModality"),
+}
+
+# Beside them in a table of their own: does the body do what the sentence says, and does it move like one?
+DETAILS = {
+    **{name: Column(f"{name} right", "higher") for name in CLAIMS},
+    "speed": Column("speed of joints (m/s)"),
+    "path": Column("path of the root (m)"),
+    "jerk": Column("jerk (m/s³)"),
+    "skate": Column("foot skate (m/s)"),
+    "bone_jitter": Column("change of bone lengths (mm)", "lower", 1000.0),
+}
+
+PAIRS = 300  # of Diversity
+
+Make = Callable[[Sequence[str], Sequence[int], int], list[Tensor]]  # sentences, lengths, seed -> raw features
+
+
+def make_motions(cfg: Config, get_model: Callable[[], TextToMotion], parts: Parts, test: Sequence[CaptionedClip]) -> Make:
+    """What `method` names: the trained model, asked for only here, or a yardstick.
+
+    "truth": the clips themselves. "other_captions": the clips themselves, each with the next one's sentence. "any_clip": random
+    training clips. "nearest_caption": the training clip whose caption shares most words. "mean_pose": the mean of all features.
+
+    Raises:
+        ValueError: another method.
+    """
+    method, train = cfg.sampling.method, parts.train
+    own = [torch.from_numpy(clip.features) for clip in test]
+    if method == "diffusion":
+        model = get_model()
+        return lambda texts, frames, seed: model.sample(texts, frames, seed)
+    if method == "truth":
+        return lambda texts, frames, seed: [x[:n] for x, n in zip(own, frames, strict=True)]
+    if method == "other_captions":
+        return lambda texts, frames, seed: [own[i - 1][: frames[i - 1]] for i in range(len(texts))]
+    if method == "any_clip":
+        return lambda texts, frames, seed: _picked(train, any_clip(train, len(texts), seed))
+    if method == "nearest_caption":
+        return lambda texts, frames, seed: _picked(train, nearest_caption(train, texts))
+    if method == "mean_pose":
+        return lambda texts, frames, seed: mean_pose(train, frames)
+    raise ValueError(f"method is {method!r}; expected one of those of SamplingConfig")
+
+
+def _picked(clips: Sequence[CaptionedClip], numbers: Sequence[int]) -> list[Tensor]:
+    return [torch.from_numpy(clips[i].features[: len(clips[i].features) // UNIT * UNIT]) for i in numbers]
+
+
+def embed(matcher: Matcher, motions: Sequence[Float[Tensor, "T D"]], chunk: int = 128) -> Float[Tensor, "N E"]:
+    """Embeddings of raw features of any lengths."""
+    found = []
+    for first in range(0, len(motions), chunk):
+        part = motions[first : first + chunk]
+        lengths = torch.tensor([len(x) for x in part])
+        with torch.inference_mode():
+            found.append(matcher.embed_motion(torch.nn.utils.rnn.pad_sequence(list(part), batch_first=True), lengths))
+    return torch.cat(found)
+
+
+def evaluate(cfg: Config, get_model: Callable[[], TextToMotion], parts: Parts, progress: bool = False) -> dict[str, Any]:
+    """Metrics of a configuration on the test clips.
+
+    Args:
+        cfg: method and settings of the sampling.
+        get_model: the trained model, asked for only where the method needs one.
+        parts: the data.
+        progress: show nothing; the sampling has a bar of its own.
+
+    Returns:
+        "mean" and "standard_error" by metric (of the set metrics over replicates, where there are several; of the others over
+        clips), "windows" (clips), "values" of each clip by metric with the "clips" that they belong to.
+    """
+    test = thinned(parts.test, cfg.sampling.test_clips)
+    make, judge = make_motions(cfg, get_model, parts, test), open_matcher(cfg.sampling.evaluator, parts.layout)
+    lengths = [len(clip.features) // UNIT * UNIT for clip in test]
+    real = embed(judge, [torch.from_numpy(clip.features[:n]) for clip, n in zip(test, lengths, strict=True)])
+    rounds, values = [], []
+    for replicate in range(cfg.sampling.replicates):
+        seed = cfg.sampling.sampling_seed + 1000 * replicate
+        texts = one_caption_each(test, seed)
+        motions = make(texts, lengths, seed)
+        with torch.inference_mode():
+            words, found = judge.embed_text(texts), embed(judge, motions)
+        rounds.append(_of_sets(cfg, seed, words, found, real))
+        values.append({"mm_dist": (words - found).norm(dim=-1).tolist(), **_of_clips(motions, test, parts.layout)})
+    if cfg.sampling.method == "diffusion":
+        rounds[0]["multimodality"] = _multimodality(cfg, make, judge, test, lengths)
+    return _summary(rounds, values, [clip.name for clip in test])
+
+
+def thinned(clips: Sequence[CaptionedClip], count: int) -> list[CaptionedClip]:
+    """So many clips, spread evenly; 0 = all."""
+    if not 0 < count < len(clips):
+        return list(clips)
+    return [clips[i] for i in np.linspace(0, len(clips) - 1, count).round().astype(int)]
+
+
+def _of_sets(cfg: Config, seed: int, text: Tensor, motion: Tensor, real: Tensor) -> dict[str, float]:
+    generator = torch.Generator().manual_seed(seed)
+    top = r_precision(text, motion, pool=min(cfg.sampling.pool, len(text)), generator=generator)
+    return {
+        "fid": float(fid(motion, real)),
+        **{f"top{k}": float(share) for k, share in enumerate(top, 1)},
+        "mm_dist": float(mm_dist(text, motion)),
+        "diversity": float(diversity(motion, pairs=min(PAIRS, len(motion)), generator=generator)),
+    }
+
+
+def _of_clips(
+    motions: Sequence[Float[Tensor, "T D"]], test: Sequence[CaptionedClip], layout: FeatureLayout
+) -> dict[str, list[float]]:
+    rows = [{**movement(x, layout), **claims_met(x, clip, layout)} for x, clip in zip(motions, test, strict=True)]
+    return {name: [row.get(name, float("nan")) for row in rows] for name in DETAILS}
+
+
+def _multimodality(cfg: Config, make: Make, judge: Matcher, test: Sequence[CaptionedClip], lengths: Sequence[int]) -> float:
+    """Of so many motions for each of some sentences."""
+    s = cfg.sampling
+    picked = np.linspace(0, len(test) - 1, min(s.repeated, len(test))).round().astype(int)
+    texts = [text for i in picked for text in [test[i].captions[0]] * s.repeats]
+    frames = [n for i in picked for n in [lengths[i]] * s.repeats]
+    found = embed(judge, make(texts, frames, s.sampling_seed + 500)).unflatten(0, (len(picked), s.repeats))
+    generator = torch.Generator().manual_seed(s.sampling_seed)
+    return float(multimodality(found, pairs=s.repeats, generator=generator))
+
+
+def _summary(
+    rounds: Sequence[dict[str, float]], values: Sequence[dict[str, list[float]]], names: Sequence[str]
+) -> dict[str, Any]:
+    mean = {name: float(np.mean([r[name] for r in rounds if name in r])) for name in rounds[0]}
+    error = {
+        name: float(np.std([r[name] for r in rounds], ddof=1) / len(rounds) ** 0.5)
+        for name in rounds[0]
+        if len(rounds) > 1 and all(name in r for r in rounds)
+    }
+    each = {name: np.mean([v[name] for v in values], axis=0) for name in values[0]}
+    for name, value in each.items():
+        if np.isfinite(value).any():
+            mean[name], error[name] = float(np.nanmean(value)), clustered_error(value, names)
+    return {
+        "mean": mean,
+        "standard_error": error,
+        "windows": len(names),
+        "values": {name: value.tolist() for name, value in each.items()},
+        "clips": list(names),
+    }

@@ -1,0 +1,118 @@
+"""What Free-T2M trains: the loss of diffusion, the low-frequency loss and the semantic loss, on random clips with captions."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+import torch
+from jaxtyping import Float
+from torch import Tensor, nn
+
+from mwlib.diffusion import alpha_bar, noised
+from mwlib.networks.text import vocabulary_of
+from mwlib.text_to_motion.config import Config
+from mwlib.text_to_motion.dataset import Parts
+from mwlib.text_to_motion.draws import Batch, Pool, one_caption_each
+from mwlib.text_to_motion.losses import LowPass, low_frequency_loss, masked_error, semantic_loss, stage_weights
+from mwlib.text_to_motion.matching import Matcher, open_matcher
+from mwlib.text_to_motion.network import TextDenoiser
+from mwlib.text_to_motion.statistics import Statistics
+from mwlib.training import Objective, seeded
+
+VALIDATION_BATCHES = 4  # of 64 clips
+
+
+class TextObjective(Objective):
+    """The training of a text-to-motion model, as `mwlib.training.train` takes it.
+
+    Args:
+        cfg: configuration.
+        parts: clips for training and validation.
+        learnt: what was learnt in an earlier part of the same training; empty: it is fitted now.
+
+    Raises:
+        FileNotFoundError: the critic of the semantic loss is missing.
+    """
+
+    def __init__(self, cfg: Config, parts: Parts, learnt: Mapping[str, Tensor] | None = None) -> None:
+        self.cfg, self.layout = cfg, parts.layout
+        self.alpha_bar = alpha_bar(cfg.forward.schedule, cfg.forward.steps)
+        if learnt:
+            self.statistics = Statistics.from_tensors(cfg.forward.normalisation, learnt)
+        else:
+            features = [clip.features for clip in parts.train]
+            self.statistics = Statistics.measured(features, self.layout, cfg.forward.normalisation)
+        self.pool, self.held_out = (self._pool(clips) for clips in (parts.train, parts.val))
+        self.low_pass = LowPass(cfg.data.longest, cfg.objective.lf_k, cfg.objective.lf_hz, self.layout.fps)
+        self.power = self._power() if cfg.objective.stage == "snr" else None
+        self.critic = open_matcher(cfg.objective.critic, self.layout) if cfg.objective.semantic_weight else None
+        vocabulary = vocabulary_of(caption for clip in parts.train for caption in clip.captions)
+        with seeded(cfg.training.seed, 0):
+            self.network: nn.Module = TextDenoiser(cfg.model, self.layout.width, cfg.forward.steps, vocabulary)
+
+    def _pool(self, clips: list) -> Pool | None:
+        return Pool(clips, [normalised(clip.features, self.statistics) for clip in clips]) if clips else None
+
+    def _power(self) -> Float[Tensor, " K"]:
+        """Of the low cosines of the training clips, over all features."""
+        clips = [*range(len(self.pool.clips))]
+        batch = self.pool.whole(clips, one_caption_each(self.pool.clips, 0))
+        return self.low_pass.coefficients(batch.y, batch.lengths).square().mean((0, 2))
+
+    def to(self, device: torch.device) -> None:
+        """Move the clips and the critic."""
+        for pool in (self.pool, self.held_out):
+            if pool is not None:
+                pool.to(device)
+        if self.critic is not None:
+            self.critic.to(device)
+
+    def draw(self, batch: int, generator: torch.Generator) -> Batch:
+        """Clips of like lengths with a caption each."""
+        return self.pool.draw(batch, generator)
+
+    def loss(self, network: nn.Module, batch: Batch, generator: torch.Generator) -> Float[Tensor, ""]:
+        """lambda_1 L_simple + lambda_2 L_LF + lambda_3 L_S, each sample at its own t (Eq. 17, with a plus: see semantic_loss)."""
+        o, size = self.cfg.objective, len(batch.y)
+        t = torch.randint(len(self.alpha_bar), (size,), generator=generator)
+        eps = torch.randn(batch.y.shape, generator=generator).to(batch.y.device)
+        drop = (torch.rand(size, generator=generator) < o.drop_text).to(batch.y.device)
+        y_t = noised(batch.y, eps, self.alpha_bar[t]) * batch.mask[..., None]
+        y0_hat = network(y_t, t.to(batch.y.device), batch.mask, batch.captions, drop)
+        error = y0_hat - batch.y
+        total = o.simple_weight * masked_error(error, batch.mask)
+        low, semantic = (w.to(total.device) for w in stage_weights(o.stage, t, self.alpha_bar, self.power))
+        if o.low_weight:
+            slow = low_frequency_loss(error, batch.lengths, self.low_pass, o.lf_norm, o.lf_band)
+            total = total + o.low_weight * low * slow
+        if self.critic is not None:
+            total = total + o.semantic_weight * semantic * self._semantic(self.critic, y0_hat, batch)
+        return total.mean()
+
+    def _semantic(self, critic: Matcher, y0_hat: Float[Tensor, "B T D"], batch: Batch) -> Float[Tensor, " B"]:
+        o = self.cfg.objective
+        estimate = critic.embed_motion(self.statistics.scaled(y0_hat).raw(), batch.lengths)
+        with torch.no_grad():
+            truth = critic.embed_motion(self.statistics.scaled(batch.y).raw(), batch.lengths)
+            text = critic.embed_text(batch.captions)
+        return semantic_loss(estimate, truth, text, o.semantic, o.s_th)
+
+    @torch.inference_mode()
+    def validate(self, network: nn.Module) -> float | None:
+        """Loss on people held out, with fixed noise, without dropout."""
+        if self.held_out is None:
+            return None
+        network.eval()
+        with seeded(7, 7) as generator:
+            losses = [self.loss(network, self.held_out.draw(64, generator), generator) for _ in range(VALIDATION_BATCHES)]
+        return float(torch.stack(losses).mean())
+
+    def learnt(self) -> dict[str, Tensor]:
+        """Mean and deviation of the features."""
+        return self.statistics.tensors()
+
+
+def normalised(features: Float[np.ndarray, "T D"], statistics: Statistics) -> Float[Tensor, "T D"]:
+    """Raw features as a network sees them that was trained with these statistics."""
+    return statistics.scale(torch.from_numpy(features)).seen_by(statistics)

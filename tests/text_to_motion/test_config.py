@@ -1,0 +1,39 @@
+"""Settings of text-to-motion that do not fit each other are refused."""
+
+from __future__ import annotations
+
+import pytest
+
+from mwlib.text_to_motion.config import Config
+
+
+@pytest.mark.parametrize(
+    "changes, message",
+    [
+        ({"width": 30, "heads": 4}, "width is 30; expected an even multiple of heads"),
+        ({"text": "clip"}, "expected a folder with clip"),
+        ({"clip_folder": "clip"}, "expected a folder with clip"),
+        ({"sampling_steps": 51}, "sampling_steps is 51; expected at most steps"),
+        ({"longest": 30}, "longest is 30; expected at least shortest"),
+        ({"lf_norm": "l2"}, "lf_norm is 'l2'"),
+        ({"stage": "late"}, "stage is 'late'"),
+    ],
+)
+def test_settings_that_do_not_fit_are_refused(changes, message):
+    with pytest.raises(ValueError, match=message):
+        Config.preset("tiny", **changes)
+
+
+def test_the_published_presets_have_the_published_settings():
+    mdm, smf = Config.preset("mdm"), Config.preset("stablemofusion")
+    assert (mdm.model.width, mdm.model.layers, mdm.model.heads, mdm.model.feedforward, mdm.forward.steps) == (512, 8, 4, 1024, 50)
+    assert (mdm.training.lr, mdm.training.batch, mdm.sampling.guidance, mdm.objective.drop_text) == (1e-4, 64, 2.5, 0.1)
+    assert (smf.forward.schedule, smf.forward.steps, smf.sampling.sampler, smf.sampling.sampling_steps) == ("linear", 1000, "sde_dpm", 10)
+    assert (smf.training.lr, smf.training.lr_gamma, smf.training.clip_gradient) == (2e-4, 0.9, 1.0)
+
+
+def test_who_judges_and_how_is_sampled_are_no_part_of_a_training():
+    cfg = Config.preset("tiny")
+    for changes in ({"evaluator": "other"}, {"guidance": 1.0}, {"sampler": "ddim"}, {"method": "truth"}):
+        assert cfg.override(**changes).training_hash() == cfg.training_hash()
+    assert cfg.override(critic="other").training_hash() != cfg.training_hash()
