@@ -1,1 +1,1 @@
-"""The third system: motions from words, Free-T2M, the two models it changes, and its theory."""
+"""Free-T2M: motions from sentences, by diffusion with a loss on low frequencies and one on meaning."""

@@ -35,7 +35,7 @@ def power_of(x: Float[Tensor, "... T C"]) -> Float[Tensor, " T"]:
     >>> power_of(torch.full((4, 2), 3.0)).round(decimals=6).tolist()
     [36.0, 0.0, 0.0, 0.0]
     """
-    c = dct(np.asarray(x.detach().cpu(), dtype=np.float64), axis=-2, norm="ortho")
+    c = np.asarray(dct(np.asarray(x.detach().cpu(), dtype=np.float64), axis=-2, norm="ortho"))
     return torch.from_numpy(np.square(c).mean(axis=(*range(x.ndim - 2), -1)))
 
 
@@ -68,7 +68,7 @@ def slope(power: Float[Tensor, " K"], first: int, last: int) -> float:
 
 
 def power_law(coefficients: int, exponent: float = 2.0) -> Float[Tensor, " K"]:
-    """P_k ~ k^-exponent, of mean 1; 0 gives white data (Eq. 29 has |w|^-a). P_0, where a power law has no value, is P_1 (own choice).
+    """P_k ~ k^-exponent, of mean 1 (Eq. 29 has |w|^-a); 0 gives white data. Own choice: P_0, which the law leaves open, is P_1.
 
     >>> power_law(3, 1.0).tolist()
     [1.2, 1.2, 0.6]
@@ -161,15 +161,15 @@ def reverse_power(
 ) -> Reverse:
     """Power through a whole reverse process with the best denoiser of Gaussian data; `state[-1]` is that of the samples.
 
-    Each step is linear, c' = r c_t + s z, so the variance v of c_t goes to r² v + s². It starts from 1, as samplers do. With g the
-    `wiener_gain`, a' the alpha_bar that the step goes to (1 in the end) and α = a / a':
+    Each step is linear, c' = r c_t + s z, so the variance v of c_t goes to r² v + s². It starts from 1, as samplers do. With g
+    the `wiener_gain`, a' the alpha_bar that the step goes to (1 in the end) and α = a / a':
 
         ddpm   r = sqrt(a')(1-α)/(1-a) g + sqrt(α)(1-a')/(1-a),  s² = (1-a')/(1-a) (1-α), the "fixed small" variance
         ddim   r = sqrt(a') g + sqrt(1-a') (1 - sqrt(a) g) / sqrt(1-a),  s = 0
         eq36   r = sqrt(a') g,  s² = 1 - a': Eq. 36 and 40 of the paper, which call themselves DDPM
 
-    Source: Ho et al. 2020, Eq. 7; Song et al. 2021, Eq. 12; Free-T2M, Eq. 36 with alpha read as alpha_bar. The last puts new noise
-    of the full level on an estimate that has lost what it does not know, at every step, and so keeps about half of P_k.
+    Source: Ho et al. 2020, Eq. 7; Song et al. 2021, Eq. 12; Free-T2M, Eq. 36 with alpha read as alpha_bar. The last puts new
+    noise of the full level on an estimate that lacks what is not known, at every step, and so keeps about half of P_k.
 
     Args:
         power: P_k of the data.
@@ -186,9 +186,7 @@ def reverse_power(
     [0.84, 0.92, 0.86, 0.65, 0.49]
     """
     if rule not in RULES or not len(indices):
-        raise ValueError(
-            f"rule is {rule!r}, with {len(indices)} indices; expected one of {', '.join(RULES)}, and an index or more"
-        )
+        raise ValueError(f"rule is {rule!r}, {len(indices)} indices; expected one of {', '.join(RULES)}, and an index or more")
     levels = alpha_bar[list(indices)]
     v, states, estimates = torch.ones_like(power), [], []
     for a, after in zip(levels, torch.cat([levels[1:], torch.ones_like(levels[:1])]), strict=True):

@@ -176,7 +176,7 @@ def test_eq36_keeps_half_in_the_limit_of_many_steps():
 @pytest.mark.parametrize("indices", [ddim_indices(60, 60), [59, 40, 17, 3]])
 @pytest.mark.parametrize("rule, eta", [("ddpm", 1.0), ("ddim", 0.0)])
 def test_the_recursion_is_the_librarys_sampler(rule, eta, indices):
-    """Each source of noise in a row of its own: a linear sampler leaves its weights there, whose squares add up to the variance."""
+    """Each source of noise in a row of its own: a linear sampler leaves its weights there, and their squares are the variance."""
     curve, power = alpha_bar("cosine", 60), spectra.power_law(12)
     rows = torch.eye(len(indices) + 1, dtype=torch.float64)[..., None].expand(-1, -1, len(power))
     draws = iter(rows[1:])
@@ -205,7 +205,7 @@ def test_eq36_is_what_the_paper_prints(generator):
 def test_another_rule_is_refused(unchecked):
     with pytest.raises(ValueError, match="rule is 'euler'.*expected one of ddpm, ddim, eq36"):
         spectra.reverse_power(POWER, A_BAR, [5], "euler")
-    with pytest.raises(ValueError, match="with 0 indices"):
+    with pytest.raises(ValueError, match="0 indices"):
         spectra.reverse_power(POWER, A_BAR, [])
 
 
