@@ -21,6 +21,14 @@ from mwlib.plots.player import Player, player
 from mwlib.plots.save import save, save_table, show
 from mwlib.plots.signals import filters, padding_modes, scaling_and_wavelet, signal_and_coefficients
 from mwlib.plots.skeletons import animate, end_poses, film, overlay_futures, storyboard
+from mwlib.plots.spectra_of_motion import (
+    coupling_bars,
+    energy_by_coefficient,
+    kept_power,
+    known_share,
+    parallel_snr,
+    recovery_by_coefficient,
+)
 from mwlib.plots.tables import Table, results_table, significant
 
 __all__ = [
@@ -42,17 +50,21 @@ __all__ = [
     "broken_bodies",
     "claimed_and_measured",
     "controlled_poses",
+    "coupling_bars",
     "curves",
     "ddim_path",
     "dots",
     "end_poses",
     "energy_bars",
+    "energy_by_coefficient",
     "error_by_size",
     "film",
     "filmstrip",
     "filters",
     "histograms",
+    "kept_power",
     "keyframe_samples",
+    "known_share",
     "loop",
     "imposed_steps",
     "loss_curves",
@@ -63,12 +75,14 @@ __all__ = [
     "overlay_futures",
     "overview",
     "padding_modes",
+    "parallel_snr",
     "passages",
     "phase_circles",
     "player",
     "pose_grid",
     "predicted_curves",
     "projection_change",
+    "recovery_by_coefficient",
     "results_table",
     "row_support",
     "sampling_paths",

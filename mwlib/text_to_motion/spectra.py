@@ -1,0 +1,209 @@
+"""The spectral theory of Free-T2M (appendix B), as functions of a spectrum and a noise schedule: exact, without sampling.
+
+A spectrum is P_k = E c_k², the mean power of the orthonormal cosine coefficients of the data, k = 0 the mean over time. The paper
+derives its statements for a process without drift and prints a process with one; here the process is that of Eq. 2, which models
+use: c_t = sqrt(a) c_0 + sqrt(1-a) eps with a = alpha_bar_t. Where a statement of the paper needs a condition, or is wrong, the
+function says so.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Literal, NamedTuple
+
+import numpy as np
+import torch
+from jaxtyping import Float
+from scipy.fft import dct
+from torch import Tensor
+
+Rule = Literal["ddpm", "ddim", "eq36"]
+RULES: tuple[Rule, ...] = ("ddpm", "ddim", "eq36")
+
+
+def power_of(x: Float[Tensor, "... T C"]) -> Float[Tensor, " T"]:
+    """Mean power of each orthonormal cosine coefficient over all motions and channels, float64.
+
+    Source: Eq. 25, with the expectation that Eq. 28 drops, and the orthonormal DCT of Eq. 7 in place of a Fourier transform whose
+    scale the paper leaves open: with an unscaled one the noise would have T times the power that Eq. 24 gives it.
+
+    Args:
+        x: motions of T frames and C channels, in any unit; the power is in its square. Energy shares mean what they say only if
+            the channels are in comparable units.
+
+    >>> power_of(torch.full((4, 2), 3.0)).round(decimals=6).tolist()
+    [36.0, 0.0, 0.0, 0.0]
+    """
+    c = np.asarray(dct(np.asarray(x.detach().cpu(), dtype=np.float64), axis=-2, norm="ortho"))
+    return torch.from_numpy(np.square(c).mean(axis=(*range(x.ndim - 2), -1)))
+
+
+def energy_share(power: Float[Tensor, " K"]) -> Float[Tensor, " K"]:
+    """Share of the energy in the first 1, 2, ..., K coefficients; entry K-1 belongs to K coefficients.
+
+    >>> energy_share(torch.tensor([4.0, 3.0, 1.0])).tolist()
+    [0.5, 0.875, 1.0]
+    """
+    return power.cumsum(0) / power.sum()
+
+
+def slope(power: Float[Tensor, " K"], first: int, last: int) -> float:
+    """Slope of log P_k over log k by least squares, k = first ... last: -a where the power falls as k^-a.
+
+    A motion that does not return to where it began has a tail of its own, however smooth it is: k^-4 from its drift, k^-2 from a
+    jump. So a slope is no proof of a power law.
+
+    Raises:
+        ValueError: not 1 <= first < last < K.
+
+    >>> round(slope(power_law(64, 1.5), 1, 63), 6)
+    -1.5
+    """
+    if not 1 <= first < last < len(power):
+        raise ValueError(f"first and last are {first} and {last}; expected 1 <= first < last <= {len(power) - 1}")
+    k = torch.arange(first, last + 1, dtype=torch.float64).log()
+    k = k - k.mean()
+    return float((k * power[first : last + 1].double().log()).sum() / k.square().sum())
+
+
+def power_law(coefficients: int, exponent: float = 2.0) -> Float[Tensor, " K"]:
+    """P_k ~ k^-exponent, of mean 1 (Eq. 29 has |w|^-a); 0 gives white data. Own choice: P_0, which the law leaves open, is P_1.
+
+    >>> power_law(3, 1.0).tolist()
+    [1.2, 1.2, 0.6]
+    """
+    k = torch.arange(coefficients, dtype=torch.float64).clamp_min(1)
+    return k**-exponent / (k**-exponent).mean()
+
+
+def gaussian_motions(power: Float[Tensor, " T"], samples: int, generator: torch.Generator) -> Float[Tensor, "samples T"]:
+    """Coefficients of Gaussian data with this spectrum, independent of each other: sqrt(P_k) times normal numbers, float64."""
+    return power.sqrt() * torch.randn(samples, len(power), generator=generator, dtype=torch.float64)
+
+
+def forward_power(power: Float[Tensor, " K"], alpha_bar: Float[Tensor, "*times"]) -> Float[Tensor, "*times K"]:
+    """E c_t² = a P_k + 1 - a. Source: Eq. 18 for the process of Eq. 2; one draw of c_t² has a cross term, only its mean has none.
+
+    >>> forward_power(torch.tensor([4.0, 1.0, 0.0]), torch.tensor(0.25)).tolist()
+    [1.75, 1.0, 0.75]
+    """
+    a = alpha_bar[..., None]
+    return a * power + 1 - a
+
+
+def driftless_power(power: Float[Tensor, " K"], variance: Float[Tensor, "*times"]) -> Float[Tensor, "*times K"]:
+    """E c_t² = P_k + the variance of the noise so far: Eq. 18 as it stands, with ∫g² = variance (drift 0)."""
+    return power + variance[..., None]
+
+
+def snr(power: Float[Tensor, " K"], alpha_bar: Float[Tensor, "*times"]) -> Float[Tensor, "*times K"]:
+    """a P_k / (1 - a). Source: Eq. 3 for the process of Eq. 2.
+
+    It is a product of a function of k and one of t. So two frequencies keep their ratio: none falls "more rapidly" (Theorem 3.1),
+    some start lower. And Eq. 4, a low frequency above every higher one, holds if P_k falls, and only then.
+    """
+    a = alpha_bar[..., None]
+    return a * power / (1 - a)
+
+
+def recovery_level(power: Float[Tensor, "*shape"], gamma: float = 1.0) -> Float[Tensor, "*shape"]:
+    """The alpha_bar at which the SNR is gamma: gamma / (gamma + P_k). Source: Eq. 38 for the process of Eq. 2.
+
+    Raises:
+        ValueError: gamma is not positive.
+    """
+    if gamma <= 0:
+        raise ValueError(f"gamma is {gamma}; expected more than 0")
+    return gamma / (gamma + power)
+
+
+def recovery_time(power: Float[Tensor, "*shape"], steps: int, gamma: float = 1.0) -> Float[Tensor, "*shape"]:
+    """When the SNR is gamma under the cosine schedule, in steps: T (1.008 (2/π) arccos sqrt(a) - 0.008), a = `recovery_level`.
+
+    Source: Eq. 38, solved. Time t has alpha_bar(t/T), so index i of `mwlib.diffusion.alpha_bar` is time i + 1. Reversed time runs
+    from T down: a large t returns early. The order is low before high only where P_k falls.
+
+    >>> [round(t, 2) for t in recovery_time(power_law(128)[[1, 64]], 1000).tolist()]
+    [908.52, 61.58]
+    """
+    level = recovery_level(power, gamma)
+    return steps * (1.008 * 2 / math.pi * torch.arccos(level.sqrt()) - 0.008)
+
+
+def recovery_index(power: Float[Tensor, " K"], alpha_bar: Float[Tensor, " M"], gamma: float = 1.0) -> Tensor:
+    """The largest index at which the SNR is at least gamma, whatever the schedule; -1 where it never is. (K,) integers."""
+    return (alpha_bar[:, None] >= recovery_level(power, gamma)).sum(0) - 1
+
+
+def wiener_gain(power: Float[Tensor, " K"], alpha_bar: Float[Tensor, "*times"]) -> Float[Tensor, "*times K"]:
+    """g with ĉ_0 = g c_t: sqrt(a) P_k / (a P_k + 1 - a). For Gaussian data no denoiser is better, and k alone tells about k.
+
+    sqrt(a) g = SNR / (1 + SNR) is the share of P_k that the estimate has.
+    """
+    return alpha_bar.sqrt()[..., None] * power / forward_power(power, alpha_bar)
+
+
+def unknown_share(power: Float[Tensor, " K"], alpha_bar: Float[Tensor, "*times"]) -> Float[Tensor, "*times K"]:
+    """Mean square error of the best estimate, as a share of P_k: (1-a) / (a P_k + 1 - a) = 1 / (1 + SNR)."""
+    return (1 - alpha_bar)[..., None] / forward_power(power, alpha_bar)
+
+
+class Reverse(NamedTuple):
+    """Power of each coefficient after every reverse step, and that of the clean estimate that the step used; (S, K) each."""
+
+    state: Tensor
+    estimate: Tensor
+
+
+def reverse_power(
+    power: Float[Tensor, " K"], alpha_bar: Float[Tensor, " M"], indices: Sequence[int], rule: Rule = "ddpm"
+) -> Reverse:
+    """Power through a whole reverse process with the best denoiser of Gaussian data; `state[-1]` is that of the samples.
+
+    Each step is linear, c' = r c_t + s z, so the variance v of c_t goes to r² v + s². It starts from 1, as samplers do. With g
+    the `wiener_gain`, a' the alpha_bar that the step goes to (1 in the end) and α = a / a':
+
+        ddpm   r = sqrt(a')(1-α)/(1-a) g + sqrt(α)(1-a')/(1-a),  s² = (1-a')/(1-a) (1-α), the "fixed small" variance
+        ddim   r = sqrt(a') g + sqrt(1-a') (1 - sqrt(a) g) / sqrt(1-a),  s = 0
+        eq36   r = sqrt(a') g,  s² = 1 - a': Eq. 36 and 40 of the paper, which call themselves DDPM
+
+    Source: Ho et al. 2020, Eq. 7; Song et al. 2021, Eq. 12; Free-T2M, Eq. 36 with alpha read as alpha_bar. The last puts new
+    noise of the full level on an estimate that lacks what is not known, at every step, and so keeps about half of P_k.
+
+    Args:
+        power: P_k of the data.
+        alpha_bar: schedule, float64.
+        indices: falling diffusion indices, see `mwlib.diffusion.ddim_indices`.
+        rule: "ddpm", "ddim" or "eq36".
+
+    Raises:
+        ValueError: another rule, or no indices.
+
+    >>> from mwlib.diffusion import alpha_bar, ddim_indices
+    >>> v = reverse_power(power_law(128), alpha_bar("cosine", 50), ddim_indices(50, 50)).state[-1] / power_law(128)
+    >>> [round(ratio, 2) for ratio in v[[1, 4, 16, 64, 120]].tolist()]
+    [0.84, 0.92, 0.86, 0.65, 0.49]
+    """
+    if rule not in RULES or not len(indices):
+        raise ValueError(f"rule is {rule!r}, {len(indices)} indices; expected one of {', '.join(RULES)}, and an index or more")
+    levels = alpha_bar[list(indices)]
+    v, states, estimates = torch.ones_like(power), [], []
+    for a, after in zip(levels, torch.cat([levels[1:], torch.ones_like(levels[:1])]), strict=True):
+        gain = wiener_gain(power, a)
+        keep, added = _step(gain, a, after, rule)
+        estimates.append(gain**2 * v)
+        v = keep**2 * v + added
+        states.append(v)
+    return Reverse(torch.stack(states), torch.stack(estimates))
+
+
+def _step(gain: Tensor, a: Tensor, after: Tensor, rule: Rule) -> tuple[Tensor, Tensor]:
+    """r and s² of a step from alpha_bar a to after."""
+    if rule == "eq36":
+        return after.sqrt() * gain, 1 - after
+    if rule == "ddim":
+        return after.sqrt() * gain + (1 - after).sqrt() * (1 - a.sqrt() * gain) / (1 - a).sqrt(), torch.zeros_like(a)
+    ratio = a / after
+    keep = (after.sqrt() * (1 - ratio) * gain + ratio.sqrt() * (1 - after)) / (1 - a)
+    return keep, (1 - after) / (1 - a) * (1 - ratio)
