@@ -29,8 +29,9 @@ def features_of(
 ) -> Float[np.ndarray, "T-1 D"]:
     """Raw features of a motion, float32: one row less than there are positions, as each row looks at the next frame.
 
-    The clip is `placed` first, so that turning it about y or moving it changes nothing. Headings are smoothed over
-    frames; that of the first frame is 0.
+    The clip is `placed` first, so that turning it about y or moving it changes nothing. Headings are smoothed over frames.
+    As published, that of the first frame is set to 0 afterwards, so that the first yaw rate holds what smoothing made of it
+    (0.11 rad in the published example 012314, the ten after it about 0.005).
 
     "humanml3d" repeats two faults of the published code. Its heading adds shoulders to hips with the hips exchanged; as
     shoulders are wider it rarely faces backwards, but it is rough: its yaw rate has twice the size. Its rotations are found
