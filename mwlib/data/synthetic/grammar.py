@@ -13,19 +13,19 @@ from itertools import product
 import numpy as np
 
 RULES = {
-    "subject": "a person | someone | a man | a woman | a human | the person | the figure | an adult",
+    "subject": "a person | someone | somebody | a man | a woman | a human | the person | the figure | an adult",
     "two": "<first> and then <second> | <first> then <second> | first <first> and afterwards <second> | <first> and after that <second>",
     # walking and running
     "walk": "<walk-{speed}>",
-    "walk-slow": "walks slowly <path-{path}> | strolls <path-{path}> | is walking slowly <path-{path}> | "
+    "walk-slow": "walks slowly <path-{path}> | strolls <path-{path}> | ambles <path-{path}> | is walking slowly <path-{path}> | "
     "walks <path-{path}> at a slow pace | slowly walks <path-{path}> | walks unhurriedly <path-{path}>",
     "walk-normal": "walks <path-{path}> | is walking <path-{path}> | walks <path-{path}> at a normal pace | steps <path-{path}> | "
     "walks <path-{path}> at a medium speed",
     "walk-fast": "walks quickly <path-{path}> | walks briskly <path-{path}> | is walking fast <path-{path}> | "
     "strides quickly <path-{path}> | walks <path-{path}> at a fast pace | walks rapidly <path-{path}>",
-    "walk-backward": "walks backward | walks backwards | steps backwards | is walking backward | moves backwards on foot",
+    "walk-backward": "walks backward | walks backwards | steps backwards | is walking backward | moves backwards step by step",
     "run": "<run-{speed}>",
-    "run-slow": "jogs <path-{path}> | runs slowly <path-{path}> | is jogging <path-{path}> | runs <path-{path}> at a slow pace",
+    "run-slow": "jogs <path-{path}> | trots <path-{path}> | runs slowly <path-{path}> | is jogging <path-{path}> | runs <path-{path}> at a slow pace",
     "run-normal": "runs <path-{path}> | is running <path-{path}> | runs <path-{path}> at a normal pace | "
     "runs <path-{path}> at a medium speed",
     "run-fast": "sprints <path-{path}> | runs fast <path-{path}> | dashes <path-{path}> | is running very quickly <path-{path}> | "
