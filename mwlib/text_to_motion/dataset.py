@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
-from typing import Literal, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -79,20 +79,6 @@ def _cut(clip: CaptionedClip, longest: int) -> CaptionedClip:
     if len(clip.features) <= longest:
         return clip
     return CaptionedClip(clip.features[:longest], clip.captions, clip.name, clip.split, clip.attributes)
-
-
-def halves(clips: Sequence[CaptionedClip], half: Literal["evaluator", "critic", "all"]) -> list[CaptionedClip]:
-    """The clips that a matching network of this purpose learns from: who judges a model has not seen what its loss has seen.
-
-    Own choice: halves by the parity of a hash of the clip's name.
-    """
-    if half == "all":
-        return list(clips)
-    return [clip for clip in clips if (_hash(clip.name) % 2 == 0) == (half == "evaluator")]
-
-
-def _hash(name: str) -> int:
-    return hashlib.sha256(name.encode()).digest()[0]
 
 
 def fingerprint(clips: Sequence[CaptionedClip]) -> str:

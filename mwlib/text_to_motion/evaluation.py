@@ -18,7 +18,8 @@ from mwlib.text_to_motion.config import Config
 from mwlib.text_to_motion.dataset import UNIT, Parts
 from mwlib.text_to_motion.draws import one_caption_each
 from mwlib.text_to_motion.generator import TextToMotion
-from mwlib.text_to_motion.matching import Matcher, open_matcher
+from mwlib.text_to_motion.judges import open_matcher
+from mwlib.text_to_motion.matching import Matcher
 from mwlib.text_to_motion.realism import CLAIMS, claims_met, movement
 
 METRICS = {  # the columns of every table

@@ -14,8 +14,9 @@ from mwlib.networks.text import vocabulary_of
 from mwlib.text_to_motion.config import Config
 from mwlib.text_to_motion.dataset import Parts
 from mwlib.text_to_motion.draws import Batch, Pool, one_caption_each
+from mwlib.text_to_motion.judges import open_matcher
 from mwlib.text_to_motion.losses import LowPass, low_frequency_loss, masked_error, semantic_loss, stage_weights
-from mwlib.text_to_motion.matching import Matcher, open_matcher
+from mwlib.text_to_motion.matching import Matcher
 from mwlib.text_to_motion.network import TextDenoiser
 from mwlib.text_to_motion.statistics import Statistics
 from mwlib.training import Objective, seeded

@@ -1,0 +1,37 @@
+"""Matching networks by name: the evaluator and the critic that come with the package, or those of a run's folder."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from mwlib.data.formats.humanml import FeatureLayout
+from mwlib.material import MODELS
+from mwlib.text_to_motion.matching import Matcher
+from mwlib.text_to_motion.matching_config import Config
+from mwlib.training import read_model
+
+CONFIG = "config.yaml"
+
+
+def open_matcher(name: str, layout: FeatureLayout) -> Matcher:
+    """A trained matching network, frozen, on the CPU.
+
+    Args:
+        name: folder of a finished run of "matching", or "evaluator" or "critic", which come with the package and know the
+            sentences and bodies of the synthetic people. A folder of that name comes first.
+        layout: of the features that it is to judge.
+
+    Raises:
+        FileNotFoundError: there is no such model; the message says how to train one.
+        ValueError: it judges other features, or is a run of another system.
+    """
+    folder = next((f for f in (Path(name), MODELS / name) if (f / CONFIG).exists()), None)
+    if folder is None:
+        raise FileNotFoundError(
+            f"{name}/{CONFIG} is missing: no matching network there; train one on your data with "
+            "`mwlib train --system matching --set data=FOLDER` and name its folder"
+        )
+    matcher = Matcher.from_tensors(Config.from_yaml(folder / CONFIG), *read_model(folder))
+    if matcher.statistics.layout != layout:
+        raise ValueError(f"{name} judges {matcher.statistics.layout.name}; expected {layout.name}, as the clips have it")
+    return matcher
