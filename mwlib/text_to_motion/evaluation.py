@@ -134,7 +134,7 @@ def _of_sets(cfg: Config, seed: int, text: Tensor, motion: Tensor, real: Tensor)
         "fid": float(fid(motion, real)),
         **{f"top{k}": float(share) for k, share in enumerate(top, 1)},
         "mm_dist": float(mm_dist(text, motion)),
-        "diversity": float(diversity(motion, pairs=min(PAIRS, len(motion)), generator=generator)),
+        "diversity": float(diversity(motion, pairs=min(PAIRS, len(motion) - 1), generator=generator)),
     }
 
 
