@@ -1,7 +1,8 @@
 """Every number that the papers report.
 
 For stochastic motion prediction, per window and over a whole test set: predictions p are (N, S, F, C), truths g are (N, F, C).
-For in-betweening, per sequence: p and g are (..., F, C), quaternions (..., F, J, 4). For text to motion, per set: embeddings (N, E).
+For in-betweening, per sequence: p and g are (..., F, C), quaternions (..., F, J, 4).
+For text to motion, per set: embeddings (N, E).
 """
 
 from mwlib.metrics.column import Column

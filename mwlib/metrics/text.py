@@ -16,8 +16,8 @@ from torch import Tensor
 def fid(a: Float[Tensor, "N E"], b: Float[Tensor, "M E"]) -> float:
     """Fréchet distance of two Gaussians: ‖μ_a - μ_b‖² + tr(S_a + S_b - 2 (S_a S_b)^½), covariances with n - 1.
 
-    Source: Guo et al. 2022 and its code; Free-T2M, Eq. 51, has the wrong sign before the trace. Own choice: no root of a matrix is
-    taken. With centred rows A = Q R, the trace of the root is the sum of the singular values of R_a R_bᵀ over the degrees of
+    Source: Guo et al. 2022 and its code; Free-T2M, Eq. 51, has the wrong sign before the trace. Own choice: no root of a matrix
+    is taken. With centred rows A = Q R, the trace of the root is the sum of the singular values of R_a R_bᵀ over the degrees of
     freedom. The root of a singular product, as fewer rows than E give, has imaginary parts; singular values have none.
 
     Few rows bias it upwards: compare values of equally many rows only, many times E.
@@ -176,9 +176,7 @@ def confidence(values: Float[Tensor, "R *rest"] | Sequence[float]) -> Float[Tens
 def _drawn(count: int, pairs: int, generator: torch.Generator | None) -> tuple[Tensor, Tensor]:
     """Two independent draws without replacement."""
     if generator is None or not 1 <= pairs < count:
-        raise ValueError(
-            f"{pairs} pairs of {count} items, generator {generator}; expected fewer pairs than items, and a generator"
-        )
+        raise ValueError(f"{pairs} pairs of {count} items, {generator}; expected fewer pairs than items, and a generator")
     return torch.randperm(count, generator=generator)[:pairs], torch.randperm(count, generator=generator)[:pairs]
 
 

@@ -47,7 +47,7 @@ def test_fid_of_few_rows_is_biased_upwards():
 
 
 def test_r_precision_by_hand():
-    """The last text has two motions at the same distance, its own the second; so has the second motion, its own text the first."""
+    """The last text has two motions at one distance, its own the second; the second motion has two texts, its own the first."""
     np.testing.assert_allclose(r_precision(TEXT, MOTION, 4), [0.5, 0.5, 1], atol=1e-12)
     np.testing.assert_allclose(r_precision(TEXT, MOTION, 4, ranked="texts"), [0.5, 0.75, 1], atol=1e-12)
     assert r_precision(TEXT, MOTION, 4, top=1).shape == (1,)
