@@ -1,8 +1,11 @@
-"""Which joint of another skeleton stands for which of Human3.6M's 17."""
+"""Which joints of another skeleton stand for which of Human3.6M's 17 and of HumanML3D's 22."""
 
 from __future__ import annotations
 
 from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Float
 
 from mwlib.body.skeleton import BANDAI21, CMU, HUMANML22, LAFAN1, Skeleton
 
@@ -83,3 +86,34 @@ def to_h36m17(skeleton: Skeleton) -> list[int] | None:
         if scheme.above.items() <= above.items():
             return [skeleton.joints.index(name) for name in scheme.joints]
     return None
+
+
+# In HUMANML22's order; two joints and a share stand for the point on the line between them, at that share of the way.
+KNOWN22 = {
+    CMU: "root left_hipjoint right_hipjoint lowerback left_femur right_femur upperback left_tibia right_tibia "
+    "upperback:thorax:0.5 left_foot right_foot lowerneck thorax:left_clavicle:0.4 thorax:right_clavicle:0.4 upperneck "
+    "left_clavicle right_clavicle left_humerus right_humerus left_radius right_radius",
+    LAFAN1: "Hips LeftUpLeg RightUpLeg Spine LeftLeg RightLeg Spine1 LeftFoot RightFoot Spine2 LeftToe RightToe Neck "
+    "LeftShoulder RightShoulder Head LeftArm RightArm LeftForeArm RightForeArm LeftHand RightHand",
+    BANDAI21: "Hips UpperLeg_L UpperLeg_R Spine LowerLeg_L LowerLeg_R Spine:Chest:0.7 Foot_L Foot_R Chest Toes_L Toes_R Neck "
+    "Shoulder_L Shoulder_R Head UpperArm_L UpperArm_R LowerArm_L LowerArm_R Hand_L Hand_R",
+}
+
+
+def to_humanml22(skeleton: Skeleton) -> Float[np.ndarray, "22 joints"] | None:
+    """The share that each joint has in each of HUMANML22's, in its order; None if no way is known. Rows add up to 1.
+
+    Own choice: CMU's thorax ends where neck and clavicles begin, above the joint spine3 of HumanML3D, and has no joints like
+    the collars; those lie between thorax and shoulder.
+
+    >>> to_humanml22(CMU).sum(axis=1).tolist() == [1.0] * 22, to_humanml22(HUMANML22) is None
+    (True, True)
+    """
+    if skeleton not in KNOWN22:
+        return None
+    shares = np.zeros((len(HUMANML22), len(skeleton)))
+    for row, part in zip(shares, KNOWN22[skeleton].split(), strict=True):
+        first, second, share = part.split(":") if ":" in part else (part, part, 0)
+        row[skeleton.joints.index(first)] = 1 - float(share)
+        row[skeleton.joints.index(second)] += float(share)
+    return shares

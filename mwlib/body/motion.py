@@ -7,10 +7,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Float
 
-from mwlib.body.correspondence import KNOWN, to_h36m17
+from mwlib.body.correspondence import KNOWN, KNOWN22, to_h36m17, to_humanml22
 from mwlib.body.kinematics import AXES, horizontal
 from mwlib.body.rig import Rig
-from mwlib.body.skeleton import H36M17, Skeleton
+from mwlib.body.skeleton import H36M17, HUMANML22, Skeleton
 
 RIG_SLACK = 1e-3, 1e-6  # metres, and share of the largest coordinate, between a position and its rig: more is another pose
 
@@ -147,19 +147,23 @@ class Motion:
         return replace(self, positions=self.positions[:, order] * flip, rig=self.rig and self.rig.mirrored(order))
 
     def retarget(self, skeleton: Skeleton) -> Motion:
-        """Copy corresponding joints to another skeleton; proportions stay the performer's, rotations are dropped.
+        """Copy corresponding joints, or points between them, to another skeleton; rotations are dropped.
 
-        Own choice: a rotation of one skeleton says nothing about the bones of another, so the result has no rig;
-        `mwlib.body.fit.fit_rig` finds rotations for its positions.
+        Proportions stay the performer's. Own choice: a rotation of one skeleton says nothing about the bones of another, so the
+        result has no rig; `mwlib.body.fit.fit_rig` finds rotations for its positions.
 
         Raises:
             ValueError: no correspondence is known; the message lists the known ones.
         """
         if skeleton == self.skeleton:
             return self
+        if skeleton == HUMANML22 and (shares := to_humanml22(self.skeleton)) is not None:
+            positions = (shares @ self.positions).astype(self.positions.dtype)
+            return replace(self, positions=positions, skeleton=skeleton, rig=None)
         picked = to_h36m17(self.skeleton) if skeleton == H36M17 else None
         if picked is None:
-            ways = f"{', '.join(sorted(s.name for s in KNOWN))}, and CMU's tree under its other names, to H36M17"
+            ways = f"{', '.join(sorted(s.name for s in KNOWN))}, and CMU's tree under its other names, to H36M17; "
+            ways += f"{', '.join(sorted(s.name for s in KNOWN22))} to HUMANML22"
             raise ValueError(f"cannot carry {self.skeleton.name} over to {skeleton.name}; known: {ways}")
         return replace(self, positions=self.positions[:, picked], skeleton=skeleton, rig=None)
 

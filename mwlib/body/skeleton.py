@@ -140,5 +140,12 @@ HUMANML22 = _tree(
     "left_foot 7 right_foot 8 neck 9 left_collar 9 right_collar 9 head 12 left_shoulder 13 right_shoulder 14 "
     "left_elbow 16 right_elbow 17 left_wrist 18 right_wrist 19",
 )
+# KIT-ML as text-to-motion data have it. Right is the side of negative x where toes point to positive z and y is up.
+KIT21 = _tree(
+    "KIT21",
+    "pelvis -1 spine 0 thorax 1 lower_neck 2 upper_neck 3 right_shoulder 3 right_elbow 5 right_wrist 6 "
+    "left_shoulder 3 left_elbow 8 left_wrist 9 right_hip 0 right_knee 11 right_ankle 12 right_foot 13 right_toe 14 "
+    "left_hip 0 left_knee 16 left_ankle 17 left_foot 18 left_toe 19",
+)
 
-SKELETONS = {s.name: s for s in (H36M17, HUMANEVA15, CMU, LAFAN1, BANDAI21, HUMANML22)}
+SKELETONS = {s.name: s for s in (H36M17, HUMANEVA15, CMU, LAFAN1, BANDAI21, HUMANML22, KIT21)}

@@ -20,10 +20,11 @@ from mwlib.body.skeleton import SKELETONS, Skeleton
 from mwlib.data.archives import archive_names, array_header, read_archive, read_array
 from mwlib.data.errors import BrokenFilesWarning, MotionFormatError
 from mwlib.data.formats.amc import read_amc
-from mwlib.data.formats.arrays import read_npy, read_positions
+from mwlib.data.formats.arrays import read_positions
 from mwlib.data.formats.bvh import read_bvh
 from mwlib.data.formats.cmu_benchmark import COLUMNS, read_benchmark
 from mwlib.data.formats.h36m import read_positions_3d
+from mwlib.data.formats.humanml_folder import FEATURES, is_features, read_features
 from mwlib.data.hints import Given, Hints, hints
 from mwlib.data.known import NAMED_SOURCES, named_source
 from mwlib.data.opening import MOST_BYTES, allowed, bare_suffix, open_regular, read_bytes, read_head, without_twins
@@ -54,7 +55,8 @@ def load_motions(
     """Read motions from a file, a folder or the built-in generator; positions in metres.
 
     Reads BVH, AMC (with the ASF beside it), the CMU benchmark's texts, Human3.6M and HumanEva-I as VideoPose3D stores them,
-    and .npy/.npz arrays of one's own (see `arrays.read_positions`); .xz and .gz are read as they are. A folder is
+    HumanML3D's and KIT-ML's new_joints, or new_joint_vecs where those are missing, and .npy/.npz arrays of one's own (see
+    `arrays.read_positions`); .xz and .gz are read as they are. A folder is
     read whole, recursively, in the order of its paths; files of other kinds are passed over, and motions that cannot be read
     are left out with a warning that says why. Of walk.bvh beside walk.bvh.xz the plain one is taken. A clips.csv beside the
     files or above supplies true frame rates, units, up-axes, subjects and actions (see `hints.hints`). What the caller says goes
@@ -230,7 +232,7 @@ def _is_motion(file: Path) -> bool:
             return read_head(file, HEAD).split(b"\n", 1)[0].count(b",") + 1 == COLUMNS
         if kind == ".npy":
             shape, _, _ = array_header(BytesIO(read_head(file, HEAD)), file, "array")
-            return len(shape) == 3 and shape[-1] == 3
+            return is_features(shape, file) or (len(shape) == 3 and shape[-1] == 3)
         if kind == ".npz":
             return _archive_is_motion(file)
     except MotionFormatError:  # nothing says that it is one
@@ -246,7 +248,11 @@ def _archive_is_motion(file: Path) -> bool:
 
 
 def _read_npy(file: Path, known: Hints) -> Reading:
-    return read_npy(BytesIO(read_bytes(file, allowed(MOST_BYTES, file))), file, known)
+    """Joint positions; in a folder new_joint_vecs, rows of features."""
+    array = read_array(BytesIO(read_bytes(file, allowed(MOST_BYTES, file))), file, "array")
+    if array.ndim == 2 and file.parent.name == FEATURES:
+        return read_features(array, file, known)
+    return read_positions({"positions": array}, file, known)
 
 
 def _read_npz(file: Path, known: Hints) -> list[Reading] | Reading:

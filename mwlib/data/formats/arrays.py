@@ -5,16 +5,16 @@ from __future__ import annotations
 import json
 from dataclasses import dataclass
 from pathlib import Path
-from typing import BinaryIO
 
 import numpy as np
 from jaxtyping import Shaped
 
 from mwlib.body.kinematics import AXES
 from mwlib.body.motion import Motion
-from mwlib.body.skeleton import HUMANML22, SKELETONS, Skeleton
-from mwlib.data.archives import read_array, single
+from mwlib.body.skeleton import SKELETONS, Skeleton
+from mwlib.data.archives import single
 from mwlib.data.errors import MotionFormatError
+from mwlib.data.formats.humanml import HUMANML3D, KIT
 from mwlib.data.hints import LEVELS_UP, Hints, frame_rate
 from mwlib.data.naming import paired
 from mwlib.data.reading import MOST_JOINTS, SMALL_TEXT, bounded, label, read_text
@@ -22,7 +22,7 @@ from mwlib.data.stated import BESIDE, DEFAULT, ENTRY, FORMAT, Reading, Stated, s
 from mwlib.data.units import infer_unit, metres_per_unit
 
 SKELETON_FILE = "skeleton.json"
-HUMANML3D_FOLDER = "new_joints"  # HumanML3D's joint positions: 22 joints, 20 Hz, metres, y up
+JOINTS_FOLDER = "new_joints"  # of HumanML3D (22 joints) and KIT-ML (21)
 
 
 @dataclass(frozen=True)
@@ -35,11 +35,6 @@ class Layout:
     up: Stated[str] | None = None
 
 
-def read_npy(stream: BinaryIO, file: Path, hints: Hints) -> Reading:
-    """Read joint positions (T, J, 3) from an .npy file; see `read_positions` for what they mean."""
-    return read_positions({"positions": read_array(stream, file, "array")}, file, hints)
-
-
 def read_positions(arrays: dict[str, Shaped[np.ndarray, "*shape"]], file: Path, hints: Hints) -> Reading:
     """Make a motion of the entries of an .npz file.
 
@@ -50,7 +45,7 @@ def read_positions(arrays: dict[str, Shaped[np.ndarray, "*shape"]], file: Path, 
     Raises:
         MotionFormatError: shapes, values or the skeleton do not fit, or nobody states the skeleton or the frame rate.
     """
-    beside = _layout_beside(file)
+    beside = _layout_beside(file, arrays["positions"].shape)
     said = {name: single(array, file, name) for name, array in arrays.items() if name != "positions"}
     inside = _layout(said, file, ENTRY)
     skeleton = inside.skeleton or beside.skeleton or hints.fallback_skeleton
@@ -73,14 +68,15 @@ def read_positions(arrays: dict[str, Shaped[np.ndarray, "*shape"]], file: Path, 
     return Reading(hints.label(motion, file), unit, up, fps)
 
 
-def _layout_beside(file: Path) -> Layout:
-    """The layout of the nearest skeleton.json, in the file's folder or above."""
+def _layout_beside(file: Path, shape: tuple[int, ...]) -> Layout:
+    """The layout of the nearest skeleton.json, in the file's folder or above; else that of the data set with such a folder."""
     path = file.resolve()
     for folder in path.parents[:LEVELS_UP]:
         if (folder / SKELETON_FILE).is_file():
             return read_skeleton_file(folder / SKELETON_FILE)
-    if path.parent.name == HUMANML3D_FOLDER:
-        return Layout(HUMANML22, Stated(20.0, FORMAT), Stated(1.0, FORMAT), Stated("y", FORMAT))
+    known = KIT if shape[1:] == (len(KIT.skeleton), 3) else HUMANML3D
+    if path.parent.name == JOINTS_FOLDER:
+        return Layout(known.skeleton, Stated(known.fps, FORMAT), Stated(known.metres_per_unit, FORMAT), Stated("y", FORMAT))
     return Layout()
 
 

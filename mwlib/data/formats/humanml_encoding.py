@@ -1,0 +1,236 @@
+"""Joint positions to features of HumanML3D and KIT-ML: placed on the floor, headings, rotations, velocities, contacts.
+
+Source: the code published with HumanML3D, of which two known faults can be had by name ("humanml3d") or left out ("correct").
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import lru_cache
+from typing import Literal, get_args
+
+import numpy as np
+import torch
+from jaxtyping import Float, Int
+from scipy.ndimage import gaussian_filter1d
+
+from mwlib.body.kinematics import bone_lengths
+from mwlib.data.formats.humanml import HUMANML3D, Array, FeatureLayout, joints_of, turned
+
+Heading = Literal["correct", "humanml3d"]
+SMOOTHING = 20.0  # frames, deviation of the Gaussian over which the facing direction is averaged
+OPPOSITE = 1e-9  # 1 + cosine of two directions: below this the shortest turn between them has no axis
+LEAST = 1e-9  # length of a direction
+LOWER_LEG = 2  # place in a leg's chain of the knee; the ankle follows
+
+
+def features_of(
+    positions: Float[np.ndarray, "T J 3"], layout: FeatureLayout = HUMANML3D, heading: Heading = "correct"
+) -> Float[np.ndarray, "T-1 D"]:
+    """Raw features of a motion, float32: one row less than there are positions, as each row looks at the next frame.
+
+    The clip is `placed` first, so that turning it about y or moving it changes nothing. Headings are smoothed over frames.
+    As published, that of the first frame is set to 0 afterwards, so that the first yaw rate holds what smoothing made of it
+    (0.11 rad in the published example 012314, the ten after it about 0.005).
+
+    "humanml3d" repeats two faults of the published code. Its heading adds shoulders to hips with the hips exchanged; as
+    shoulders are wider it rarely faces backwards, but it is rough: its yaw rate has twice the size. Its rotations are found
+    in the world and turned by the heading once more instead of back, so that they depend on where a body faces. Not
+    repeated: the published yaw rate, an arcsine, has the wrong sign in a frame in which the heading passes straight
+    backwards, where one half turn ends and the other begins; decoded, the body then goes off in another direction.
+
+    Args:
+        positions: in the layout's units, y up. Proportions stay as they are, see `with_bones`.
+        layout: of the features.
+        heading: "correct", or "humanml3d" for features like those of the published files.
+
+    Raises:
+        ValueError: another number of joints, fewer than two frames, positions that are not finite, or an unknown heading.
+    """
+    if heading not in get_args(Heading):
+        raise ValueError(f"heading is {heading!r}; expected one of {', '.join(map(repr, get_args(Heading)))}")
+    world = placed(np.asarray(positions, float), layout)
+    if len(world) < 2:
+        raise ValueError("positions have 1 frame; expected at least 2, as each row of features looks at the next frame")
+    angle = _headings(world, layout, heading)
+    steps = _about_up(np.diff(world, axis=0), -angle[:-1])
+    root = _about_up(np.diff(world[:, :1], axis=0), -angle[1:])
+    turn = np.diff(angle)
+    local = world - world[:, :1] * [1, 0, 1]
+    squared = np.square(np.diff(world[:, list(layout.contact_joints)], axis=0)).sum(axis=-1)
+    columns = {
+        "yaw_rate": -(np.remainder(turn + np.pi, 2 * np.pi) - np.pi) / 2,
+        "root_velocity": root[:, 0, [0, 2]],
+        "height": world[:-1, 0, 1],
+        "positions": _about_up(local[:-1, 1:], -angle[:-1]),
+        "rotations": _rotations(world[:-1], angle[:-1], layout, heading)[..., :2].swapaxes(-1, -2),
+        "velocities": steps,
+        "contacts": squared < layout.contact_threshold,
+    }
+    return np.concatenate([part.reshape(len(steps), -1) for part in columns.values()], axis=1).astype(np.float32)
+
+
+def placed(positions: Float[np.ndarray, "T J 3"], layout: FeatureLayout = HUMANML3D) -> Float[np.ndarray, "T J 3"]:
+    """The clip where its features see it: lowest point at y = 0, the first root above the origin, facing +z in the first frame.
+
+    Raises:
+        ValueError: as in `features_of`.
+    """
+    expected = (len(layout.skeleton), 3)
+    if positions.ndim != 3 or positions.shape[1:] != expected or len(positions) == 0:
+        raise ValueError(f"positions have shape {positions.shape}; expected (T, {expected[0]}, 3) for {layout.name}")
+    if not np.isfinite(positions).all():
+        frame, joint, _ = np.argwhere(~np.isfinite(positions))[0]
+        raise ValueError(f"{layout.skeleton.joints[joint]} in frame {frame} is not finite; expected numbers")
+    origin = positions[0, 0] * [1, 0, 1] + [0, positions[..., 1].min(), 0]
+    x, _, z = _facing(positions[:1], layout, "correct")[0]
+    return _about_up(positions - origin, -np.arctan2(x, z)[None]).astype(positions.dtype)
+
+
+def joints_of_rotations(
+    features: Float[np.ndarray, "T D"],
+    lengths: Sequence[float] | Float[np.ndarray, " J"],
+    layout: FeatureLayout = HUMANML3D,
+    heading: Heading = "correct",
+) -> Float[np.ndarray, "T J 3"]:
+    """Joints that the block of rotations describes: kinematics along the chains, with bones of given lengths.
+
+    Args:
+        features: raw, made with the same `heading`.
+        lengths: of the bone to each joint, in the layout's units; the root's is not used.
+        layout: of the features.
+        heading: as in `features_of`.
+    """
+    features = np.asarray(features, float)
+    six = features[:, layout.blocks["rotations"]].reshape(len(features), -1, 2, 3)
+    first, second = six[:, :, 0], six[:, :, 1]
+    turns = np.stack([first, second, np.cross(first, second)], axis=-1)
+    angle = -turned(torch.from_numpy(features[:, 0])).numpy()
+    joints = np.zeros((len(features), len(layout.skeleton), 3))
+    for chain in layout.chains:
+        turn = _start(angle, heading)
+        for before, joint in zip(chain, chain[1:], strict=False):
+            turn = turn @ turns[:, joint - 1]
+            joints[:, joint] = joints[:, before] + lengths[joint] * (turn @ layout.rests(heading)[joint])
+    return (joints if heading == "humanml3d" else _about_up(joints, angle)) + joints_of(features, layout)[:, :1]
+
+
+def with_bones(
+    positions: Float[np.ndarray, "T J 3"], layout: FeatureLayout = HUMANML3D, lengths: Sequence[float] | None = None
+) -> Float[np.ndarray, "T J 3"]:
+    """The same motion of another body: bones in their directions with other lengths, the root's path scaled as the legs are.
+
+    This is how the published data were given one body; its own has the leg of one side measured, this the mean of both.
+
+    Args:
+        positions: layout's units.
+        layout: whose joints these are.
+        lengths: of the bone to each joint, the root's being 0; None: the layout's.
+
+    Raises:
+        ValueError: the layout has no lengths and none are given.
+    """
+    wanted = layout.bone_lengths if lengths is None else lengths
+    if wanted is None:
+        raise ValueError(f"lengths is None; expected {len(layout.skeleton)} lengths, as {layout.name} knows of none")
+    own = bone_lengths(positions, layout.skeleton)  # of joints 1, 2, ...
+    legs = [joint for chain in layout.chains[:2] for joint in chain[LOWER_LEG : LOWER_LEG + 2]]
+    scale = np.sum(np.asarray(wanted)[legs]) / np.median(own, axis=0)[np.subtract(legs, 1)].sum()
+    out = np.empty_like(positions)
+    out[:, 0] = positions[:, 0] * scale
+    for before, joint in layout.skeleton.bones:
+        factor = wanted[joint] / np.maximum(own[:, joint - 1 : joint], LEAST)
+        out[:, joint] = out[:, before] + factor * (positions[:, joint] - positions[:, before])
+    return out
+
+
+def mirrored(features: Array, layout: FeatureLayout = HUMANML3D) -> Array:
+    """Features of the mirror image, left and right exchanged; NumPy or torch, leading axes free. Captions need the same."""
+    order, signs = _mirror(layout)
+    if isinstance(features, np.ndarray):
+        return (features[..., order] * signs).astype(features.dtype)
+    return features[..., torch.from_numpy(order).to(features.device)] * torch.from_numpy(signs).to(features)
+
+
+@lru_cache
+def _mirror(layout: FeatureLayout) -> tuple[Int[np.ndarray, " D"], Float[np.ndarray, " D"]]:
+    """For each feature of the mirror image which one it is of the original, and its sign. The mirror is the plane x = 0."""
+    pairs, blocks = layout.skeleton.mirror, layout.blocks
+    signs, order = np.ones(layout.width), np.arange(layout.width)
+    signs[0] = signs[1] = -1
+    for name, joints, own in (
+        ("positions", pairs[1:] - 1, (-1, 1, 1)),
+        ("rotations", pairs[1:] - 1, (1, -1, -1, -1, 1, 1)),  # M R M with M = diag(-1, 1, 1), two columns of it
+        ("velocities", pairs, (-1, 1, 1)),
+        ("contacts", np.array([2, 3, 0, 1]), (1,)),
+    ):
+        start = blocks[name].start
+        order[blocks[name]] = (start + joints[:, None] * len(own) + np.arange(len(own))).ravel()
+        signs[blocks[name]] = np.tile(own, len(joints))
+    return order, signs
+
+
+def _facing(positions: Float[np.ndarray, "T J 3"], layout: FeatureLayout, heading: str) -> Float[np.ndarray, "T 3"]:
+    """Horizontal directions in which the body looks; shorter than 1 where hips and shoulders are tilted."""
+    right_hip, left_hip, right_shoulder, left_shoulder = layout.face_joints
+    hips = positions[:, right_hip] - positions[:, left_hip]
+    if heading == "humanml3d":
+        hips = -hips
+    across = hips + positions[:, right_shoulder] - positions[:, left_shoulder]
+    across = across / np.maximum(np.linalg.norm(across, axis=-1, keepdims=True), LEAST)
+    return np.cross([0.0, 1.0, 0.0], across)
+
+
+def _headings(world: Float[np.ndarray, "T J 3"], layout: FeatureLayout, heading: str) -> Float[np.ndarray, " T"]:
+    """Angles about y from +z to where the body faces, smoothed; the first is 0."""
+    forward = gaussian_filter1d(_facing(world, layout, heading), SMOOTHING, axis=0, mode="nearest")
+    angle = np.arctan2(forward[:, 0], forward[:, 2])
+    angle[0] = 0.0
+    return angle
+
+
+def _start(angle: Float[np.ndarray, " T"], heading: str) -> Float[np.ndarray, "T 3 3"]:
+    """The rotation from which every chain begins: none, as the pose is seen in its heading; as published, the heading undone."""
+    undone = -angle if heading == "humanml3d" else np.zeros_like(angle)
+    return _about_up(np.broadcast_to(np.eye(3), (len(angle), 3, 3)), undone).swapaxes(-1, -2)
+
+
+def _rotations(
+    world: Float[np.ndarray, "T J 3"], angle: Float[np.ndarray, " T"], layout: FeatureLayout, heading: str
+) -> Float[np.ndarray, "T J-1 3 3"]:
+    """Of each joint but the root, the rotation of the bone that leads to it against the one before in its chain.
+
+    Each bone is turned from its rest by the shortest arc; a twist cannot be seen in positions.
+    """
+    before, after = np.array([pair for chain in layout.chains for pair in zip(chain, chain[1:], strict=False)]).T
+    begins = [joint == chain[1] for chain in layout.chains for joint in chain[1:]]
+    bones = world[:, after] - world[:, before]
+    if heading == "correct":
+        bones = _about_up(bones, -angle)
+    whole = np.empty((len(world), len(layout.skeleton), 3, 3))
+    whole[:, after] = _arcs(layout.rests(heading)[after], bones)
+    above = whole[:, before]
+    above[:, begins] = _start(angle, heading)[:, None]
+    local = np.empty_like(whole)
+    local[:, after] = above.swapaxes(-1, -2) @ whole[:, after]
+    return local[:, 1:]
+
+
+def _arcs(rest: Float[np.ndarray, "bones 3"], bones: Float[np.ndarray, "T bones 3"]) -> Float[np.ndarray, "T bones 3 3"]:
+    """The smallest rotations that carry unit vectors to the directions of bones: 1 + K + K K / (1 + cosine)."""
+    towards = bones / np.maximum(np.linalg.norm(bones, axis=-1, keepdims=True), LEAST)
+    x, y, z = np.moveaxis(np.cross(rest, towards), -1, 0)
+    zero = np.zeros_like(x)
+    k = np.stack([zero, -z, y, z, zero, -x, -y, x, zero], axis=-1).reshape(*x.shape, 3, 3)
+    more = 1 + np.sum(rest * towards, axis=-1)[..., None, None]
+    arcs = np.eye(3) + k + k @ k / np.maximum(more, OPPOSITE)
+    side = np.roll(rest, 1, axis=-1)  # at a right angle to a vector along an axis
+    half_turns = 2 * side[:, :, None] * side[:, None, :] - np.eye(3)
+    return np.where(more > OPPOSITE, arcs, half_turns)
+
+
+def _about_up(vectors: Float[np.ndarray, "T n 3"], angle: Float[np.ndarray, "#T"]) -> Float[np.ndarray, "T n 3"]:
+    """Turned about y, from z towards x."""
+    cos, sin = np.cos(angle)[:, None], np.sin(angle)[:, None]
+    x, y, z = np.moveaxis(vectors, -1, 0)
+    return np.stack([cos * x + sin * z, y, cos * z - sin * x], axis=-1)

@@ -1,0 +1,1 @@
+"""The third system: motions from sentences, after Free-T2M."""
