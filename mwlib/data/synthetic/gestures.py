@@ -126,6 +126,45 @@ GESTURES = {
     ),
 }  # fmt: skip
 
+CAPTIONED = {  # gestures of the captioned set alone
+    "squat": Gesture(
+        1.5,
+        dict(
+            both_hip_flex=(6, 40, 88, 96, 88, 40, 6), both_knee=(12, 56, 110, 118, 110, 56, 12),
+            both_hip_abd=(3, 6, 10, 10, 10, 6, 3), pelvis_pitch=(2, 14, 28, 30, 28, 14, 2), spine_pitch=(2, 6, 10, 10, 10, 6, 2),
+            neck_pitch=(0, -8, -16, -18, -16, -8, 0), both_arm_flex=(4, 50, 104, 112, 104, 50, 4),
+            both_elbow=(15, 18, 12, 10, 12, 18, 15), both_arm_abd=(8, 6, 4, 4, 4, 6, 8),
+        ),
+        onset=0.2,
+    ),
+    "bow": Gesture(
+        2.0,
+        dict(
+            both_hip_flex=(4, 3, 0, 0, 3, 4), both_knee=(8, 8, 6, 6, 8, 8), pelvis_pitch=(0, 24, 46, 46, 24, 0),
+            spine_pitch=(2, 20, 36, 36, 20, 2), neck_pitch=(2, 8, 14, 14, 8, 2), both_arm_flex=(1, -8, -12, -12, -6, 1),
+        ),
+        onset=0.2,
+    ),
+    "punch": Gesture(
+        0.62,
+        dict(
+            near_hip_flex=(22,), near_knee=(20,), far_hip_flex=(-6,), far_knee=(24,), near_hip_abd=(5,), far_hip_abd=(7,),
+            spine_pitch=(8,), neck_pitch=(4,), spine_yaw=(2, 2, -10, -20, -10, 0, 2), near_arm_flex=(48, 47, 70, 88, 72, 50, 48),
+            near_elbow=(126, 127, 70, 8, 60, 118, 126), near_arm_abd=(8, 8, 0, -8, 0, 8, 8), near_arm_turn=(-25,),
+            far_arm_flex=(48,), far_elbow=(128,), far_arm_abd=(8,), far_arm_turn=(-25,),
+        ),
+        onset=0.3,
+    ),
+    "reach_forward": Gesture(
+        1.7,
+        dict(
+            near_arm_flex=(15, 60, 84, 86, 60, 20), near_elbow=(40, 70, 12, 8, 60, 40), near_arm_abd=(6, 3, 0, 0, 3, 8),
+            near_arm_turn=(-10,), spine_pitch=(2, 8, 18, 18, 8, 2), spine_yaw=(0, -6, -16, -16, -6, 0), neck_pitch=(0, -2, -8, -8, -2, 0),
+        ),
+    ),
+}  # fmt: skip
+_TABLES = GESTURES | CAPTIONED
+
 
 def stand_pose() -> Float[np.ndarray, " pose"]:
     """Standing at ease, arms hanging."""
@@ -162,7 +201,7 @@ def gesture_tracks(name: str, near: str, share: Float[np.ndarray, " T"]) -> tupl
 def _curves(name: str) -> dict[str, PchipInterpolator]:
     """Every track of a gesture as a function of the share of its duration; a single key is held."""
     curves = {}
-    for track, keys in GESTURES[name].tracks.items():
+    for track, keys in _TABLES[name].tracks.items():
         keys = keys if len(keys) > 1 else keys * 2
         curves[track] = PchipInterpolator(np.linspace(0.0, 1.0, len(keys)), keys)
     return curves

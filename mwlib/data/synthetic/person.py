@@ -15,7 +15,7 @@ from scipy.ndimage import gaussian_filter1d
 from scipy.spatial.transform import Rotation
 
 from mwlib.body.kinematics import forward_kinematics
-from mwlib.body.skeleton import H36M17
+from mwlib.body.skeleton import H36M17, Skeleton
 
 FPS = 50.0
 
@@ -101,7 +101,7 @@ def positions_of(
     where it is; in flight it keeps the speed it had around. Own choice: any sequence of poses then stands, walks or jumps without
     sliding, at no cost in the root-relative channels that models see.
     """
-    pitch, roll, yaw = np.moveaxis(_joint_angles(pose), -1, 0)
+    pitch, roll, yaw = np.moveaxis(joint_angles(pose, H36M17, ("spine", "thorax")), -1, 0)
     local = _about("y", pitch) @ _about("x", roll) @ _about("z", yaw)
     pelvis = local[:, 0].copy()
     for side in SIDES:  # leg angles are measured against the upright, not against a pelvis that tilts and sways
@@ -109,7 +109,7 @@ def positions_of(
         local[:, hip] = np.swapaxes(pelvis, -1, -2) @ local[:, hip]
     local[:, 0] = _about("z", heading) @ pelvis
     standing = forward_kinematics(local, body.offsets, np.zeros((len(pose), 3)), H36M17)
-    return standing + _root(standing[:, FEET], pose[:, AT["lift"]])[:, None]
+    return standing + root_path(standing[:, FEET], pose[:, AT["lift"]])[:, None]
 
 
 def _about(axis: str, angle: Float[np.ndarray, "*axes"]) -> Float[np.ndarray, "*axes 3 3"]:
@@ -118,17 +118,24 @@ def _about(axis: str, angle: Float[np.ndarray, "*axes"]) -> Float[np.ndarray, "*
     return Rotation.from_rotvec(vectors.reshape(-1, 3)).as_matrix().reshape(*vectors.shape, 3)
 
 
-def _joint_angles(pose: Float[np.ndarray, "T pose"]) -> Float[np.ndarray, "T joints 3"]:
-    """Angles about y, x, z (in this order, moving axes) of every joint's local rotation."""
+def joint_angles(
+    pose: Float[np.ndarray, "T pose"], skeleton: Skeleton, spine: tuple[str, ...]
+) -> Float[np.ndarray, "T joints 3"]:
+    """Angles about y, x, z (in this order, moving axes) of every joint's local rotation, radians.
+
+    Args:
+        skeleton: with joints neck, hip, knee, shoulder and elbow; those that a pose does not know stay straight.
+        spine: the joints that share the bend of the spine, in equal parts.
+    """
     angle = {name: pose[:, i] for name, i in AT.items()}
-    euler = np.zeros((len(pose), len(H36M17), 3))
+    euler = np.zeros((len(pose), len(skeleton), 3))
 
     def put(joint: str, pitch: np.ndarray | float, roll: np.ndarray | float = 0.0, yaw: np.ndarray | float = 0.0) -> None:
-        euler[:, H36M17.joints.index(joint)] = np.stack(np.broadcast_arrays(pitch, roll, yaw, angle["lift"])[:3], axis=-1)
+        euler[:, skeleton.joints.index(joint)] = np.stack(np.broadcast_arrays(pitch, roll, yaw, angle["lift"])[:3], axis=-1)
 
-    put("hip", angle["pelvis_pitch"], -angle["pelvis_roll"], angle["pelvis_yaw"])
-    for joint in ("spine", "thorax"):
-        put(joint, angle["spine_pitch"] / 2, -angle["spine_roll"] / 2, angle["spine_yaw"] / 2)
+    put(skeleton.joints[0], angle["pelvis_pitch"], -angle["pelvis_roll"], angle["pelvis_yaw"])
+    for joint in spine:
+        put(joint, angle["spine_pitch"] / len(spine), -angle["spine_roll"] / len(spine), angle["spine_yaw"] / len(spine))
     put("neck", angle["neck_pitch"], -angle["neck_roll"])
     for side, sign in SIDES.items():
         put(f"{side}_hip", -angle[f"{side}_hip_flex"], sign * angle[f"{side}_hip_abd"], sign * angle[f"{side}_hip_turn"])
@@ -138,17 +145,20 @@ def _joint_angles(pose: Float[np.ndarray, "T pose"]) -> Float[np.ndarray, "T joi
     return euler
 
 
-def _root(feet: Float[np.ndarray, "T 2 3"], lift: Float[np.ndarray, " T"]) -> Float[np.ndarray, "T 3"]:
-    """Root path for feet given relative to the root."""
+def root_path(
+    feet: Float[np.ndarray, "T 2 3"], lift: Float[np.ndarray, " T"], fps: float = FPS
+) -> Float[np.ndarray, "T 3"]:
+    """Root path, metres, for feet given relative to the root: see `positions_of`."""
+    frames = fps / FPS
     height = feet[..., 2]
     share = np.exp(-(height - height.min(axis=1, keepdims=True)) / _CONTACT)
     share /= share.sum(axis=1, keepdims=True)
     share = (share[1:] + share[:-1]) / 2
     held = -np.sum(share[..., None] * np.diff(feet[..., :2], axis=0), axis=1)
     grip = np.exp(-((np.maximum(lift[1:], lift[:-1]) / _FLIGHT) ** 4))[:, None]
-    around = gaussian_filter1d(held * grip, 4.0, axis=0) / (gaussian_filter1d(grip, 4.0, axis=0) + 1e-6)
+    around = gaussian_filter1d(held * grip, 4.0 * frames, axis=0) / (gaussian_filter1d(grip, 4.0 * frames, axis=0) + 1e-6)
     step = grip * held + (1 - grip) * around
     root = np.zeros((len(feet), 3))
     root[1:, :2] = np.cumsum(step, axis=0)
     root[:, 2] = lift - height.min(axis=1)
-    return gaussian_filter1d(root, 1.5, axis=0, mode="nearest")  # the body's mass rounds the corners where feet change
+    return gaussian_filter1d(root, 1.5 * frames, axis=0, mode="nearest")  # the body's mass rounds the corners where feet change

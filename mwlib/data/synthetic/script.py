@@ -67,6 +67,12 @@ def synthetic_motions(subjects: int = 8, seconds: float = 6.4, seed: int = 0) ->
     return motions
 
 
+def smooth_rise(time: Float[np.ndarray, " T"], start: float, seconds: float) -> Float[np.ndarray, " T"]:
+    """0 before start, 1 after start + seconds, with zero slope and curvature at both ends."""
+    share = np.clip((time - start) / seconds, 0.0, 1.0)
+    return share**3 * (10 - 15 * share + 6 * share**2)
+
+
 class _Script:
     """Poses under construction: every event overlays what it sets on what was going on before."""
 
@@ -80,9 +86,8 @@ class _Script:
         self.near = "right" if rng.random() < 0.5 else "left"
 
     def rise(self, start: float, seconds: float) -> Float[np.ndarray, " T"]:
-        """0 before start, 1 after start + seconds, with zero slope and curvature at both ends."""
-        share = np.clip((self.time - start) / seconds, 0.0, 1.0)
-        return share**3 * (10 - 15 * share + 6 * share**2)
+        """`smooth_rise` on the clip's own time."""
+        return smooth_rise(self.time, start, seconds)
 
     def set_legs(self, legs: str, at: float) -> float:
         """Stand or change gait as soon as a foot swings past the other; returns when that is."""
@@ -140,23 +145,35 @@ class _Script:
         return self.set_legs(event, at) + rng.uniform(0.5, 2.0)
 
     def finish(self) -> Float[np.ndarray, "T pose"]:
-        """Gestures over legs, then what nobody does on purpose: leading with the shoulders, swaying, trembling."""
+        """Gestures over legs, then what nobody does on purpose."""
         pose = self.pose
         for entries, values, weight in self.gestures:
             pose[:, entries] += weight[:, None] * (values - pose[:, entries])
-        pose += self.body.posture
-        turning = np.gradient(self.heading) * FPS
-        for name, share in (("spine_yaw", 0.07), ("spine_roll", 0.02), ("pelvis_roll", 0.01)):
-            pose[:, AT[name]] += share * turning
-        noise = gaussian_filter1d(self.rng.normal(size=pose.shape), NOISE_FRAMES, axis=0, mode="reflect")
-        noise *= np.sqrt(2 * np.sqrt(np.pi) * NOISE_FRAMES) * self.body.liveliness
-        shift = np.deg2rad(1.8) * noise[:, AT["lift"]]  # the weight goes from leg to leg: both tilt the same way
-        pose += NOISE * noise
-        for side, sign in SIDES.items():
-            pose[:, AT[f"{side}_hip_abd"]] += sign * shift
-            for joint in ("knee", "elbow"):
-                pose[:, AT[f"{side}_{joint}"]] = np.maximum(pose[:, AT[f"{side}_{joint}"]], np.deg2rad(2.0))
-        return gaussian_filter1d(pose, 1.2, axis=0, mode="nearest")  # rounds the corners left by keys and limits
+        return involuntary(pose, self.heading, self.body, self.rng)
+
+
+def involuntary(
+    pose: Float[np.ndarray, "T pose"],
+    heading: Float[np.ndarray, " T"],
+    body: Body,
+    rng: np.random.Generator,
+    fps: float = FPS,
+) -> Float[np.ndarray, "T pose"]:
+    """Poses with what nobody does on purpose: a posture, leading with the shoulders into a turn, swaying, trembling."""
+    pose = pose + body.posture
+    turning = np.gradient(heading) * fps
+    for name, share in (("spine_yaw", 0.07), ("spine_roll", 0.02), ("pelvis_roll", 0.01)):
+        pose[:, AT[name]] += share * turning
+    frames = NOISE_FRAMES * fps / FPS
+    noise = gaussian_filter1d(rng.normal(size=pose.shape), frames, axis=0, mode="reflect")
+    noise *= np.sqrt(2 * np.sqrt(np.pi) * frames) * body.liveliness
+    shift = np.deg2rad(1.8) * noise[:, AT["lift"]]  # the weight goes from leg to leg: both tilt the same way
+    pose += NOISE * noise
+    for side, sign in SIDES.items():
+        pose[:, AT[f"{side}_hip_abd"]] += sign * shift
+        for joint in ("knee", "elbow"):
+            pose[:, AT[f"{side}_{joint}"]] = np.maximum(pose[:, AT[f"{side}_{joint}"]], np.deg2rad(2.0))
+    return gaussian_filter1d(pose, 1.2 * fps / FPS, axis=0, mode="nearest")  # rounds the corners left by keys and limits
 
 
 MARGIN = 10  # frames made before and after the clip and cut off, where smoothing has no neighbours
