@@ -58,6 +58,7 @@ _MODULES = {
     "prediction": "mwlib.prediction.system",
     "rebuilding": "mwlib.prediction.rebuilding",
     "inbetweening": "mwlib.inbetweening.system",
+    "matching": "mwlib.text_to_motion.matching_system",
 }
 _REGISTERED: dict[str, System] = {}
 
