@@ -1,5 +1,12 @@
 """Networks."""
 
+from mwlib.networks.clip_text import ClipText
+from mwlib.networks.mdm import MDM
+from mwlib.networks.text import EncodedText, HashedNgrams, TextEncoder, WordTransformer, vocabulary_of, words_of
 from mwlib.networks.translinear import TransLinear
+from mwlib.networks.unet1d import ConditionalUNet
 
-__all__ = ["TransLinear"]
+__all__ = [
+    "MDM", "ClipText", "ConditionalUNet", "EncodedText", "HashedNgrams", "TextEncoder", "TransLinear", "WordTransformer",
+    "vocabulary_of", "words_of",
+]  # fmt: skip
