@@ -2,6 +2,7 @@
 
 For stochastic motion prediction, per window and over a whole test set: predictions p are (N, S, F, C), truths g are (N, F, C).
 For in-betweening, per sequence: p and g are (..., F, C), quaternions (..., F, J, 4).
+For text to motion, per set: embeddings (N, E).
 """
 
 from mwlib.metrics.column import Column
@@ -22,6 +23,7 @@ from mwlib.metrics.prediction import (
 )  # fmt: skip
 from mwlib.metrics.realism import coverage, error_at, jerk, pose_change, speed
 from mwlib.metrics.table import MetricTable
+from mwlib.metrics.text import confidence, diversity, fid, mm_dist, multimodality, r_precision
 from mwlib.metrics.transition import bone_length_error, foot_skate, keyframe_error, nearer_share, path_length, seam_ratio
 from mwlib.metrics.uncertainty import clustered_error
 
@@ -37,24 +39,30 @@ __all__ = [
     "bone_length_jitter",
     "clustered_error",
     "cmd",
+    "confidence",
     "continued",
     "coverage",
+    "diversity",
     "error_at",
     "fde",
+    "fid",
     "foot_skate",
     "jerk",
     "keyframe_error",
     "l2p",
     "l2q",
     "mean_ade",
+    "mm_dist",
     "mmade",
     "mmfde",
     "multimodal_apd",
     "multimodal_futures",
+    "multimodality",
     "nearer_share",
     "npss",
     "path_length",
     "pose_change",
+    "r_precision",
     "sample_ade",
     "seam_ratio",
     "speed",

@@ -23,7 +23,7 @@ _TEACHING: dict[str, Any] = dict(
 PRESETS: dict[str, dict[str, Any]] = {
     # A minute on two cores; synthetic people.
     "tiny": _TEACHING | dict(
-        width=64, layers=2, feedforward=256, text_width=64, train_steps=400, batch=32, lr=2e-3, ema=0.99, ema_start=50,
+        clips=600, width=64, layers=2, feedforward=256, text_width=64, train_steps=400, batch=32, lr=2e-3, ema=0.99, ema_start=50,
         checkpoint_every=200, test_clips=96, repeated=8, repeats=4, pool=16,
     ),
     # Half an hour on one core; synthetic people.

@@ -57,7 +57,7 @@ class Statistics:
             raise ValueError(f"the smallest deviation is {float(self.deviation.min()):g}; expected positive numbers")
 
     @classmethod
-    def measured(cls, clips: Sequence[Float[np.ndarray, "T D"]], layout: FeatureLayout, kind: Kind = "mdm") -> Statistics:
+    def measured(cls, clips: Sequence[Float[np.ndarray, "_T D"]], layout: FeatureLayout, kind: Kind = "mdm") -> Statistics:
         """Mean of each feature over all frames; deviations are averaged within each block, as HumanML3D's Std.npy is.
 
         A block in which nothing varies gets the deviation 1 (own choice: it then stays 0).

@@ -1,0 +1,247 @@
+"""Networks that put sentences and motions into one space, as Guo et al. 2022 built them, at any width.
+
+A movement encoder makes one code of every 4 frames; a motion encoder reads the codes; a sentence encoder reads words. Their
+embeddings are not normalised. Modules and parameters are named as in the published code, so that its weights fit.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import NamedTuple
+
+import torch
+from jaxtyping import Float, Int
+from safetensors.torch import load_file
+from torch import Tensor, nn
+from torch.nn import functional as F
+from torch.nn.utils.rnn import pack_padded_sequence
+
+UNIT = 4  # frames of a movement
+CONTACTS = 4  # last features of a frame, which no movement encoder sees
+SLOPE = 0.2  # of the leaky rectifiers below zero
+
+
+class MovementEncoder(nn.Module):
+    """One code for every 4 frames: two convolutions that halve the time, and a linear layer.
+
+    Source: Guo et al. 2022 and its code (`MovementConvEncoder`).
+
+    Args:
+        features: D, of a frame; the last 4, contacts, are not looked at.
+        hidden: channels between the convolutions.
+        codes: numbers of a code.
+        dropout: after each convolution.
+    """
+
+    def __init__(self, features: int, hidden: int = 512, codes: int = 512, dropout: float = 0.2) -> None:
+        super().__init__()
+        self.main = nn.Sequential(
+            nn.Conv1d(features - CONTACTS, hidden, 4, 2, 1), nn.Dropout(dropout), nn.LeakyReLU(SLOPE),
+            nn.Conv1d(hidden, codes, 4, 2, 1), nn.Dropout(dropout), nn.LeakyReLU(SLOPE),
+        )  # fmt: skip
+        self.out_net = nn.Linear(codes, codes)
+        self.apply(_xavier)
+
+    def forward(self, x: Float[Tensor, "B T D"]) -> Float[Tensor, "B U E"]:
+        """Codes of T // 4 movements, all frames taken as they are; see `codes` for clips of unequal length."""
+        return self.out_net(self.main(x[..., :-CONTACTS].transpose(1, 2)).transpose(1, 2))
+
+    def codes(self, x: Float[Tensor, "B T D"], lengths: Int[Tensor, " B"]) -> tuple[Float[Tensor, "B U E"], Int[Tensor, " B"]]:
+        """Codes of clips of unequal length, and how many each has: lengths // 4.
+
+        What stands after a clip's last whole movement is taken as zeros, the mean pose, and so are frames after the last, of
+        which a last movement sees two. Own choice: so neither the content of the padding nor its length changes a code, and a
+        clip shorter than the published padding of 196 frames has the codes that the published code gives it.
+
+        Args:
+            x: normalised features.
+            lengths: frames of each.
+        """
+        units = lengths.to(x.device) // UNIT
+        kept = torch.arange(x.shape[1], device=x.device) < UNIT * units[:, None]
+        padded = F.pad(torch.where(kept[..., None], x, 0.0), (0, 0, 0, UNIT + -x.shape[1] % UNIT))
+        return self(padded), units
+
+
+class MovementDecoder(nn.Module):
+    """Frames of codes, contacts included: the mirror image of `MovementEncoder`.
+
+    Source: Guo et al. 2022 and its code (`MovementConvDecoder`).
+
+    Args:
+        features: D, of a frame.
+        hidden: channels between the convolutions.
+        codes: numbers of a code.
+    """
+
+    def __init__(self, features: int, hidden: int = 512, codes: int = 512) -> None:
+        super().__init__()
+        self.main = nn.Sequential(
+            nn.ConvTranspose1d(codes, hidden, 4, 2, 1), nn.LeakyReLU(SLOPE),
+            nn.ConvTranspose1d(hidden, features, 4, 2, 1), nn.LeakyReLU(SLOPE),
+        )  # fmt: skip
+        self.out_net = nn.Linear(features, features)
+        self.apply(_xavier)
+
+    def forward(self, codes: Float[Tensor, "B U E"]) -> Float[Tensor, "B T D"]:
+        """4 frames of each code."""
+        return self.out_net(self.main(codes.transpose(1, 2)).transpose(1, 2))
+
+
+class _GRU(nn.GRU):
+    """A GRU that stays in training mode, which changes nothing where it has no dropout.
+
+    cuDNN refuses to go backwards through one in evaluation mode, and a frozen critic must pass gradients to the motion.
+    """
+
+    def train(self, mode: bool = True) -> _GRU:
+        return super().train(True)
+
+
+class _Reader(nn.Module):
+    """What motion and sentence encoder share: a GRU in both directions from a learned state, and two linear layers."""
+
+    def __init__(self, inputs: int, hidden: int, embedding: int) -> None:
+        super().__init__()
+        self.input_emb = nn.Linear(inputs, hidden)
+        self.gru = _GRU(hidden, hidden, batch_first=True, bidirectional=True)
+        self.output_net = nn.Sequential(
+            nn.Linear(2 * hidden, hidden), nn.LayerNorm(hidden), nn.LeakyReLU(SLOPE), nn.Linear(hidden, embedding)
+        )
+        self.hidden = nn.Parameter(torch.randn(2, 1, hidden))
+        self.input_emb.apply(_xavier)
+        self.output_net.apply(_xavier)
+
+    def read(self, x: Float[Tensor, "B L inputs"], lengths: Int[Tensor, " B"]) -> Float[Tensor, "B E"]:
+        """The last states of both directions, each at its own end of a sequence's own length."""
+        if len(x) == 0 or int(lengths.min()) < 1 or int(lengths.max()) > x.shape[1]:
+            raise ValueError(f"lengths are {lengths.tolist()[:8]} of {x.shape[1]}; expected 1 to that, and at least one sequence")
+        packed = pack_padded_sequence(self.input_emb(x), lengths.cpu(), batch_first=True, enforce_sorted=False)
+        self.gru.flatten_parameters()
+        _, last = self.gru(packed, self.hidden.expand(-1, len(x), -1).contiguous())
+        return self.output_net(torch.cat([last[0], last[1]], dim=-1))
+
+
+class MotionEncoder(_Reader):
+    """An embedding of a row of movement codes.
+
+    Source: Guo et al. 2022 and its code (`MotionEncoderBiGRUCo`).
+
+    Args:
+        codes: numbers of a code.
+        hidden: width of the GRU.
+        embedding: numbers of an embedding.
+    """
+
+    def __init__(self, codes: int = 512, hidden: int = 1024, embedding: int = 512) -> None:
+        super().__init__(codes, hidden, embedding)
+
+    def forward(self, codes: Float[Tensor, "B U C"], units: Int[Tensor, " B"]) -> Float[Tensor, "B E"]:
+        """Embeddings in the order given; codes after a row's own number do not matter.
+
+        Raises:
+            ValueError: a row has no movement, or more than there are.
+        """
+        return self.read(codes, units)
+
+
+class SentenceEncoder(_Reader):
+    """An embedding of a row of word vectors.
+
+    Source: Guo et al. 2022 and its code (`TextEncoderBiGRUCo`).
+
+    Args:
+        words: numbers of a word's vector.
+        hidden: width of the GRU.
+        embedding: numbers of an embedding.
+        parts_of_speech: kinds of words, told beside the vectors; 0: they are not told.
+    """
+
+    def __init__(self, words: int = 300, hidden: int = 512, embedding: int = 512, parts_of_speech: int = 0) -> None:
+        super().__init__(words, hidden, embedding)
+        self.pos_emb = nn.Linear(parts_of_speech, words).apply(_xavier) if parts_of_speech else None
+
+    def forward(
+        self, words: Float[Tensor, "B L W"], lengths: Int[Tensor, " B"], parts: Float[Tensor, "B L P"] | None = None
+    ) -> Float[Tensor, "B E"]:
+        """Embeddings in the order given; words after a sentence's own length do not matter.
+
+        A published evaluation took the padded length for all, and scored real motions .1 too low in R-precision
+        (motion-diffusion-model, issue 182).
+
+        Args:
+            words: vectors.
+            lengths: words of each sentence, marks of start and end included.
+            parts: one 1 among zeros for each word, where the encoder is told.
+
+        Raises:
+            ValueError: a sentence has no word, or more than there are; or parts of speech are missing, or not asked for.
+        """
+        if (parts is None) != (self.pos_emb is None):
+            raise ValueError(f"parts of speech {'missing' if parts is None else 'given'}; expected the opposite of this encoder")
+        told = words if parts is None or self.pos_emb is None else words + self.pos_emb(parts)
+        return self.read(told, lengths)
+
+
+class PublishedEvaluator(NamedTuple):
+    """Guo et al.'s networks with their weights, frozen."""
+
+    text: SentenceEncoder
+    motion: MotionEncoder
+    movement: MovementEncoder
+
+
+def published_weights(file: str | Path) -> PublishedEvaluator:
+    """The networks of a published evaluator (``text_mot_match/model/finest.tar``), whatever their width.
+
+    The file is a checkpoint with the state dictionaries "text_encoder", "motion_encoder" and "movement_encoder", or a
+    safetensors file with these names before a dot. It is read without running code in it. Words are 300 numbers of GloVe and
+    one of 15 parts of speech; motions are normalised by the evaluator's own mean and deviation, which come beside it.
+
+    Args:
+        file: on this machine.
+
+    Raises:
+        FileNotFoundError: there is no such file.
+        ValueError: it does not hold these three networks.
+    """
+    file = Path(file)
+    if file.suffix == ".safetensors":
+        flat = load_file(file)
+    else:
+        tree = torch.load(file, map_location="cpu", weights_only=True)
+        found = {part: state for part, state in tree.items() if isinstance(state, dict)}
+        flat = {f"{part}.{name}": value for part, state in found.items() for name, value in state.items()}
+    states = {part: _below(flat, f"{part}_encoder.") for part in ("text", "motion", "movement")}
+    try:
+        shapes = {part: {name: tuple(value.shape) for name, value in state.items()} for part, state in states.items()}
+        text, motion, movement = shapes["text"], shapes["motion"], shapes["movement"]
+        made = PublishedEvaluator(
+            SentenceEncoder(*_sizes(text), parts_of_speech=text["pos_emb.weight"][1]),
+            MotionEncoder(*_sizes(motion)),
+            MovementEncoder(movement["main.0.weight"][1] + CONTACTS, movement["main.0.weight"][0], movement["out_net.weight"][0]),
+        )
+        for part, network in made._asdict().items():
+            network.load_state_dict(states[part])
+            network.eval().requires_grad_(False)
+    except (KeyError, RuntimeError) as error:
+        wanted = "text_encoder, motion_encoder and movement_encoder of Guo et al."
+        raise ValueError(f"{file} has {sorted(flat)[:3]} and more, but {error}; expected {wanted}") from None
+    return made
+
+
+def _sizes(shapes: dict[str, tuple[int, ...]]) -> tuple[int, int, int]:
+    """Inputs, width and embedding of a reader."""
+    hidden, inputs = shapes["input_emb.weight"]
+    return inputs, hidden, shapes["output_net.3.weight"][0]
+
+
+def _below(flat: dict[str, Tensor], prefix: str) -> dict[str, Tensor]:
+    return {name.removeprefix(prefix): value for name, value in flat.items() if name.startswith(prefix)}
+
+
+def _xavier(module: nn.Module) -> None:
+    """First weights of linear layers and convolutions as in the published code."""
+    if isinstance(module, nn.Conv1d | nn.Linear | nn.ConvTranspose1d):
+        nn.init.xavier_normal_(module.weight)
+        nn.init.zeros_(module.bias)  # pyright: ignore[reportArgumentType]  (all have one)
