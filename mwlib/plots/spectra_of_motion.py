@@ -94,7 +94,7 @@ def parallel_snr(
 def recovery_by_coefficient(rows: Mapping[str, Float[Array, " K"]], *, steps: int) -> tuple[Figure, Axes]:
     """When each coefficient comes back as t falls: sampling runs from the top of the picture to its bottom.
 
-    A dot marks each that comes back before a lower one.
+    A dot marks each that comes back before a lower one, by more than a fiftieth of the way.
 
     Args:
         rows: name -> time at which each coefficient's SNR is the threshold; at most six. k = 0 is not drawn.
@@ -106,11 +106,11 @@ def recovery_by_coefficient(rows: Mapping[str, Float[Array, " K"]], *, steps: in
     _at_most(len(rows), "rows")
     fig, axes = canvas(height=3.3)
     ax = axes[0, 0]
-    for (name, times), (colour, dashes) in zip(rows.items(), LOOKS, strict=False):
+    for number, ((name, times), (colour, dashes)) in enumerate(zip(rows.items(), LOOKS, strict=False)):
         times = array(times)[1:]
         k = np.arange(1, len(times) + 1)
-        ax.plot(k, times, color=colour, linestyle=dashes, label=name)
-        early = np.flatnonzero(times[1:] > np.minimum.accumulate(times)[:-1] + 1e-9) + 1
+        ax.plot(k, times, color=colour, linestyle=dashes, label=name, zorder=3 - 0.1 * number)
+        early = np.flatnonzero(times[1:] > np.minimum.accumulate(times)[:-1] + 0.02 * steps) + 1
         ax.plot(k[early], times[early], "o", color=colour, markersize=5)
     ax.set(xlabel="coefficient k", ylabel="time t at which SNR = 1", xscale="log", ylim=(0, steps))
     ax.annotate("sampling starts here", (1, 1), (-4, -4), "axes fraction", "offset points", ha="right", va="top", size=9)

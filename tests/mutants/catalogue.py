@@ -638,4 +638,23 @@ MUTANTS = [
         ("hermite-with-speed-at-its-ends", "u**2 * (3 - 2 * u)", "u * (3 - 2 * u)"),
         ("correlation-of-sums", "self.rho = rho / torch.bincount(lag.flatten())", "self.rho = rho"),
     ),
+    *of(
+        "text_to_motion/spectra.py", "text_to_motion/test_spectra.py",
+        ("noise-without-its-share", "return a * power + 1 - a", "return a * power + 1"),
+        ("gain-without-the-root", "return alpha_bar.sqrt()[..., None] * power", "return alpha_bar[..., None] * power"),
+        ("recovery-counted-from-the-other-end", "torch.arccos(level.sqrt())", "torch.arcsin(level.sqrt())"),
+        ("recovery-level-of-the-noise", "return gamma / (gamma + power)", "return power / (gamma + power)"),
+        ("estimate-with-the-gain-once", "estimates.append(gain**2 * v)", "estimates.append(gain * v)"),
+        ("variance-with-the-factor-once", "v = keep**2 * v + added", "v = keep * v + added"),
+        ("posterior-variance-upside-down", "return keep, (1 - after) / (1 - a) * (1 - ratio)",
+         "return keep, (1 - a) / (1 - after) * (1 - ratio)"),
+        ("eq36-noise-of-the-level-it-left", "return after.sqrt() * gain, 1 - after", "return after.sqrt() * gain, 1 - a"),
+        ("spectrum-unscaled", 'axis=-2, norm="ortho"))', "axis=-2))"),
+    ),
+    *of(
+        "text_to_motion/coupling.py", "text_to_motion/test_coupling.py",
+        ("harmonic-of-the-same-phase", "1j * (2 * phi if bound else own)", "1j * (phi if bound else own)"),
+        ("error-on-what-was-fitted", "missed = target[half:] - inputs[half:] @", "missed = target[:half] - inputs[:half] @"),
+        ("noisy-phase-taken-for-the-true-one", "* (1 - torch.exp(-1 / sigma.square())) if bound", "* 0 if bound"),
+    ),
 ]  # fmt: skip
