@@ -44,7 +44,7 @@ def any_clip(clips: Sequence[CaptionedClip], count: int, seed: int) -> list[int]
     return rng.integers(len(clips), size=count).tolist()
 
 
-def mean_pose(clips: Sequence[CaptionedClip], frames: Sequence[int]) -> list[Float[Tensor, "T D"]]:
+def mean_pose(clips: Sequence[CaptionedClip], frames: Sequence[int]) -> list[Float[Tensor, "_ D"]]:
     """The mean of all features, in every frame: who moves like nobody."""
     mean = torch.from_numpy(np.concatenate([clip.features for clip in clips]).mean(0))
     return [mean.repeat(n, 1) for n in frames]

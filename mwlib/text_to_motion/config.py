@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import ClassVar, Literal
+from typing import Annotated, ClassVar, Literal
+
+from annotated_types import Ge
 
 from mwlib.diffusion.schedule import ddim_indices
 from mwlib.settings import BelowOne, Count, Natural, NotNegative, Positive, Settings, Share
@@ -74,7 +76,7 @@ class SamplingConfig:
     pool: Count = 32  # of R-precision
     replicates: Count = 1  # how often all is drawn again; confidence intervals need several
     repeated: Count = 20  # sentences for multimodality
-    repeats: Count = 10  # motions of each of them
+    repeats: Annotated[int, Ge(2)] = 10  # motions of each of them
     sampling_seed: Natural = 0  # of noise, captions and pools
 
 

@@ -33,7 +33,7 @@ class Pool:
         normalised: their features in the same order, as the network sees them.
     """
 
-    def __init__(self, clips: Sequence[CaptionedClip], normalised: Sequence[Float[Tensor, "T D"]]) -> None:
+    def __init__(self, clips: Sequence[CaptionedClip], normalised: Sequence[Float[Tensor, "_ D"]]) -> None:
         self.clips, self.flat = clips, torch.cat(list(normalised))
         self.lengths = torch.tensor([len(part) for part in normalised])
         self.starts = torch.cat([torch.zeros(1, dtype=torch.long), self.lengths.cumsum(0)[:-1]])

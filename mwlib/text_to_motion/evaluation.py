@@ -78,7 +78,7 @@ def _picked(clips: Sequence[CaptionedClip], numbers: Sequence[int]) -> list[Tens
     return [torch.from_numpy(clips[i].features[: len(clips[i].features) // UNIT * UNIT]) for i in numbers]
 
 
-def embed(matcher: Matcher, motions: Sequence[Float[Tensor, "T D"]], chunk: int = 128) -> Float[Tensor, "N E"]:
+def embed(matcher: Matcher, motions: Sequence[Float[Tensor, "_ D"]], chunk: int = 128) -> Float[Tensor, "N E"]:
     """Embeddings of raw features of any lengths."""
     found = []
     for first in range(0, len(motions), chunk):
@@ -139,7 +139,7 @@ def _of_sets(cfg: Config, seed: int, text: Tensor, motion: Tensor, real: Tensor)
 
 
 def _of_clips(
-    motions: Sequence[Float[Tensor, "T D"]], test: Sequence[CaptionedClip], layout: FeatureLayout
+    motions: Sequence[Float[Tensor, "_ D"]], test: Sequence[CaptionedClip], layout: FeatureLayout
 ) -> dict[str, list[float]]:
     rows = [{**movement(x, layout), **claims_met(x, clip, layout)} for x, clip in zip(motions, test, strict=True)]
     return {name: [row.get(name, float("nan")) for row in rows] for name in DETAILS}
@@ -153,7 +153,7 @@ def _multimodality(cfg: Config, make: Make, judge: Matcher, test: Sequence[Capti
     frames = [n for i in picked for n in [lengths[i]] * s.repeats]
     found = embed(judge, make(texts, frames, s.sampling_seed + 500)).unflatten(0, (len(picked), s.repeats))
     generator = torch.Generator().manual_seed(s.sampling_seed)
-    return float(multimodality(found, pairs=s.repeats, generator=generator))
+    return float(multimodality(found, pairs=s.repeats - 1, generator=generator))
 
 
 def _summary(

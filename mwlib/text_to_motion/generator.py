@@ -88,7 +88,7 @@ class TextToMotion:
         *,
         ids: Sequence[int] | None = None,
         progress: bool = False,
-    ) -> list[Float[Tensor, "T D"]]:
+    ) -> list[Float[Tensor, "_ D"]]:
         """Features of one motion for each sentence, raw, on the CPU.
 
         Args:

@@ -1,0 +1,132 @@
+"""The objective: weights, stages, the critic's gradient, and a training that resumes."""
+
+from __future__ import annotations
+
+import pytest
+import torch
+from torch.testing import assert_close
+
+from mwlib.text_to_motion import objective
+from mwlib.text_to_motion.losses import LowPass, low_frequency_loss, masked_error
+from mwlib.text_to_motion.matching import Matcher
+from mwlib.text_to_motion.objective import TextObjective
+from mwlib.training import seeded, train
+from tests.text_to_motion.sample import small, toy
+
+
+class Critic(Matcher):
+    """Embeds a motion by fixed random numbers of its frames, and every sentence alike."""
+
+    def __init__(self) -> None:
+        self.weight = torch.randn(263, 8, generator=torch.Generator().manual_seed(5))
+
+    def to(self, device):
+        return self
+
+    def embed_motion(self, features, lengths):
+        mask = torch.arange(features.shape[1]) < lengths[:, None]
+        return ((features * mask[..., None]).sum(1) / lengths[:, None]) @ self.weight
+
+    def embed_text(self, texts):
+        return torch.ones(len(texts), 8)
+
+
+@pytest.fixture
+def critic(monkeypatch):
+    monkeypatch.setattr(objective, "open_matcher", lambda name, layout: Critic())
+
+
+def gradient(**changes) -> tuple[float, list[torch.Tensor]]:
+    """Loss of one batch, and its gradient; same weights and noise whatever the losses."""
+    one = TextObjective(small(**changes), toy())
+    with seeded(0, 3) as generator:
+        batch = one.draw(8, generator)
+        loss = one.loss(one.network, batch, generator)
+    loss.backward()
+    return float(loss.detach()), [p.grad for p in one.network.parameters() if p.grad is not None]
+
+
+def test_the_losses_add_up_with_their_weights(critic):
+    main, low, semantic = (
+        gradient(simple_weight=s, low_weight=l, semantic_weight=m)[0] for s, l, m in ((1, 0, 0), (0, 1, 0), (0, 0, 1))
+    )
+    total, _ = gradient(simple_weight=2.0, low_weight=0.5, semantic_weight=0.25)
+    assert total == pytest.approx(2 * main + 0.5 * low + 0.25 * semantic, rel=1e-5)
+    assert min(main, low, semantic) > 0
+
+
+def test_detached_meaning_changes_the_number_but_no_gradient(critic):
+    """What the published code does; bit for bit."""
+    plain, without = gradient()
+    logged, detached = gradient(semantic_weight=1.0, semantic="detached")
+    felt, real = gradient(semantic_weight=1.0)
+    assert logged == felt > plain
+    assert all(torch.equal(a, b) for a, b in zip(without, detached, strict=True))
+    assert not all(torch.allclose(a, b) for a, b in zip(without, real, strict=True))
+
+
+def test_stages_and_bands_reach_the_loss(critic):
+    losses = {stage: gradient(simple_weight=0.0, low_weight=1.0, stage=stage)[0] for stage in ("none", "prose", "eq16", "snr")}
+    assert losses["none"] > max(losses["prose"], losses["eq16"]) > 0 and losses["snr"] > 0
+    both = [gradient(simple_weight=0.0, low_weight=1.0, stage="none", lf_norm="mse", lf_band=band)[0] for band in ("low", "high")]
+    assert sum(both) == pytest.approx(gradient(simple_weight=1.0)[0], rel=1e-4)
+    assert gradient(simple_weight=0.0, low_weight=1.0, stage="none", lf_k=1)[0] < losses["none"]
+    assert gradient(simple_weight=0.0, low_weight=1.0, stage="none", lf_hz=9.0)[0] > losses["none"]
+
+
+def test_the_loss_is_the_mean_square_of_the_clean_estimate():
+    """A slow transcription: one sample at a time, without padding."""
+    one = TextObjective(small(low_weight=0.7, stage="none", drop_text=0.0), toy())
+    one.network.eval()
+    with seeded(0, 3) as generator:
+        batch = one.draw(4, generator)
+        state = generator.get_state()
+        loss = one.loss(one.network, batch, generator)
+        generator.set_state(state)
+        t = torch.randint(10, (4,), generator=generator)
+        eps = torch.randn(batch.y.shape, generator=generator)
+    each = []
+    for i, n in enumerate(batch.lengths.tolist()):
+        y, e, a = batch.y[i, :n], eps[i, :n], float(one.alpha_bar[t[i]])
+        y_t = a**0.5 * y + (1 - a) ** 0.5 * e
+        y0_hat = one.network(y_t[None], t[i : i + 1], torch.ones(1, n, dtype=torch.bool), [batch.captions[i]])[0]
+        slow = LowPass(24, 10)(y0_hat[None] - y, torch.tensor([n]))[0, :n]
+        each.append((y0_hat - y).square().mean() + 0.7 * slow.abs().mean())
+    assert_close(loss, torch.stack(each).mean(), atol=1e-5, rtol=1e-5)
+
+
+def test_dropped_sentences_are_not_seen():
+    one = TextObjective(small(), toy())
+    one.network.eval()
+    y, mask = torch.randn(2, 8, 263), torch.ones(2, 8, dtype=torch.bool)
+    t, drop = torch.tensor([3, 3]), torch.tensor([True, False])
+    a, b = (one.network(y, t, mask, [text, text], drop) for text in ("someone rises", "a person goes down"))
+    assert torch.equal(a[0], b[0]) and not torch.allclose(a[1], b[1])
+
+
+def test_a_training_that_was_stopped_goes_on_to_the_same_model(tmp_path):
+    cfg, parts = small(train_steps=6), toy()
+
+    def make(learnt):
+        return TextObjective(cfg, parts, learnt)
+
+    whole = [step.loss for step in train(make, cfg.training, tmp_path / "whole", "key")]
+    for step in train(make, cfg.training, tmp_path / "parts", "key"):
+        if step.step == 3:
+            break
+    rest = [step.loss for step in train(make, cfg.training, tmp_path / "parts", "key")]
+    assert rest == whole[3:]
+    files = [(tmp_path / name / "model.safetensors").read_bytes() for name in ("whole", "parts")]
+    assert files[0] == files[1]
+
+
+def test_validation_is_the_same_number_twice():
+    one = TextObjective(small(), toy())
+    assert one.validate(one.network) == one.validate(one.network) > 0
+    assert TextObjective(small(), toy()._replace(val=[])).validate(one.network) is None
+
+
+def test_low_frequencies_of_nothing_are_nothing():
+    lengths = torch.tensor([8, 8])
+    assert not low_frequency_loss(torch.zeros(2, 8, 3), lengths, LowPass(8, 2)).any()
+    assert not masked_error(torch.zeros(2, 8, 3), torch.ones(2, 8, dtype=torch.bool)).any()
