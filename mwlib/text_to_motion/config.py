@@ -14,7 +14,7 @@ from mwlib.text_to_motion.losses import Band, Norm, Semantic, Stage
 from mwlib.text_to_motion.presets import PRESETS
 from mwlib.training.config import TrainingConfig
 
-Method = Literal["diffusion", "truth", "other_captions", "any_clip", "mean_pose"]
+Method = Literal["diffusion", "truth", "other_captions", "any_clip", "nearest_caption", "mean_pose"]
 
 
 @dataclass(frozen=True)
@@ -102,6 +102,11 @@ class Config(Settings):
     objective: ObjectiveConfig = field(default_factory=ObjectiveConfig)
     training: TrainingConfig = field(default_factory=TrainingConfig)
     sampling: SamplingConfig = field(default_factory=SamplingConfig)
+
+    @property
+    def padded(self) -> int:
+        """Frames to which batches are filled up: MDM does not see padding, convolutions do, so that theirs is always the same."""
+        return self.data.longest if self.model.network == "unet" else 0
 
     def check(self) -> None:
         """Refuse values that do not fit each other."""

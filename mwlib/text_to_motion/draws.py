@@ -31,10 +31,11 @@ class Pool:
     Args:
         clips: at least one, none shorter than `UNIT` frames.
         normalised: their features in the same order, as the network sees them.
+        padded: frames to which every batch is filled up; 0 = to its longest clip.
     """
 
-    def __init__(self, clips: Sequence[CaptionedClip], normalised: Sequence[Float[Tensor, "_ D"]]) -> None:
-        self.clips, self.flat = clips, torch.cat(list(normalised))
+    def __init__(self, clips: Sequence[CaptionedClip], normalised: Sequence[Float[Tensor, "_ D"]], padded: int = 0) -> None:
+        self.clips, self.flat, self.padded = clips, torch.cat(list(normalised)), padded
         self.lengths = torch.tensor([len(part) for part in normalised])
         self.starts = torch.cat([torch.zeros(1, dtype=torch.long), self.lengths.cumsum(0)[:-1]])
         order = self.lengths.argsort(stable=True)
@@ -68,7 +69,7 @@ class Pool:
         return self._batch(self.starts[picked], self.lengths[picked] // UNIT * UNIT, list(captions))
 
     def _batch(self, starts: Tensor, lengths: Int[Tensor, " B"], captions: list[str]) -> Batch:
-        frames = torch.arange(int(lengths.max()))
+        frames = torch.arange(self.padded or int(lengths.max()))
         mask = frames < lengths[:, None]
         y = self.flat[torch.where(mask, starts[:, None] + frames, 0).to(self.flat.device)]
         mask = mask.to(y.device)

@@ -116,7 +116,7 @@ class TextToMotion:
         return found
 
     def _sample(self, texts: Sequence[str], lengths: Tensor, noise: WindowNoise) -> Float[Tensor, "B T D"]:
-        most = int(lengths.max())
+        most = self.cfg.padded or int(lengths.max())
         mask = (torch.arange(most) < lengths[:, None]).to(self.net.device)
 
         def draw() -> Tensor:  # so many frames whatever the others' lengths: a motion does not depend on its batch

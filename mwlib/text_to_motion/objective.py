@@ -53,7 +53,7 @@ class TextObjective(Objective):
             self.network: nn.Module = TextDenoiser(cfg.model, self.layout.width, cfg.forward.steps, vocabulary)
 
     def _pool(self, clips: list) -> Pool | None:
-        return Pool(clips, [normalised(clip.features, self.statistics) for clip in clips]) if clips else None
+        return Pool(clips, [normalised(clip.features, self.statistics) for clip in clips], self.cfg.padded) if clips else None
 
     def _power(self) -> Float[Tensor, " K"]:
         """Of the low cosines of the training clips, over all features."""

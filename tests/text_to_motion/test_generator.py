@@ -23,7 +23,7 @@ def model(**changes) -> TextToMotion:
 
 
 @pytest.mark.parametrize("changes", [{}, {"sampler": "ddim", "sampling_steps": 4}, {"sampler": "sde_dpm", "sampling_steps": 5},
-                                     {"guidance": 1.0}, {"frames_per_token": 4}, {"network": "unet", "width": 16, "multipliers": (1, 1)}])  # fmt: skip
+                                     {"guidance": 1.0}, {"frames_per_token": 4}, {"network": "unet", "width": 64, "multipliers": (1, 1)}])  # fmt: skip
 def test_a_motion_does_not_depend_on_what_is_sampled_with_it(changes):
     one = model(**changes)
     texts, frames = ["a person goes up", "someone falls", "a person goes up"], [8, 20, 16]
