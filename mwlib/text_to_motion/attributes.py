@@ -20,6 +20,7 @@ Attributes = Mapping[str, str | float]
 SPEEDS = {"walk": (0.81, 1.37), "run": (2.4, 3.18)}  # metres per second: slow below the first, fast above the second
 TURN_RATES = (104.0, 195.0)  # degrees per second in the middle of the turn
 WAVE_RATES = (1.6, 2.65)  # hertz
+SWING = 0.02  # metres: a hand that goes less far to and fro does not wave
 JUMP_HEIGHTS = (0.165, 0.355)  # metres over the floor
 KICK_HEIGHTS = (0.35, 0.92)  # of the ankle, in leg lengths
 HALF_TURN = 135.0  # degrees: from here on it is a half turn
@@ -84,8 +85,9 @@ def attribute_accuracy(
 
 def attribute_chance(attributes: Sequence[Attributes]) -> dict[str, float]:
     """The accuracy of always guessing an attribute's commonest value, for those of whom it is claimed."""
-    values = {name: Counter(claims[name] for claims in attributes if name in claims) for name in {n for a in attributes for n in a}}
-    return {name: counted.most_common(1)[0][1] / counted.total() for name, counted in sorted(values.items())}
+    names = sorted({name for claims in attributes for name in claims})
+    values = {name: Counter(claims[name] for claims in attributes if name in claims) for name in names}
+    return {name: counted.most_common(1)[0][1] / counted.total() for name, counted in values.items()}
 
 
 def _events(body: BodySignals) -> list[Event]:
@@ -97,9 +99,10 @@ def _events(body: BodySignals) -> list[Event]:
     busy = going & (np.linalg.norm(body.velocity, axis=-1) > 0.35)
     punches = _punches(body, flying | busy)
     boxing = body.around([event.spell for event in punches], 0.5)
-    low = _lows(body, flying | busy)
-    hands = _hands(body, flying | boxing | busy | body.around([event.spell for event in low], 0.2))
-    return [*jumps, *travel, *_kicks(body, flying | busy), *punches, *low, *hands, *_turns(body, going & busy)]
+    low, kicks = _lows(body, flying | busy), _kicks(body, flying | busy)
+    swinging = body.around([event.spell for event in (*low, *kicks)], 0.3)  # arms keep the balance
+    hands = _hands(body, flying | boxing | busy | swinging)
+    return [*jumps, *travel, *kicks, *punches, *low, *hands, *_turns(body, going & busy)]
 
 
 def _with_rest(body: BodySignals, events: list[Event]) -> list[Event]:
@@ -141,7 +144,7 @@ def _jumps(body: BodySignals) -> list[Event]:
 def _travels(body: BodySignals, flying: Bool[np.ndarray, " T"]) -> list[Event]:
     """Getting somewhere on foot; a run has moments without a foot on the floor."""
     found = []
-    for spell in body.spells(body.moving & ~flying, 0.8, gap=0.3):
+    for spell in body.spells(body.moving & ~flying, 0.8, gap=0.8):
         margin = int(0.35 * body.fps)
         inner = slice(spell.start + margin * (spell.start > 0), spell.stop - margin * (spell.stop < len(body.positions)))
         velocity = body.velocity[inner]
@@ -150,12 +153,11 @@ def _travels(body: BodySignals, flying: Bool[np.ndarray, " T"]) -> list[Event]:
         action = "run" if speed > 1.88 else "walk"
         change = float(body.heading[inner][-1] - body.heading[inner][0])
         side, kind = "left" if change > 0 else "right", "circle" if abs(change) > CIRCLE else "turn"
-        attributes = {
+        attributes: dict[str, str | float] = {
             "speed": _class(speed, SPEEDS[action]),
-            "direction": "backward" if backward else "forward",
             "path": "straight" if abs(change) < STRAIGHT else f"{side}_{kind}",
         }
-        found.append(Event(action, spell, attributes))
+        found.append(Event(action, spell, attributes | ({"direction": "backward"} if backward else {})))
     return found
 
 
@@ -192,7 +194,7 @@ def _lows(body: BodySignals, busy: Bool[np.ndarray, " T"]) -> list[Event]:
     whole = _whole(spells)
     floor = body.both("ankle")[..., 1].min()
     wrists = body.both("wrist")[..., whole, 1].min(axis=1) - floor
-    if wrists.min() < 0.4 * body.leg:
+    if wrists.min() < 0.35 * body.leg:
         return [Event("pick_up", whole, {"hand": SIDES[int(wrists.argmin())]})]
     if max(spell.stop - spell.start for spell in spells) > 1.15 * body.fps or spells[-1].stop == len(hips):
         return [Event("sit", whole, {"ends": "seated" if hips[-1] < 0.78 else "standing"})]
@@ -221,7 +223,7 @@ def _rate(body: BodySignals, side: int, spell: slice) -> float | None:
     """How often a second the raised hand goes to and fro; None if hardly."""
     elbow = np.linalg.norm(np.subtract(body.both("wrist")[side], body.both("shoulder")[side]), axis=-1)
     swing = elbow[spell] - body.smooth(elbow, 0.5)[spell]
-    frames = np.flatnonzero(np.abs(swing) > 0.25 * np.abs(swing).max())
+    frames = np.flatnonzero(np.abs(swing) > SWING)
     signs = np.sign(swing[frames])
     turns = np.flatnonzero(np.diff(signs))
     if len(turns) < 3:

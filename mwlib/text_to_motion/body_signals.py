@@ -6,7 +6,7 @@ from functools import cached_property
 
 import numpy as np
 from jaxtyping import Bool, Float
-from scipy.ndimage import gaussian_filter1d, label
+from scipy.ndimage import gaussian_filter1d
 
 from mwlib.body.skeleton import HUMANML22
 
@@ -115,15 +115,15 @@ class BodySignals:
 
     def spells(self, happens: Bool[np.ndarray, " T"], shortest: float, gap: float = 0.0) -> list[slice]:
         """Runs of frames in which something happens for at least so many seconds; interruptions up to `gap` seconds count."""
-        runs, count = label(~happens)
-        if gap:
-            for run in range(1, count + 1):
-                frames = np.flatnonzero(runs == run)
-                if len(frames) <= gap * self.fps and frames[0] > 0 and frames[-1] < len(happens) - 1:
-                    happens = happens | (runs == run)
-        runs, count = label(happens)
-        found = [np.flatnonzero(runs == run) for run in range(1, count + 1)]
-        return [slice(f[0], f[-1] + 1) for f in found if len(f) >= max(shortest * self.fps, 1)]
+        edges = np.flatnonzero(np.diff(np.concatenate([[False], happens, [False]]).astype(int)))
+        runs = edges.reshape(-1, 2).tolist()
+        joined: list[list[int]] = []
+        for start, stop in runs:
+            if joined and start - joined[-1][1] <= gap * self.fps:
+                joined[-1][1] = stop
+            else:
+                joined.append([start, stop])
+        return [slice(start, stop) for start, stop in joined if stop - start >= shortest * self.fps]
 
     def around(self, spells: list[slice], seconds: float) -> Bool[np.ndarray, " T"]:
         """Frames within so many seconds of any of these spells."""

@@ -1,4 +1,4 @@
-"""Actions of synthetic people with stated attributes: how fast, along which path, with which hand or foot, how often, how high."""
+"""Actions of synthetic people with stated attributes: how fast, where to, with which hand or foot, how often, how high."""
 
 from __future__ import annotations
 

@@ -22,7 +22,7 @@ GRAVITY = 9.81  # m/s2
 
 _GAITS = {"walk": WALK, "run": RUN, "march": MARCH}
 _LARGEST_STEP = {"walk": 1.15, "run": 1.25, "march": 1.15}  # in usual steps: beyond it no leg reaches
-_BEFORE = 24  # frames made before the clip and cut off
+_BEFORE = 12  # frames made before the clip and cut off
 
 
 def air_time(height: float) -> float:
@@ -113,9 +113,7 @@ class Stage:
                     values[:, entries.index(entry)] *= factor
         self.overlay(entries, values, at, seconds, onset)
 
-    def overlay(
-        self, entries: list[int], values: Float[np.ndarray, "T tracks"], at: float, seconds: float, onset: float
-    ) -> None:
+    def overlay(self, entries: list[int], values: Float[np.ndarray, "T tracks"], at: float, seconds: float, onset: float) -> None:
         """Lay values over these entries of the pose, from `at` on, for so many seconds; later ones cover earlier ones."""
         self._gestures.append((entries, values, self.rise(at - onset / 2, onset) - self.rise(at + seconds - onset, 1.3 * onset)))
 
