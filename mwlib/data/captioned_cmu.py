@@ -82,6 +82,6 @@ def _pieces(motion: Motion, captions: tuple[str, ...], heading: Heading) -> Iter
     split = "test" if motion.subject in TEST else "val" if motion.subject in VAL else "train"
     for part, (start, stop) in enumerate(zip(ends, ends[1:], strict=False), 1):
         name = motion.name if count == 1 else f"{motion.name} part {part}"
-        attributes = {"subject": motion.subject, "action": motion.action, "part": float(part), "parts": float(count)}
+        attributes = {"subject": motion.subject, "kind": motion.action, "part": float(part), "parts": float(count)}
         features = features_of(positions[start : stop + 1], HUMANML3D, heading)
         yield CaptionedClip(features, captions, name, split, attributes)

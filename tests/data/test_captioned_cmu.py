@@ -40,7 +40,7 @@ def test_walks_are_read_with_both_kinds_of_captions(walkers):
     named = {clip.name: clip for clip in walkers}
     assert named["07_04"].captions == ("A human walks straight.", "slow walk") and named["07_01"].captions == ("walk",)
     assert {clip.split for clip in walkers} == {"test"}
-    assert named["07_04"].attributes == {"subject": "7", "action": "walk", "part": 1.0, "parts": 1.0}
+    assert named["07_04"].attributes == {"subject": "7", "kind": "walk", "part": 1.0, "parts": 1.0}
     assert named["07_04"].features.shape == (74, 263) and named["07_04"].features.dtype == np.float32  # 449 frames at 120 Hz
 
 

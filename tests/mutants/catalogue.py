@@ -462,8 +462,8 @@ MUTANTS = [
     ),
     *of(
         "experiments/shipped.py", "experiments/test_shipped.py",
-        ("shipped-in-single-precision", 't.half() if name.startswith("net.") else t', "t"),
-        ("shipped-without-its-owners-words", ", *acknowledgement(source.data).values()]", "]"),
+        ("shipped-in-single-precision", 't.half() if name.startswith("net.") and t.is_floating_point() else t', "t"),
+        ("shipped-without-its-owners-words", ', *acknowledgement(cfg.get("data")).values()]', "]"),
     ),
     *of(
         "data/fetching/download.py", "data/fetching/test_download.py",
@@ -656,6 +656,8 @@ MUTANTS = [
         ("harmonic-of-the-same-phase", "1j * (2 * phi if bound else own)", "1j * (phi if bound else own)"),
         ("error-on-what-was-fitted", "missed = target[half:] - inputs[half:] @", "missed = target[:half] - inputs[:half] @"),
         ("noisy-phase-taken-for-the-true-one", "* (1 - torch.exp(-1 / sigma.square())) if bound", "* 0 if bound"),
+    ),
+    *of(
         "data/formats/humanml.py", "data/formats/test_humanml.py",
         ("yaw-taken-as-the-whole-turn", "return 2 * torch.cat(", "return torch.cat("),
         ("steps-one-frame-early", "features[..., :-1, layout", "features[..., 1:, layout"),
@@ -693,5 +695,34 @@ MUTANTS = [
     *of(
         "body/correspondence.py", "body/test_correspondence.py",
         ("collars-at-the-shoulders", "thorax:left_clavicle:0.4", "thorax:left_clavicle:0.9"),
+    ),
+    *of(
+        "text_to_motion/losses.py", "text_to_motion/test_losses.py",
+        ("cosines-of-the-padded-length", "bank[n, :kept, :n] = ", "bank[n, :kept, :n] = (n / longest) * "),
+        ("low-pass-without-the-mean", "rows = self._of(x, lengths)\n        return rows.mT", "rows = self._of(x, lengths)[:, 1:]\n        return rows.mT"),
+        ("distance-per-padded-frame", "(lengths.to(error) * error.shape[-1])", "(error.shape[1] * error.shape[-1])"),
+        ("high-band-with-padding", "kept = error * inside[..., None] - kept", "kept = error - kept"),
+        ("meaning-that-is-never-detached", "        motion = motion.detach()\n", "        pass\n"),
+        ("reward-of-everything", "-(close - threshold).clamp_min(0)", "-(close - threshold)"),
+        ("penalty-instead-of-a-reward", "return -(close - threshold)", "return (close - threshold)"),
+        ("eq16-without-its-last-step", "t <= int(EQ16 * steps)", "t < int(EQ16 * steps)"),
+        ("prose-stage-turned-round", "return low.float(), (~low).float()\n    if stage == \"mdm", "return (~low).float(), low.float()\n    if stage == \"mdm"),
+    ),
+    *of(
+        "text_to_motion/draws.py", "text_to_motion/test_draws.py",
+        ("pieces-from-the-beginning-only", "self.starts[picked] + offset", "self.starts[picked]"),
+        ("never-four-frames-shorter", "< 1 / 3", "< 0"),
+        ("padding-that-is-not-zero", "Batch(y * mask[..., None], mask", "Batch(y, mask"),
+    ),
+    *of(
+        "text_to_motion/objective.py", "text_to_motion/test_objective.py",
+        ("meaning-at-every-noise", "o.semantic_weight * semantic * self._semantic", "o.semantic_weight * self._semantic"),
+        ("low-frequencies-at-every-noise", "o.low_weight * low * slow", "o.low_weight * slow"),
+        ("critic-sees-scaled-features", "critic.embed_motion(self.statistics.scaled(y0_hat).raw(), batch", "critic.embed_motion(y0_hat, batch"),
+    ),
+    *of(
+        "text_to_motion/generator.py", "text_to_motion/test_generator.py",
+        ("guidance-of-eq-7", 'self.cfg.sampling.guidance, "alg1")', 'self.cfg.sampling.guidance, "eq7")'),
+        ("noise-of-the-chunk", "[ids[i] for i in part]", "[*range(len(part))]"),
     ),
 ]  # fmt: skip

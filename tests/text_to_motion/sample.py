@@ -28,7 +28,7 @@ def clip(number: int, split: str = "train") -> CaptionedClip:
     frames, up = 8 + number % 13, number % 2 == 0
     x = gaussian_filter1d(rng.normal(size=(frames, HUMANML3D.width)), 2.0, axis=0) + (1.0 if up else -1.0)
     texts = ("a person goes up", "someone rises") if up else ("a person goes down", "someone falls")
-    return CaptionedClip(x.astype(np.float32), texts, f"toy_{number}", split, {"action": "up" if up else "down"})
+    return CaptionedClip(x.astype(np.float32), texts, f"toy_{number}", split)
 
 
 def toy() -> Parts:
