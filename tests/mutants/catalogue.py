@@ -638,4 +638,43 @@ MUTANTS = [
         ("hermite-with-speed-at-its-ends", "u**2 * (3 - 2 * u)", "u * (3 - 2 * u)"),
         ("correlation-of-sums", "self.rho = rho / torch.bincount(lag.flatten())", "self.rho = rho"),
     ),
+    *of(
+        "data/formats/humanml.py", "data/formats/test_humanml.py",
+        ("yaw-taken-as-the-whole-turn", "return 2 * torch.cat(", "return torch.cat("),
+        ("steps-one-frame-early", "features[..., :-1, layout", "features[..., 1:, layout"),
+        ("heights-added-twice", "torch.stack([x + path[..., :1], local[..., 1],",
+         "torch.stack([x + path[..., :1], local[..., 1] + features[..., 3:4],"),
+    ),
+    *of(
+        "data/formats/humanml_encoding.py", "data/formats/test_humanml_encoding.py",
+        ("hips-of-the-published-code-everywhere", "        hips = -hips\n", "        hips = -hips\n    hips = -hips\n"),
+        ("root-steps-in-the-heading-before", "root = _about_up(np.diff(world[:, :1], axis=0), -angle[1:])",
+         "root = _about_up(np.diff(world[:, :1], axis=0), -angle[:-1])"),
+        ("headings-less-smooth", "SMOOTHING = 20.0", "SMOOTHING = 18.0"),
+        ("chains-begin-at-their-first-joint", "above[:, begins] = _start", "above[:, :1] = _start"),
+        ("mirror-keeps-the-signs-of-rotations", "(1, -1, -1, -1, 1, 1)", "(1, 1, 1, 1, 1, 1)"),
+        ("floor-of-the-first-frame", "positions[..., 1].min()", "positions[0, :, 1].min()"),
+        ("first-heading-as-it-is-smoothed", "    angle[0] = 0.0\n", ""),
+    ),
+    *of(
+        "data/formats/humanml_folder.py", "data/formats/test_humanml_folder.py",
+        ("longest-clip-one-frame-longer", "if frames >= TOO_LONG", "if frames > TOO_LONG"),
+        ("stamps-at-the-rate-of-kit", "STAMP_FPS = 20.0", "STAMP_FPS = 12.5"),
+        ("whole-clips-with-captions-of-stretches", "if caption.start == caption.end == 0)", ")"),
+    ),
+    *of(
+        "text_to_motion/statistics.py", "text_to_motion/test_statistics.py",
+        ("deviations-of-each-feature", "deviation[block].mean() or 1.0", "deviation[block] + 1e-9"),
+        ("weights-upside-down", "*= WEIGHT[self.kind] / WEIGHT[kind]", "*= WEIGHT[kind] / WEIGHT[self.kind]"),
+        ("any-statistics-will-do", "if not self.by.is_same(expected):", "if self.by.layout != expected.layout:"),
+    ),
+    *of(
+        "data/captioned_cmu.py", "data/test_captioned_cmu.py",
+        ("pieces-overlap-by-less-than-a-frame", "positions[start : stop + 1]", "positions[start:stop]"),
+        ("validation-is-training", 'else "val" if motion.subject in VAL', 'else "train" if motion.subject in VAL'),
+    ),
+    *of(
+        "body/correspondence.py", "body/test_correspondence.py",
+        ("collars-at-the-shoulders", "thorax:left_clavicle:0.4", "thorax:left_clavicle:0.9"),
+    ),
 ]  # fmt: skip
