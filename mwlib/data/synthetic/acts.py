@@ -1,4 +1,4 @@
-"""Actions of synthetic people with stated attributes: how fast, along which path, with which hand or foot, how often, how high."""
+"""Actions of synthetic people with stated attributes: how fast, where to, with which hand or foot, how often, how high."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from jaxtyping import Float
 from mwlib.data.synthetic.figure import Figure
 from mwlib.data.synthetic.gestures import stand_pose
 from mwlib.data.synthetic.person import AT, SIDES
-from mwlib.data.synthetic.stage import Stage
+from mwlib.data.synthetic.stage import Stage, air_time
 
 Attributes = Mapping[str, str | float]
 
@@ -68,7 +68,7 @@ def _travel(stage: Stage, attributes: Attributes) -> float:
         seconds = rng.uniform(4.2, 5.8)
         stage.curve(side * np.deg2rad(rng.uniform(220.0, 350.0)) / seconds)
         return seconds
-    seconds = rng.uniform(2.4, 5.0)
+    seconds = rng.uniform(2.9, 5.0)
     if path.endswith("turn"):
         lasts = rng.uniform(0.8, 1.1)
         stage.turn(rng.uniform(0.7, seconds - lasts - 0.7), side * np.deg2rad(rng.uniform(60.0, 110.0)), lasts)
@@ -103,17 +103,20 @@ def _jump(stage: Stage, at: float, attributes: Attributes) -> float:
     rng, tempo, start = stage.rng, _tempo(stage), at
     height = rng.uniform(*JUMP_HEIGHTS[str(attributes.get("height", "normal"))])
     forward = rng.uniform(1.1, 1.6) if attributes.get("direction") == "forward" else 0.0
-    keys, shares = [at], [0.0]
+    keys, shares, flights = [at], [0.0], []
     for _ in range(int(attributes["count"])):
-        before = at + 0.55 * tempo
-        landing = before + stage.fly(before, height, forward)
+        flights.append(at + 0.55 * tempo)
+        landing = flights[-1] + air_time(height)
         at = landing + 0.42 * tempo
-        keys += [before, landing, at]
-        shares += [len(shares) // 3 + share for share in (0.33, 0.667, 1.0)]
+        keys += [flights[-1], landing, at]
+        shares += [len(flights) - 1 + share for share in (0.33, 0.667, 1.0)]
     scale = np.clip((height / 0.27) ** 0.4, 0.7, 1.15)
-    limbs = ("hip_flex", "knee", "arm_flex", "pelvis_pitch", "spine_pitch")
     share = np.interp(stage.time, keys, shares)
-    stage.gesture("jump", "left", start, at - start, 0.2, np.where(share < shares[-1], share % 1.0, 1.0), dict.fromkeys(limbs, scale))
+    share = np.where(share < shares[-1], share % 1.0, 1.0)
+    limbs = ("hip_flex", "knee", "arm_flex", "pelvis_pitch", "spine_pitch")
+    stage.gesture("jump", "left", start, at - start, 0.2, share, dict.fromkeys(limbs, scale))
+    for flight in flights:
+        stage.fly(flight, height, forward)
     return at
 
 

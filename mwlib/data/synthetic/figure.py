@@ -1,4 +1,4 @@
-"""A synthetic person on the 22 joints of HumanML3D: the same poses as on 17, and besides spine, collar bones and feet with toes."""
+"""A synthetic person on the 22 joints of HumanML3D: the poses of 17 joints, and spine, collar bones and toes."""
 
 from __future__ import annotations
 
@@ -6,7 +6,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Bool, Float
-from scipy.ndimage import label
 
 from mwlib.body.kinematics import forward_kinematics
 from mwlib.body.skeleton import H36M17, HUMANML22
@@ -135,9 +134,9 @@ def _feet(joints: Float[np.ndarray, "T joints 3"], heading: Float[np.ndarray, " 
 
 def _held(heading: Float[np.ndarray, " T"], stands: Bool[np.ndarray, " T"]) -> Float[np.ndarray, " T"]:
     """The heading, but constant (its mean) in every run of frames in which the foot stands, and straight lines in between."""
-    runs, count = label(stands)
-    if not count:
+    if not stands.any():
         return heading
-    frames = np.arange(len(heading))
-    mean = np.bincount(runs, heading)[1:] / np.bincount(runs)[1:]
-    return np.interp(frames, frames[stands], mean[runs[stands] - 1])
+    frames = np.flatnonzero(stands)
+    run = np.cumsum(np.diff(frames, prepend=frames[0]) > 1)
+    mean = np.bincount(run, heading[frames]) / np.bincount(run)
+    return np.interp(np.arange(len(heading)), frames, mean[run])

@@ -141,7 +141,7 @@ CAPTIONED = {  # gestures of the captioned set alone
         2.0,
         dict(
             both_hip_flex=(4, 3, 0, 0, 3, 4), both_knee=(8, 8, 6, 6, 8, 8), pelvis_pitch=(0, 24, 46, 46, 24, 0),
-            spine_pitch=(2, 20, 36, 36, 20, 2), neck_pitch=(2, 8, 14, 14, 8, 2), both_arm_flex=(1, -8, -12, -12, -6, 1),
+            spine_pitch=(2, 20, 36, 36, 20, 2), neck_pitch=(2, 8, 14, 14, 8, 2), both_arm_flex=(1, 14, 28, 28, 14, 1),
         ),
         onset=0.2,
     ),
@@ -159,7 +159,8 @@ CAPTIONED = {  # gestures of the captioned set alone
         1.7,
         dict(
             near_arm_flex=(15, 60, 84, 86, 60, 20), near_elbow=(40, 70, 12, 8, 60, 40), near_arm_abd=(6, 3, 0, 0, 3, 8),
-            near_arm_turn=(-10,), spine_pitch=(2, 8, 18, 18, 8, 2), spine_yaw=(0, -6, -16, -16, -6, 0), neck_pitch=(0, -2, -8, -8, -2, 0),
+            near_arm_turn=(-10,), spine_pitch=(2, 8, 18, 18, 8, 2), spine_yaw=(0, -6, -16, -16, -6, 0),
+            neck_pitch=(0, -2, -8, -8, -2, 0),
         ),
     ),
 }  # fmt: skip

@@ -1,35 +1,32 @@
 """Sentences about synthetic people: a small context-free grammar with several ways to say the same.
 
-A rule lists its alternatives, parted by bars. `<rule>` stands for an alternative of that rule; `{attribute}` inside is the clip's
-own value of it. A clip's sentence is an alternative of the rule of its action, after a subject.
+A rule lists its alternatives, parted by bars. `<name>` stands for an alternative of the rule of that name or, if there is none,
+of the rule "name-value" by the clip's value of an attribute; `{attribute}` stands for the value itself. A clip's sentence is a
+subject and an alternative of the rule of its action.
 """
 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping
-from itertools import product
+from collections.abc import Mapping
 
 import numpy as np
 
 RULES = {
     "subject": "a person | someone | somebody | a man | a woman | a human | the person | the figure | an adult",
-    "two": "<first> and then <second> | <first> then <second> | first <first> and afterwards <second> | <first> and after that <second>",
+    "two": "<action> and then <then> | <action> then <then> | first <action> and afterwards <then> | "
+    "<action> and after that <then>",
     # walking and running
-    "walk": "<walk-{speed}>",
-    "walk-slow": "walks slowly <path-{path}> | strolls <path-{path}> | ambles <path-{path}> | is walking slowly <path-{path}> | "
-    "walks <path-{path}> at a slow pace | slowly walks <path-{path}> | walks unhurriedly <path-{path}>",
-    "walk-normal": "walks <path-{path}> | is walking <path-{path}> | walks <path-{path}> at a normal pace | steps <path-{path}> | "
-    "walks <path-{path}> at a medium speed",
-    "walk-fast": "walks quickly <path-{path}> | walks briskly <path-{path}> | is walking fast <path-{path}> | "
-    "strides quickly <path-{path}> | walks <path-{path}> at a fast pace | walks rapidly <path-{path}>",
+    "walk-slow": "walks slowly <path> | strolls <path> | ambles <path> | is walking slowly <path> | "
+    "walks <path> at a slow pace | slowly walks <path> | walks unhurriedly <path>",
+    "walk-normal": "walks <path> | is walking <path> | walks <path> at a normal pace | steps <path> | "
+    "walks <path> at a medium speed",
+    "walk-fast": "walks quickly <path> | walks briskly <path> | is walking fast <path> | "
+    "strides quickly <path> | walks <path> at a fast pace | walks rapidly <path>",
     "walk-backward": "walks backward | walks backwards | steps backwards | is walking backward | moves backwards step by step",
-    "run": "<run-{speed}>",
-    "run-slow": "jogs <path-{path}> | trots <path-{path}> | runs slowly <path-{path}> | is jogging <path-{path}> | runs <path-{path}> at a slow pace",
-    "run-normal": "runs <path-{path}> | is running <path-{path}> | runs <path-{path}> at a normal pace | "
-    "runs <path-{path}> at a medium speed",
-    "run-fast": "sprints <path-{path}> | runs fast <path-{path}> | dashes <path-{path}> | is running very quickly <path-{path}> | "
-    "runs <path-{path}> at full speed",
+    "run-slow": "jogs <path> | trots <path> | runs slowly <path> | is jogging <path> | runs <path> at a slow pace",
+    "run-normal": "runs <path> | is running <path> | runs <path> at a normal pace | runs <path> at a medium speed",
+    "run-fast": "sprints <path> | runs fast <path> | dashes <path> | is running very quickly <path> | runs <path> at full speed",
     "path-straight": "forward | ahead | straight ahead | straight forward | in a straight line | forwards",
     "path-left_circle": "<round> to the left | in a counterclockwise circle | around in a counterclockwise loop",
     "path-right_circle": "<round> to the right | in a clockwise circle | around in a clockwise loop",
@@ -39,22 +36,22 @@ RULES = {
     "ahead": "forward | ahead",
     "bends": "turns | veers | curves",
     # turning on the spot
-    "turn": "<pace-{pace}> <turn-{degrees}>",
-    "turn-90": "turns ninety degrees to the {turn} | rotates ninety degrees to the {turn} | makes a quarter turn to the {turn} | "
-    "does a quarter turn {turn}",
-    "turn-180": "turns around to the {turn} | makes a half turn to the {turn} | rotates halfway around to the {turn} | "
+    "turn": "<pace> <angle>",
+    "angle-90": "turns ninety degrees to the {turn} | rotates ninety degrees to the {turn} | "
+    "makes a quarter turn to the {turn} | does a quarter turn {turn}",
+    "angle-180": "turns around to the {turn} | makes a half turn to the {turn} | rotates halfway around to the {turn} | "
     "turns around over the {turn} shoulder",
     "pace-slow": "slowly | unhurriedly",
     "pace-normal": "",
     "pace-fast": "quickly | rapidly | swiftly",
     # hands
-    "wave": "<pace-{pace}> waves with <hand-{hand}> | <pace-{pace}> waves <hand-{hand}> | raises <hand-{hand}> and waves <pace-{pace}> | "
-    "lifts <hand-{hand}> and <pace-{pace}> waves hello | is waving <pace-{pace}> with <hand-{hand}> | <pace-{pace}> greets with <hand-{hand}>",
+    "wave": "<pace> waves with <hand> | <pace> waves <hand> | raises <hand> and waves <pace> | "
+    "lifts <hand> and <pace> waves hello | is waving <pace> with <hand> | <pace> greets with <hand>",
     "hand-left": "the left hand | the left arm",
     "hand-right": "the right hand | the right arm",
     "hand-both": "both hands | both arms",
-    "box": "punches <times-{count}> with the {hand} <fist> | throws <punches-{count}> with the {hand} <fist> | "
-    "boxes with the {hand} <fist> <times-{count}> | strikes <times-{count}> with the {hand} <fist>",
+    "box": "punches <times> with the {hand} <fist> | throws <punches> with the {hand} <fist> | "
+    "boxes with the {hand} <fist> <times> | strikes <times> with the {hand} <fist>",
     "fist": "hand | fist | arm",
     "punches-1": "a punch | one punch | a single punch",
     "punches-2": "two punches",
@@ -64,15 +61,14 @@ RULES = {
     "takes <thing> from the <floor> with the {hand} hand",
     "thing": "something | an object | an item",
     "floor": "floor | ground",
-    "reach": "<reach-{target}>",
-    "reach-up": "reaches up with <hand-{hand}> | stretches <hand-{hand}> upward | reaches overhead with <hand-{hand}> | "
-    "extends <hand-{hand}> up high | reaches upward with <hand-{hand}>",
-    "reach-forward": "reaches forward with <hand-{hand}> | stretches <hand-{hand}> out in front | extends <hand-{hand}> forward | "
-    "reaches ahead with <hand-{hand}> | holds <hand-{hand}> out forward",
+    "reach-up": "reaches up with <hand> | stretches <hand> upward | reaches overhead with <hand> | "
+    "extends <hand> up high | reaches upward with <hand>",
+    "reach-forward": "reaches forward with <hand> | stretches <hand> out in front | extends <hand> forward | "
+    "reaches ahead with <hand> | holds <hand> out forward",
     # legs
-    "kick": "kicks <height-{height}> with the {foot} <foot> <times-{count}> | <times-{count}> kicks <height-{height}> with the {foot} <foot> | "
-    "makes <number-{count}> <size-{height}> <kicks-{count}> with the {foot} <foot> | "
-    "does <number-{count}> <size-{height}> <kicks-{count}> with the {foot} <foot>",
+    "kick": "kicks <height> with the {foot} <foot> <times> | kicks <height> <times> with the {foot} <foot> | "
+    "makes <number> <size> <kicks> with the {foot} <foot> | "
+    "does <number> <size> <kicks> with the {foot} <foot>",
     "foot": "foot | leg",
     "kicks-1": "kick",
     "kicks-2": "kicks",
@@ -89,19 +85,17 @@ RULES = {
     "times-1": "once | one time",
     "times-2": "twice | two times",
     "times-3": "three times | thrice",
-    "jump": "<jump-{height}> <along-{direction}> <times-{count}>",
-    "jump-low": "jumps low | makes small jumps | hops a little | makes little hops",
-    "jump-normal": "jumps | is jumping | hops",
-    "jump-high": "jumps high | leaps high | makes big jumps | leaps up high",
+    "jump": "<jumps> <along> <times>",
+    "jumps-low": "jumps low | makes small jumps | hops a little | makes little hops",
+    "jumps-normal": "jumps | is jumping | hops",
+    "jumps-high": "jumps high | leaps high | makes big jumps | leaps up high",
     "along-in_place": "in place | on the spot",
     "along-forward": "forward | ahead | forwards",
-    "squat": "squats <times-{count}> | crouches down <times-{count}> | does <number-{count}> <squats-{count}> | "
-    "bends the knees deeply <times-{count}>",
+    "squat": "squats <times> | crouches down <times> | does <number> <squats> | bends the knees deeply <times>",
     "squats-1": "squat | knee bend",
     "squats-2": "squats | knee bends",
     "squats-3": "squats | knee bends",
     # the whole body
-    "sit": "<sit-{ends}>",
     "sit-seated": "sits down | takes a seat | sits down on a chair | lowers onto a chair | sits down and remains seated",
     "sit-standing": "sits down and stands up again | sits down and gets back up | takes a seat and gets up again | "
     "sits on a chair and rises again",
@@ -109,29 +103,13 @@ RULES = {
     "stand": "stands still | stands in place | remains standing | is standing still | does not move | stands motionless",
 }
 CAPTIONS = 3
-_SLOT = re.compile(r"<([^>]+)>")
-
-
-def _rule(name: str, attributes: Mapping[str, str | float]) -> str:
-    """The rule of an action; walking backward has its own."""
-    backward = name == "walk" and attributes.get("direction") == "backward"
-    return "walk-backward" if backward else name
-
-
-def _filled(text: str, attributes: Mapping[str, str | float]) -> str:
-    values = {key: f"{value:g}" if isinstance(value, float | int) else value for key, value in attributes.items()}
-    if "then" in attributes:
-        first, second = (_rule(str(attributes[key]), attributes) for key in ("action", "then"))
-        text = text.replace("<first>", f"<{first}>").replace("<second>", f"<{second}>")
-    return text.format(**values)
-
-
-def _sentence(text: str, attributes: Mapping[str, str | float], rng: np.random.Generator) -> str:
-    """Replace slot after slot by one of its alternatives."""
-    while slot := _SLOT.search(text):
-        options = [option.strip() for option in RULES[slot[1]].split("|")]
-        text = text[: slot.start()] + _filled(options[rng.integers(len(options))], attributes) + text[slot.end() :]
-    return " ".join(text.split())
+# the attributes, the first that a clip has, by which a rule is chosen whose name is not that of the attribute
+_CHOSEN_BY = {
+    "walk": ("speed", "direction"), "run": ("speed",), "angle": ("degrees",), "reach": ("target",), "sit": ("ends",),
+    "jumps": ("height",), "size": ("height",), "along": ("direction",),
+    **dict.fromkeys(("times", "number", "punches", "kicks", "squats"), ("count",)),
+}  # fmt: skip
+_SLOT = re.compile(r"<(\w+)>")
 
 
 def captions_of(attributes: Mapping[str, str | float], rng: np.random.Generator) -> tuple[str, str, str]:
@@ -141,22 +119,31 @@ def captions_of(attributes: Mapping[str, str | float], rng: np.random.Generator)
         attributes: as `draw_attributes` gives them.
         rng: which alternatives are taken.
     """
-    rule = "two" if "then" in attributes else _rule(str(attributes["action"]), attributes)
     found: dict[str, None] = {}
     while len(found) < CAPTIONS:
-        found[_sentence(f"<subject> <{rule}>", attributes, rng)] = None
+        found[_sentence("<subject> <two>" if "then" in attributes else "<subject> <action>", attributes, rng)] = None
     first, second, third = found
     return first, second, third
 
 
 def vocabulary() -> tuple[str, ...]:
     """All words that a caption may hold, in alphabetical order."""
-    return tuple(sorted({word for text in RULES.values() for word in _words(text)}))
+    words = {word for text in RULES.values() for word in _SLOT.sub(" ", text).replace("|", " ").split()}
+    return tuple(sorted({word for word in words if word[0] != "{"} | {"left", "right"}))  # sides alone are said as they are
 
 
-def _words(text: str) -> Iterator[str]:
-    """Words of a rule; an attribute in braces stands for the two sides, the only values that are said as they are."""
-    sides = ("left", "right")
-    bare = _SLOT.sub(" ", text).replace("|", " ").split()
-    for word, side in product(bare, sides):
-        yield side if word.startswith("{") else word
+def _sentence(text: str, attributes: Mapping[str, str | float], rng: np.random.Generator) -> str:
+    """Replace slot after slot by one of its alternatives."""
+    while slot := _SLOT.search(text):
+        options = RULES[_rule(slot[1], attributes)].split("|")
+        text = text[: slot.start()] + options[rng.integers(len(options))] + text[slot.end() :]
+    return " ".join(text.format(**attributes).split())
+
+
+def _rule(slot: str, attributes: Mapping[str, str | float]) -> str:
+    """The rule that fills a slot."""
+    slot = str(attributes[slot]) if slot in ("action", "then") else slot
+    if slot in RULES:
+        return slot
+    value = next(attributes[name] for name in _CHOSEN_BY.get(slot, (slot,)) if name in attributes)
+    return f"{slot}-{value:g}" if isinstance(value, float | int) else f"{slot}-{value}"

@@ -145,9 +145,7 @@ def joint_angles(
     return euler
 
 
-def root_path(
-    feet: Float[np.ndarray, "T 2 3"], lift: Float[np.ndarray, " T"], fps: float = FPS
-) -> Float[np.ndarray, "T 3"]:
+def root_path(feet: Float[np.ndarray, "T 2 3"], lift: Float[np.ndarray, " T"], fps: float = FPS) -> Float[np.ndarray, "T 3"]:
     """Root path, metres, for feet given relative to the root: see `positions_of`."""
     frames = fps / FPS
     height = feet[..., 2]

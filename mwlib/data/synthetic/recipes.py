@@ -51,7 +51,7 @@ def draw_attributes(rng: np.random.Generator) -> dict[str, str | float]:
         actions = (str(rng.choice(list(WEIGHTS), p=weights / weights.sum())),)
     attributes: dict[str, str | float] = {"action": "walk" if actions[0] == "backward" else actions[0]}
     if pair:
-        attributes["then"] = actions[1]
+        attributes["then"] = actions[-1]
     for action in actions:
         for name, values in RECIPES[action].items():
             value = str(rng.choice((_IN_A_PAIR.get(name, values) if pair else values).split()))

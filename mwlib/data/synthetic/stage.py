@@ -22,7 +22,12 @@ GRAVITY = 9.81  # m/s2
 
 _GAITS = {"walk": WALK, "run": RUN, "march": MARCH}
 _LARGEST_STEP = {"walk": 1.15, "run": 1.25, "march": 1.15}  # in usual steps: beyond it no leg reaches
-_BEFORE = 24  # frames made before the clip and cut off
+_BEFORE = 12  # frames made before the clip and cut off
+
+
+def air_time(height: float) -> float:
+    """Seconds from take-off to landing of a jump that rises so many metres."""
+    return float(2 * np.sqrt(2 * height / GRAVITY))
 
 
 class Stage:
@@ -108,20 +113,17 @@ class Stage:
                     values[:, entries.index(entry)] *= factor
         self.overlay(entries, values, at, seconds, onset)
 
-    def overlay(
-        self, entries: list[int], values: Float[np.ndarray, "T tracks"], at: float, seconds: float, onset: float
-    ) -> None:
+    def overlay(self, entries: list[int], values: Float[np.ndarray, "T tracks"], at: float, seconds: float, onset: float) -> None:
         """Lay values over these entries of the pose, from `at` on, for so many seconds; later ones cover earlier ones."""
         self._gestures.append((entries, values, self.rise(at - onset / 2, onset) - self.rise(at + seconds - onset, 1.3 * onset)))
 
-    def fly(self, at: float, height: float, forward: float = 0.0) -> float:
-        """Leave the floor at this moment and rise so high (metres), ahead at so many metres per second; returns seconds in the air."""
-        seconds = 2 * np.sqrt(2 * height / GRAVITY)
+    def fly(self, at: float, height: float, forward: float = 0.0) -> None:
+        """Leave the floor at this moment, rise so high (metres), and go ahead at so many metres per second until it lands."""
+        seconds = air_time(height)
         share = np.clip((self.time - at) / seconds, 0.0, 1.0)
         self.overlay([AT["lift"]], (4 * height * share * (1 - share))[:, None], at, seconds + 0.02, 0.02)
         ahead = np.stack([np.cos(self.heading), np.sin(self.heading)], axis=-1)
         self.travel += gaussian_filter1d(forward * seconds * share, 0.05 * RATE)[:, None] * ahead
-        return seconds
 
     def film(self, seconds: float) -> Float[np.ndarray, "T 22 3"]:
         """Positions from time 0 on, metres, y up, 20 frames a second; the first frame stands over the origin and faces +z."""

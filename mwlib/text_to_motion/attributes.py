@@ -1,0 +1,252 @@
+"""What a clip shows, read off its joint positions: which actions in which order, how fast, where to, with which hand, how often.
+
+Own choice: rules with thresholds, fitted to synthetic people whose attributes are known, so that a motion made from a sentence
+can be held against the sentence without another network.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from mwlib.text_to_motion.body_signals import SIDES, BodySignals
+
+Attributes = Mapping[str, str | float]
+
+SPEEDS = {"walk": (0.81, 1.37), "run": (2.4, 3.18)}  # metres per second: slow below the first, fast above the second
+TURN_RATES = (104.0, 195.0)  # degrees per second in the middle of the turn
+WAVE_RATES = (1.6, 2.65)  # hertz
+SWING = 0.02  # metres: a hand that goes less far to and fro does not wave
+JUMP_HEIGHTS = (0.165, 0.355)  # metres over the floor
+KICK_HEIGHTS = (0.35, 0.92)  # of the ankle, in leg lengths
+HALF_TURN = 135.0  # degrees: from here on it is a half turn
+FORWARD = 0.65  # metres per second ahead in the air: a slower jump stays in place
+CIRCLE = 165.0  # degrees: a path that turns further is a circle, of less a turn
+STRAIGHT = 35.0  # degrees: a path that turns less is straight
+
+
+class Event(NamedTuple):
+    """An action in a clip: when, and with which attributes."""
+
+    action: str
+    spell: slice
+    attributes: dict[str, str | float]
+
+
+def measured_attributes(positions: Float[np.ndarray, "T J 3"], fps: float = 20.0) -> dict[str, str | float]:
+    """Attributes of a clip by the names of the synthetic people: "action", "then", "speed", "path", "hand", "count", ...
+
+    Args:
+        positions: (T, 22, 3) metres, y up, on the joints of HumanML3D.
+        fps: frames per second.
+
+    Returns:
+        What was found; an attribute that does not apply to the actions found is missing.
+
+    Raises:
+        ValueError: another shape, or fewer than half a second.
+    """
+    body = BodySignals(positions, fps)
+    events = sorted(_events(body), key=lambda event: event.spell.start + event.spell.stop)
+    events = _with_rest(body, events)
+    found: dict[str, str | float] = {}
+    for event in reversed(events):
+        found |= event.attributes
+    found["action"] = events[0].action
+    if len(events) > 1:
+        found["then"] = events[1].action
+    return found
+
+
+def attribute_accuracy(
+    positions: Sequence[Float[np.ndarray, "_ J 3"]], attributes: Sequence[Attributes], fps: float = 20.0
+) -> dict[str, tuple[int, int]]:
+    """How many clips show what they should: by attribute, clips that do and clips of which it is claimed.
+
+    Args:
+        positions: clips, metres, y up, on the joints of HumanML3D.
+        attributes: what is claimed of each.
+        fps: frames per second.
+
+    Raises:
+        ValueError: not as many claims as clips, or a clip that cannot be measured.
+    """
+    hits, claimed = Counter(), Counter()
+    for clip, claims in zip(positions, attributes, strict=True):
+        found = measured_attributes(clip, fps)
+        claimed.update(claims.keys())
+        hits.update(name for name, value in claims.items() if found.get(name) == value)
+    return {name: (hits[name], total) for name, total in sorted(claimed.items())}
+
+
+def attribute_chance(attributes: Sequence[Attributes]) -> dict[str, float]:
+    """The accuracy of always guessing an attribute's commonest value, for those of whom it is claimed."""
+    names = sorted({name for claims in attributes for name in claims})
+    values = {name: Counter(claims[name] for claims in attributes if name in claims) for name in names}
+    return {name: counted.most_common(1)[0][1] / counted.total() for name, counted in values.items()}
+
+
+def _events(body: BodySignals) -> list[Event]:
+    """All that happens, in no order."""
+    jumps = _jumps(body)
+    flying = body.around([event.spell for event in jumps], 0.45)
+    travel = _travels(body, flying)
+    going = body.around([event.spell for event in travel], 0.0)
+    busy = going & (np.linalg.norm(body.velocity, axis=-1) > 0.35)
+    punches = _punches(body, flying | busy)
+    boxing = body.around([event.spell for event in punches], 0.5)
+    low, kicks = _lows(body, flying | busy), _kicks(body, flying | busy)
+    swinging = body.around([event.spell for event in (*low, *kicks)], 0.3)  # arms keep the balance
+    hands = _hands(body, flying | boxing | busy | swinging)
+    return [*jumps, *travel, *kicks, *punches, *low, *hands, *_turns(body, going & busy)]
+
+
+def _with_rest(body: BodySignals, events: list[Event]) -> list[Event]:
+    """Standing is what is left when nothing happens at all, or for long after the last that does."""
+    end = max((event.spell.stop for event in events), default=0)
+    if not events or (len(events) == 1 and events[0].action in ("walk", "run") and len(body.positions) - end > 0.75 * body.fps):
+        return [*events, Event("stand", slice(end, len(body.positions)), {})]
+    return events
+
+
+def _class(value: float, thresholds: tuple[float, float], names: tuple[str, str, str] = ("slow", "normal", "fast")) -> str:
+    return names[int(np.searchsorted(thresholds, value))]
+
+
+def _whole(spells: list[slice]) -> slice:
+    return slice(spells[0].start, spells[-1].stop)
+
+
+_HEIGHTS = ("low", "normal", "high")
+
+
+def _jumps(body: BodySignals) -> list[Event]:
+    """Both feet off the floor, side by side."""
+    level = np.abs(np.subtract(*body.ankles)) < 0.1
+    beside = np.abs(np.subtract(*body.ahead("ankle"))) < 0.3 * body.leg
+    spells = body.spells((body.ankles.min(axis=0) > 0.035) & level & beside, 0.1)
+    if not spells:
+        return []
+    height = np.median([body.ankles.min(axis=0)[spell].max() for spell in spells])
+    whole = _whole(spells)
+    feet = body.both("ankle").mean(axis=0)
+    far = sum(float((feet[spell.stop - 1] - feet[spell.start]) @ body.forward[spell.start]) for spell in spells)
+    seconds = sum(spell.stop - spell.start for spell in spells) / body.fps
+    along = "forward" if far / seconds > FORWARD else "in_place"
+    found = {"count": len(spells), "height": _class(float(height), JUMP_HEIGHTS, _HEIGHTS), "direction": along}
+    return [Event("jump", whole, found)]
+
+
+def _travels(body: BodySignals, flying: Bool[np.ndarray, " T"]) -> list[Event]:
+    """Getting somewhere on foot; a run has moments without a foot on the floor."""
+    found = []
+    for spell in body.spells(body.moving & ~flying, 0.8, gap=0.8):
+        margin = int(0.35 * body.fps)
+        inner = slice(spell.start + margin * (spell.start > 0), spell.stop - margin * (spell.stop < len(body.positions)))
+        velocity = body.velocity[inner]
+        speed = float(np.linalg.norm(velocity, axis=-1).mean())
+        backward = np.sum(velocity * body.forward[inner]) < 0
+        action = "run" if speed > 1.88 else "walk"
+        change = float(body.heading[inner][-1] - body.heading[inner][0])
+        side, kind = "left" if change > 0 else "right", "circle" if abs(change) > CIRCLE else "turn"
+        attributes: dict[str, str | float] = {
+            "speed": _class(speed, SPEEDS[action]),
+            "path": "straight" if abs(change) < STRAIGHT else f"{side}_{kind}",
+        }
+        found.append(Event(action, spell, attributes | ({"direction": "backward"} if backward else {})))
+    return found
+
+
+def _kicks(body: BodySignals, busy: Bool[np.ndarray, " T"]) -> list[Event]:
+    """A foot far ahead and above the floor while the other stands."""
+    out = (body.ahead("ankle") > 0.42 * body.leg) & (body.ankles > 0.06 * body.leg) & (body.ankles[::-1] < 0.12 * body.leg)
+    spells = [body.spells(kicks & ~busy, 0.1, gap=0.1) for kicks in out]
+    foot = int(len(spells[1]) > len(spells[0]))
+    if not spells[foot]:
+        return []
+    height = np.median([body.ankles[foot, spell].max() for spell in spells[foot]]) / body.leg
+    attributes = {"foot": SIDES[foot], "count": len(spells[foot]), "height": _class(float(height), KICK_HEIGHTS, _HEIGHTS)}
+    return [Event("kick", _whole(spells[foot]), attributes)]
+
+
+def _punches(body: BodySignals, busy: Bool[np.ndarray, " T"]) -> list[Event]:
+    """One arm stretched forward while the other is held bent before the chest."""
+    level = np.abs(body.wrists) < 0.2
+    out = (body.extension > 0.88) & level & (body.extension[::-1] < 0.62) & (body.wrists[::-1] > -0.2)
+    spells = [body.spells(punches & ~busy, 0.0, gap=0.1) for punches in out]
+    hand = int(len(spells[1]) > len(spells[0]))
+    if not spells[hand]:
+        return []
+    return [Event("box", _whole(spells[hand]), {"hand": SIDES[hand], "count": len(spells[hand])})]
+
+
+def _lows(body: BodySignals, busy: Bool[np.ndarray, " T"]) -> list[Event]:
+    """The hips go down, or the head alone."""
+    hips, head = body.upright("pelvis"), body.upright("head")
+    spells = body.spells((hips < 0.78) & ~busy, 0.2)
+    if not spells:
+        bows = body.spells((head < 0.85) & (hips > 0.85) & ~busy, 0.4)
+        return [Event("bow", _whole(bows), {})] if bows else []
+    whole = _whole(spells)
+    floor = body.both("ankle")[..., 1].min()
+    wrists = body.both("wrist")[..., whole, 1].min(axis=1) - floor
+    if wrists.min() < 0.35 * body.leg:
+        return [Event("pick_up", whole, {"hand": SIDES[int(wrists.argmin())]})]
+    if max(spell.stop - spell.start for spell in spells) > 1.15 * body.fps or spells[-1].stop == len(hips):
+        return [Event("sit", whole, {"ends": "seated" if hips[-1] < 0.78 else "standing"})]
+    return [Event("squat", whole, {"count": len(spells)})]
+
+
+def _hands(body: BodySignals, busy: Bool[np.ndarray, " T"]) -> list[Event]:
+    """A hand held up: waving if it goes to and fro, else reaching; or an arm stretched forward."""
+    up = [body.spells((wrist > 0.12) & ~busy, 0.3, gap=0.3) for wrist in body.wrists]
+    raised = [side for side in (0, 1) if up[side]]
+    if raised:
+        hand = "both" if len(raised) == 2 else SIDES[raised[0]]
+        spell = _whole(up[raised[0]])
+        rate = _rate(body, raised[0], spell)
+        if rate is not None:
+            return [Event("wave", spell, {"hand": hand, "pace": _class(rate, WAVE_RATES)})]
+        return [Event("reach", spell, {"hand": hand, "target": "up"})]
+    out = (body.extension > 0.88) & (body.wrists > -0.25) & (body.ahead("wrist") > 0.5 * body.leg)
+    for side, reach in zip(SIDES, out, strict=True):
+        if spells := body.spells(reach & ~busy, 0.2, gap=0.1):
+            return [Event("reach", _whole(spells), {"hand": side, "target": "forward"})]
+    return []
+
+
+def _rate(body: BodySignals, side: int, spell: slice) -> float | None:
+    """How often a second the raised hand goes to and fro; None if hardly."""
+    elbow = np.linalg.norm(np.subtract(body.both("wrist")[side], body.both("shoulder")[side]), axis=-1)
+    swing = elbow[spell] - body.smooth(elbow, 0.5)[spell]
+    frames = np.flatnonzero(np.abs(swing) > SWING)
+    signs = np.sign(swing[frames])
+    turns = np.flatnonzero(np.diff(signs))
+    if len(turns) < 3:
+        return None
+    return (len(turns) - 1) / 2 * body.fps / float(frames[turns[-1]] - frames[turns[0]])
+
+
+def _turns(body: BodySignals, going: Bool[np.ndarray, " T"]) -> list[Event]:
+    """The heading changes while the body stays where it is."""
+    rate = np.gradient(body.heading) * body.fps
+    spells = [
+        spell
+        for spell in body.spells((np.abs(rate) > 20.0) & ~going, 0.2, gap=0.15)
+        if abs(body.heading[spell.stop - 1] - body.heading[spell.start]) > 45.0
+    ]
+    if not spells:
+        return []
+    spell = max(spells, key=lambda s: s.stop - s.start)
+    path = body.heading[spell]
+    change = float(path[-1] - path[0])
+    sharp = body.smooth(body.facing, 0.05)[spell]
+    share = (sharp - path[0]) / change
+    seconds = float(np.argmax(share > 0.9) - np.argmax(share > 0.1)) / body.fps
+    pace = _class(0.8 * abs(change) / max(seconds, 1 / body.fps), TURN_RATES)
+    degrees = 180.0 if abs(change) > HALF_TURN else 90.0
+    return [Event("turn", spell, {"turn": "left" if change > 0 else "right", "degrees": degrees, "pace": pace})]
