@@ -12,6 +12,7 @@ import numpy as np
 
 from mwlib.data.captions import CaptionedClip
 from mwlib.data.formats.humanml_folder import read_folder
+from mwlib.data.synthetic.captioned import captioned_people
 from mwlib.settings import Count
 
 
@@ -41,8 +42,6 @@ def load_clips(source: CaptionsConfig) -> Parts:
     Raises:
         MotionFormatError: a file of the folder is malformed.
     """
-    from mwlib.data.synthetic.captioned import captioned_people
-
     clips = captioned_people(source.clips) if source.data == "people" else read_folder(Path(source.data))
     return Parts(*([clip for clip in clips if clip.split == split] for split in ("train", "val", "test")))
 
