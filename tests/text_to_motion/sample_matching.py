@@ -35,7 +35,7 @@ def toy_clips(count: int = 72, split: str = "train", seed: int = 0) -> tuple[Cap
     for number in range(count):
         limb, amount = number % 4, number // 4 % 3
         frames = int(rng.integers(12, 32))
-        x = rng.normal(0, 0.1, (frames, 263)) + np.linspace(-1, 1, 263)
+        x = rng.normal(0, 0.02, (frames, 263)) + np.linspace(-1, 1, 263)
         wave = np.sin(np.arange(frames) / 2 + rng.uniform(0, 6))
         x[:, 4 + 60 * limb : 54 + 60 * limb] += (0.6 * amount + 0.2) * wave[:, None]
         captions = (f"The {LIMBS[limb]} moves {AMOUNTS[amount]}.", f"{AMOUNTS[amount]}, says the {LIMBS[limb]}")

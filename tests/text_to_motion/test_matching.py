@@ -100,7 +100,7 @@ def test_null_checks_of_perfect_embeddings(pool, generator):
 
 def test_a_run_is_trained_once_and_judged(monkeypatch, tmp_path):
     monkeypatch.setenv("MWLIB_RUNS", str(tmp_path))
-    cfg = small(train_steps=120, batch=24, movement_steps=30, ema=0.0, loss="infonce", checkpoint_every=60)
+    cfg = small(train_steps=100, batch=16, lr=1e-2, movement_steps=30, ema=0.0, loss="infonce", checkpoint_every=50)
     result = get_result(cfg, parts())
     assert {*result["mean"]} <= {*METRICS, *DETAILS} and {*METRICS} <= {*result["mean"]} and result["windows"] == 40
     mean = result["mean"]
@@ -126,5 +126,5 @@ def test_too_few_test_clips_are_refused():
 
 def test_it_is_known_by_name(monkeypatch):
     assert system("matching") is matching_system and matching_system.Config.system == "matching"
-    monkeypatch.setattr(matching_system, "load_clips", lambda source: (source.clips, source.data))
-    assert matching_system.load_data(small()) == (600, "people")
+    monkeypatch.setattr(matching_system, "load_clips", lambda source: parts()._replace(test=[*parts().test][: source.clips]))
+    assert len(matching_system.load_data(small(clips=9)).test) == 9
