@@ -108,22 +108,30 @@ class TextToMotion:
         found: list[Tensor] = [torch.empty(0)] * len(texts)
         chunks = [order[first : first + CHUNK] for first in range(0, len(order), CHUNK)]
         for part in tqdm(chunks, disable=not progress, desc="sampling", unit="chunk"):
-            lengths = torch.tensor([frames[i] for i in part])
-            noise = WindowNoise(seed, [ids[i] for i in part], (self.cfg.data.longest, self.layout.width), self.net.device)
-            raw = self._sample([texts[i] for i in part], lengths, noise).cpu()
-            for i, row, n in zip(part, raw, lengths.tolist(), strict=True):
+            lengths = [frames[i] for i in part]
+            *_, last = self.steps([texts[i] for i in part], lengths, seed, [ids[i] for i in part])
+            raw = self.statistics.scaled(last.y).raw().cpu()
+            for i, row, n in zip(part, raw, lengths, strict=True):
                 found[i] = row[:n].clone()
         return found
 
-    def _sample(self, texts: Sequence[str], lengths: Tensor, noise: WindowNoise) -> Float[Tensor, "B T D"]:
+    def steps(self, texts: Sequence[str], frames: Sequence[int], seed: int, ids: Sequence[int] | None = None) -> Iterator[Step]:
+        """The denoising steps of one batch, normalised features, padded with zeros; the last one's `y` is clean.
+
+        Args:
+            texts, frames, seed, ids: as in `sample`. Wants `torch.inference_mode` around it where no gradient is needed.
+        """
+        self.check(texts, frames)
+        lengths = torch.tensor([*frames])
+        numbers = [*range(len(texts))] if ids is None else ids
+        noise = WindowNoise(seed, numbers, (self.cfg.data.longest, self.layout.width), self.net.device)
         most = self.cfg.padded or int(lengths.max())
         mask = (torch.arange(most) < lengths[:, None]).to(self.net.device)
 
         def draw() -> Tensor:  # so many frames whatever the others' lengths: a motion does not depend on its batch
             return noise()[:, :most] * mask[..., None]
 
-        *_, last = self._steps(self._denoise(texts, mask), draw)
-        return self.statistics.scaled(last.y).raw()
+        return self._steps(self._denoise(texts, mask), draw)
 
     def _steps(self, denoise: Denoise, draw: Any) -> Iterator[Step]:
         settings, steps = self.cfg.sampling, self.cfg.forward.steps

@@ -759,4 +759,33 @@ MUTANTS = [
          "scaled = features.to(self.device, torch.float32)",
          "text_to_motion/test_matching.py::test_motions_come_in_raw_and_the_matcher_scales_them"),
     ),
+    *of(
+        "data/synthetic/figure.py", "data/synthetic/test_figure.py",
+        ("toes-through-the-floor", "np.minimum(np.clip(neutral, highest, LARGEST_PITCH), deepest)",
+         "np.clip(neutral, highest, LARGEST_PITCH)"),
+        ("standing-feet-turn-along", "return np.interp(np.arange(len(heading)), frames, mean[run])", "return heading"),
+    ),
+    *of(
+        "data/synthetic/stage.py", "data/synthetic/test_acts.py",
+        ("left-turns-go-right", "self.heading += angle * self.rise", "self.heading -= angle * self.rise"),
+        ("half-the-time-in-the-air", "float(2 * np.sqrt(2 * height / GRAVITY))", "float(np.sqrt(2 * height / GRAVITY))"),
+    ),
+    *of(
+        "data/synthetic/synonyms.py", "data/synthetic/test_synonyms.py",
+        ("every-word-replaced", "rng.permutation(places)[:replacements]", "rng.permutation(places)"),
+    ),
+    *of(
+        "data/synthetic/captioned.py", "data/synthetic/test_captioned.py",
+        ("a-new-body-in-every-clip", "spawn_key=(2, person)", "spawn_key=(2, number)"),
+    ),
+    *of(
+        "text_to_motion/body_signals.py", "text_to_motion/test_attributes.py",
+        ("faces-backwards", "np.cross(left, [0.0, 1.0, 0.0])", "np.cross([0.0, 1.0, 0.0], left)"),
+    ),
+    *of(
+        "text_to_motion/attributes.py", "text_to_motion/test_attributes.py",
+        ("circles-to-the-other-side", '"left" if change > 0 else "right", "circle"', '"left" if change < 0 else "right", "circle"'),
+        ("the-foot-that-stands", "foot = int(len(spells[1]) > len(spells[0]))", "foot = int(len(spells[1]) < len(spells[0]))"),
+        ("the-last-action-first", "found[\"action\"] = events[0].action", "found[\"action\"] = events[-1].action"),
+    ),
 ]  # fmt: skip
