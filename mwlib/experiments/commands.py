@@ -52,8 +52,8 @@ def add_parser(subparsers: _SubParsersAction) -> None:
 
 
 _SHIPPING = (
-    "synthetic takes about an hour of one core, cmu and inbetween half an hour and the clips under MWLIB_DATA; a graphics card "
-    "is used where there is one. A training that was stopped goes on."
+    "synthetic and sentences take about an hour of one core, evaluator and critic some minutes, cmu and inbetween half an hour and "
+    "the clips under MWLIB_DATA; a graphics card is used where there is one. A training that was stopped goes on."
 )
 
 

@@ -28,6 +28,9 @@ RECIPES: dict[str, tuple[str, str, str, dict[str, Any]]] = {  # name -> title, s
     "synthetic": ("Synthetic people", "prediction", "laptop_plus", {"train_steps": 14000}),
     "cmu": ("People of the CMU motion capture database", "prediction", "cmu_plus", {}),
     "inbetween": ("In-betweens of people of the CMU motion capture database", "inbetweening", "cmu", {}),
+    "evaluator": ("Judge of motions made from sentences, for synthetic people", "matching", "laptop", {}),
+    "critic": ("Critic for the semantic loss, for synthetic people", "matching", "laptop", {"half": "critic", "seed": 1}),
+    "sentences": ("Synthetic people who do what a sentence says", "text_to_motion", "laptop", {}),
 }
 
 

@@ -21,7 +21,7 @@ FILES = (("config.json",), ("model.safetensors", "pytorch_model.bin"), ("tokeniz
 class _Tower:
     """Weights that many copies of an encoder share, and that no optimiser, average or checkpoint meets."""
 
-    def __init__(self, network: nn.Module, tokenizer: Any) -> None:
+    def __init__(self, network: Any, tokenizer: Any) -> None:
         self.network, self.tokenizer = network, tokenizer
         self.known: dict[str, tuple[Tensor, Tensor]] = {}  # sentence -> its tokens and vector, on the CPU
 
