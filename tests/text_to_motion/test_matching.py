@@ -100,7 +100,7 @@ def test_null_checks_of_perfect_embeddings(pool, generator):
 
 def test_a_run_is_trained_once_and_judged(monkeypatch, tmp_path):
     monkeypatch.setenv("MWLIB_RUNS", str(tmp_path))
-    cfg = small(train_steps=100, batch=16, lr=1e-2, movement_steps=30, ema=0.0, loss="infonce", checkpoint_every=50)
+    cfg = small(train_steps=80, batch=16, lr=1e-2, movement_steps=30, ema=0.0, loss="infonce", checkpoint_every=40)
     result = get_result(cfg, parts())
     assert {*result["mean"]} <= {*METRICS, *DETAILS} and {*METRICS} <= {*result["mean"]} and result["windows"] == 40
     mean = result["mean"]
