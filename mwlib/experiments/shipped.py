@@ -92,8 +92,8 @@ def card(title: str, command: str, cfg: Settings, metrics: Mapping[str, Any]) ->
         f"{training['seconds']:.0f} s on {training['machine']['device']}. Weights are kept in half precision."
     )
     measured = (
-        f"Measured on {model['windows']} {_items(cfg)} of the test people: {_sampling(cfg)}{about['measured on']['device']}. "
-        "Metres, unless a line says otherwise."
+        f"Measured on {model['windows']} {_items(cfg)} of the test people: {_sampling(cfg)}{about['measured on']['device']}."
+        + (" Metres, unless a line says otherwise." if _items(cfg) == "windows" else "")
         + (f" The true futures of similar histories have an APD of {apd:.3g}." if (apd := model.get("multimodal_apd")) else "")
     )
     again = (
