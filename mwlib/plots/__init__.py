@@ -19,6 +19,7 @@ from mwlib.plots.passages import broken_bodies, passages
 from mwlib.plots.phase import error_by_size, phase_circles, predicted_curves, windows_and_sinusoids
 from mwlib.plots.player import Player, player
 from mwlib.plots.save import save, save_table, show
+from mwlib.plots.sentences import emerging_way, free_overview, ways
 from mwlib.plots.signals import filters, padding_modes, scaling_and_wavelet, signal_and_coefficients
 from mwlib.plots.skeletons import animate, end_poses, film, overlay_futures, storyboard
 from mwlib.plots.spectra_of_motion import (
@@ -54,6 +55,7 @@ __all__ = [
     "curves",
     "ddim_path",
     "dots",
+    "emerging_way",
     "end_poses",
     "energy_bars",
     "energy_by_coefficient",
@@ -61,6 +63,7 @@ __all__ = [
     "film",
     "filmstrip",
     "filters",
+    "free_overview",
     "histograms",
     "kept_power",
     "keyframe_samples",
@@ -104,4 +107,5 @@ __all__ = [
     "trajectories",
     "use_style",
     "windows_and_sinusoids",
+    "ways",
 ]
