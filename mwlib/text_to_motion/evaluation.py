@@ -35,8 +35,8 @@ METRICS = {  # the columns of every table
 # Beside them in a table of their own: does the body do what the sentence says, and does it move like one?
 DETAILS = {
     **{name: Column(f"{name} right", "higher") for name in CLAIMS},
-    "speed": Column("speed of joints (m/s)"),
-    "path": Column("path of the root (m)"),
+    "joint_speed": Column("speed of joints (m/s)"),
+    "way": Column("way of the root (m)"),
     "jerk": Column("jerk (m/s³)"),
     "skate": Column("foot skate (m/s)"),
     "bone_jitter": Column("change of bone lengths (mm)", "lower", 1000.0),
