@@ -702,8 +702,9 @@ MUTANTS = [
     ),
     *of(
         "text_to_motion/attributes.py", "text_to_motion/test_attributes.py",
-        ("circles-to-the-other-side", '"left" if change > 0 else "right", "circle"', '"left" if change < 0 else "right", "circle"'),
+        ("circles-to-the-other-side", '"left" if change > 0 else "right", "circle"',
+         '"left" if change < 0 else "right", "circle"'),
         ("the-foot-that-stands", "foot = int(len(spells[1]) > len(spells[0]))", "foot = int(len(spells[1]) < len(spells[0]))"),
-        ("the-last-action-first", "found[\"action\"] = events[0].action", "found[\"action\"] = events[-1].action"),
+        ("the-last-action-first", 'found["action"] = events[0].action', 'found["action"] = events[-1].action'),
     ),
 ]  # fmt: skip
