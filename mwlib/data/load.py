@@ -24,7 +24,7 @@ from mwlib.data.formats.arrays import read_positions
 from mwlib.data.formats.bvh import read_bvh
 from mwlib.data.formats.cmu_benchmark import COLUMNS, read_benchmark
 from mwlib.data.formats.h36m import read_positions_3d
-from mwlib.data.formats.humanml_folder import FEATURES, is_features, read_features
+from mwlib.data.formats.humanml_folder import FEATURES, is_features, read_features, without_features
 from mwlib.data.hints import Given, Hints, hints
 from mwlib.data.known import NAMED_SOURCES, named_source
 from mwlib.data.opening import MOST_BYTES, allowed, bare_suffix, open_regular, read_bytes, read_head, without_twins
@@ -143,7 +143,8 @@ def motion_files(path: Path) -> list[Path]:
     """The motion files of a folder, recursively, sorted; or the file itself.
 
     Texts and arrays belong by how they begin, so that broken files of other kinds are passed over; BVH and AMC by their names.
-    Of a plain and a packed file of one name only the plain one is taken. Folders that cannot be listed are among the files.
+    Of a plain and a packed file of one name only the plain one is taken, of HumanML3D's joints and features of a clip only the
+    joints. Folders that cannot be listed are among the files.
 
     Raises:
         MotionFormatError: the folder holds none.
@@ -153,7 +154,7 @@ def motion_files(path: Path) -> list[Path]:
     unlisted: list[Path] = []
     walk = os.walk(path, onerror=lambda error: unlisted.append(Path(error.filename)))
     files = [Path(folder, name) for folder, _, names in walk for name in names if not name.startswith(".")]
-    found = without_twins([*unlisted, *(file for file in files if _is_motion(file))])
+    found = without_features(without_twins([*unlisted, *(file for file in files if _is_motion(file))]))
     if not found:
         expected = f"at least one file with motions ({', '.join(READERS)}, plain or as .xz or .gz)"
         raise MotionFormatError(path, "folder", f"{len(files)} files without motions", expected)

@@ -48,7 +48,7 @@ def measured_attributes(positions: Float[np.ndarray, "T J 3"], fps: float = 20.0
         What was found; an attribute that does not apply to the actions found is missing.
 
     Raises:
-        ValueError: another shape, or fewer than half a second.
+        ValueError: another shape, fewer than half a second, or positions that are not finite.
     """
     body = BodySignals(positions, fps)
     events = sorted(_events(body), key=lambda event: event.spell.start + event.spell.stop)

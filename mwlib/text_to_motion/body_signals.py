@@ -22,12 +22,14 @@ class BodySignals:
         fps: frames per second.
 
     Raises:
-        ValueError: another shape, or fewer than half a second.
+        ValueError: another shape, fewer than half a second, or positions that are not finite.
     """
 
     def __init__(self, positions: Float[np.ndarray, "T J 3"], fps: float) -> None:
         if positions.shape[1:] != (len(HUMANML22), 3) or len(positions) < fps / 2:
             raise ValueError(f"positions have shape {positions.shape}; expected (T, 22, 3) with at least {fps / 2:g} frames")
+        if not np.isfinite(positions).all():
+            raise ValueError("positions hold values that are not finite; expected metres")
         self.positions, self.fps = np.asarray(positions, float), fps
 
     def joint(self, name: str) -> Float[np.ndarray, "T 3"]:
@@ -87,7 +89,7 @@ class BodySignals:
         """Distance of the wrist from its shoulder as a share of the arm's length."""
         shoulder, elbow, wrist = (self.both(joint) for joint in ("shoulder", "elbow", "wrist"))
         arm = np.linalg.norm(shoulder - elbow, axis=-1) + np.linalg.norm(elbow - wrist, axis=-1)
-        return np.linalg.norm(wrist - shoulder, axis=-1) / arm
+        return np.linalg.norm(wrist - shoulder, axis=-1) / np.maximum(arm, 1e-9)
 
     def ahead(self, joint: str) -> Float[np.ndarray, "2 T"]:
         """How far a joint of either side is ahead of the root, metres."""
@@ -96,7 +98,7 @@ class BodySignals:
     def upright(self, joint: str) -> Float[np.ndarray, " T"]:
         """Height of a joint over the lower ankle as a share of its height when the body stands."""
         height = self.joint(joint)[:, 1] - self.both("ankle")[..., 1].min(axis=0)
-        return height / np.quantile(height, 0.95)
+        return height / np.maximum(np.quantile(height, 0.95), 1e-9)
 
     @cached_property
     def moving(self) -> Bool[np.ndarray, " T"]:

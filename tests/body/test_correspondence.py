@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mwlib.body.correspondence import KNOWN, SCHEMES, to_h36m17
+from mwlib.body.correspondence import KNOWN, KNOWN22, SCHEMES, to_h36m17, to_humanml22
 from mwlib.body.motion import Motion
-from mwlib.body.skeleton import CMU, H36M17, HUMANEVA15, Skeleton
+from mwlib.body.skeleton import BANDAI21, CMU, H36M17, HUMANEVA15, HUMANML22, LAFAN1, Skeleton
 from mwlib.data.bodies import Bodies, prepare
 from mwlib.data.load import read_motion_file
 from mwlib.data.naming import own_skeleton
@@ -55,6 +55,34 @@ def test_names_of_another_tree_are_not_carried_over():
     with pytest.raises(ValueError, match="cannot carry HUMANEVA15 over to H36M17; known: BANDAI21, CMU, .*CMU's tree"):
         Motion(np.zeros((2, 15, 3)), 50.0, HUMANEVA15).retarget(H36M17)
     assert set(KNOWN) & {H36M17, HUMANEVA15} == set()
+    with pytest.raises(ValueError, match="cannot carry HUMANEVA15 over to HUMANML22; .*; BANDAI21, CMU, LAFAN1 to HUMANML22"):
+        Motion(np.zeros((2, 15, 3)), 50.0, HUMANEVA15).retarget(HUMANML22)
+
+
+@pytest.mark.parametrize("skeleton", [CMU, LAFAN1, BANDAI21], ids=lambda s: s.name)
+def test_the_22_joints_lie_where_those_they_stand_for_lie(skeleton):
+    """The image of a mirror image is the mirror image, and the 17 joints that both ways give are the same."""
+    clip = Motion(np.random.default_rng(0).normal(size=(5, len(skeleton), 3)), 50.0, skeleton, up="y")
+    carried = clip.retarget(HUMANML22)
+    assert carried.skeleton == HUMANML22 and carried.positions.dtype == clip.positions.dtype and carried.rig is None
+    np.testing.assert_allclose(clip.mirror().retarget(HUMANML22).positions, carried.mirror().positions, atol=1e-12)
+    limbs = [H36M17.joints.index(f"{side}_{joint}") for side in ("left", "right") for joint in ("hip", "knee", "foot")]
+    limbs += [H36M17.joints.index(f"{side}_{joint}") for side in ("left", "right") for joint in ("shoulder", "elbow", "wrist")]
+    both, direct = carried.retarget(H36M17).positions, clip.retarget(H36M17).positions
+    np.testing.assert_allclose(both[:, [0, *limbs]], direct[:, [0, *limbs]], atol=1e-12)
+    shares = to_humanml22(skeleton)
+    assert shares is not None and shares.shape == (22, len(skeleton)) and np.all(shares >= 0)
+    np.testing.assert_allclose(shares.sum(axis=1), 1.0)
+    assert len({tuple(row) for row in shares}) == 22 and set(KNOWN22) == {CMU, LAFAN1, BANDAI21}
+
+
+def test_collars_of_cmu_lie_between_thorax_and_shoulders():
+    place = np.zeros((1, 31, 3))
+    place[0, CMU.joints.index("left_clavicle")] = 1.0, 0.0, 0.0
+    place[0, CMU.joints.index("upperback")] = 0.0, -1.0, 0.0
+    carried = Motion(place, 50.0, CMU).retarget(HUMANML22).positions[0]
+    np.testing.assert_allclose(carried[HUMANML22.joints.index("left_collar")], [0.4, 0, 0])
+    np.testing.assert_allclose(carried[HUMANML22.joints.index("spine3")], [0, -0.5, 0])
 
 
 def test_the_three_publications_of_one_body_agree(data_folder):

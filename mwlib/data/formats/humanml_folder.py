@@ -130,9 +130,14 @@ def read_features(array: Shaped[np.ndarray, "*shape"], file: Path, hints: Hints)
 
 
 def is_features(shape: tuple[int, ...], file: Path) -> bool:
-    """Whether an array in a folder is a motion as features, and not one whose joints lie beside it in new_joints."""
-    is_one = len(shape) == 2 and shape[-1] in LAYOUTS and file.parent.name == FEATURES
-    return is_one and not (file.parent.parent / JOINTS / file.name).exists()
+    """Whether an array in a folder is a motion as features: by its width and the folder's name."""
+    return len(shape) == 2 and shape[-1] in LAYOUTS and file.parent.name == FEATURES
+
+
+def without_features(files: Sequence[Path]) -> list[Path]:
+    """The files but for features whose joints are among them."""
+    there = {*files}
+    return [file for file in files if file.parent.name != FEATURES or file.parent.parent / JOINTS / file.name not in there]
 
 
 def _features(file: Path) -> Float[np.ndarray, "T D"]:
@@ -161,8 +166,17 @@ def _length_fault(frames: int, layout: FeatureLayout) -> str:
     return f"{TOO_LONG} frames or longer" if frames >= TOO_LONG else ""
 
 
-def _captions(file: Path) -> list[tuple[str, float, float]]:
-    """Caption, start and end of each line; no times are 0 and 0, and nan is 0."""
+class _Caption(NamedTuple):
+    """A line of a text: its number, what it says, and of which seconds; 0 and 0 is the whole clip."""
+
+    line: int
+    text: str
+    start: float
+    end: float
+
+
+def _captions(file: Path) -> list[_Caption]:
+    """The lines that are not empty; nan is 0."""
     found = []
     for n, line in enumerate(read_text(file, SMALL_TEXT).splitlines(), 1):
         if not line.strip():
@@ -171,20 +185,18 @@ def _captions(file: Path) -> list[tuple[str, float, float]]:
         if len(fields) != FIELDS or not fields[0].strip():
             raise MotionFormatError(file, f"line {n}", repr(line[:80]), "caption#word/POS word/POS ...#start#end")
         start, end = (0.0 if f.strip().lower() == "nan" else number(f, file, f"line {n}") for f in fields[2:])
-        found.append((fields[0].strip(), start, end))
+        found.append(_Caption(n, fields[0].strip(), start, end))
     if not found:
         raise MotionFormatError(file, "text", "no line", "at least one caption")
     return found
 
 
-def _entries(
-    features: Float[np.ndarray, "T D"], captions: list[tuple[str, float, float]], name: str, split: str
-) -> Iterator[CaptionedClip]:
+def _entries(features: Float[np.ndarray, "T D"], captions: Sequence[_Caption], name: str, split: str) -> Iterator[CaptionedClip]:
     """The whole clip with all captions that have no times, then one entry for each other caption."""
-    whole = tuple(caption for caption, start, end in captions if start == end == 0)
+    whole = tuple(caption.text for caption in captions if caption.start == caption.end == 0)
     if whole:
         yield CaptionedClip(features, whole, name, split)
-    for n, (caption, start, end) in enumerate(captions, 1):
+    for n, text, start, end in captions:
         if start or end:
             first, last = (max(math.trunc(seconds * STAMP_FPS), 0) for seconds in (start, end))
-            yield CaptionedClip(features[first:last], (caption,), f"{name} line {n}, {start:g} to {end:g} s", split)
+            yield CaptionedClip(features[first:last], (text,), f"{name} line {n}, {start:g} to {end:g} s", split)

@@ -62,6 +62,7 @@ def captioned_people(clips: int = 2400, seed: int = 0) -> list[CaptionedClip]:
 
     >>> clip = captioned_people(1)[0]
     >>> clip.features.shape, clip.split, clip.captions[0]
+    ((76, 263), 'train', 'an adult walks briskly forward')
     """
     return [
         CaptionedClip(features_of(clip.positions), clip.captions, clip.name, clip.split, clip.attributes)

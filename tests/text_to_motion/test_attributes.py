@@ -1,0 +1,116 @@
+"""Attributes measured from positions: right on synthetic people whose attributes are known, mirrored on their mirror images."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from mwlib.body.skeleton import HUMANML22
+from mwlib.data.formats.humanml import HUMANML3D, joints_of
+from mwlib.data.formats.humanml_encoding import features_of
+from mwlib.data.synthetic.acts import act_out
+from mwlib.data.synthetic.captioned import captioned_positions
+from mwlib.data.synthetic.figure import draw_figure
+from mwlib.text_to_motion.attributes import attribute_accuracy, attribute_chance, measured_attributes
+
+OTHER = {"left": "right", "right": "left"}
+
+
+@pytest.fixture(scope="module")
+def clips():
+    return captioned_positions(180, seed=31)
+
+
+def shares(accuracy):
+    return {name: hits / total for name, (hits, total) in accuracy.items()}
+
+
+def test_attributes_of_synthetic_people_are_measured_right(clips):
+    accuracy = attribute_accuracy([clip.positions for clip in clips], [clip.attributes for clip in clips])
+    assert set(accuracy) == {name for clip in clips for name in clip.attributes}
+    assert accuracy["action"][1] == len(clips)
+    assert min(shares(accuracy).values()) >= 0.95, accuracy
+
+
+def test_nothing_is_found_that_was_not_claimed(clips):
+    more = [clip for clip in clips if "then" not in clip.attributes and "then" in measured_attributes(clip.positions)]
+    assert len(more) <= 0.02 * len(clips)
+
+
+def test_features_and_a_little_noise_change_nothing_much(clips):
+    rng = np.random.default_rng(0)
+    decoded = [joints_of(features_of(clip.positions), HUMANML3D) for clip in clips[:120]]
+    noisy = [positions + rng.normal(0.0, 0.003, positions.shape) for positions in decoded]
+    accuracy = attribute_accuracy(noisy, [clip.attributes for clip in clips[:120]])
+    assert min(shares(accuracy).values()) > 0.85, accuracy
+
+
+def test_the_other_side_in_the_mirror(clips):
+    def mirrored(value):
+        side, _, kind = str(value).partition("_")
+        return "_".join([OTHER[side], *([kind] if kind else [])]) if side in OTHER else value
+
+    for clip in clips[:60]:
+        found = measured_attributes(clip.positions)
+        image = measured_attributes(clip.positions[:, HUMANML22.mirror] * [-1.0, 1.0, 1.0])
+        assert image == {name: mirrored(value) for name, value in found.items()}
+
+
+def test_place_and_direction_do_not_matter(clips):
+    cos, sin = np.cos(2.5), np.sin(2.5)
+    turn = np.array([[cos, 0.0, sin], [0.0, 1.0, 0.0], [-sin, 0.0, cos]])
+    for clip in clips[60:90]:
+        assert measured_attributes(clip.positions) == measured_attributes(clip.positions @ turn.T + [3.0, 0.5, -7.0])
+
+
+def test_a_left_hand_that_a_ruler_sees_is_a_left_hand():
+    rng = np.random.default_rng(0)
+    positions = act_out({"action": "stand"}, draw_figure(rng), rng).copy()
+    left_wrist, left_elbow = (HUMANML22.joints.index(f"left_{joint}") for joint in ("wrist", "elbow"))
+    assert (positions[:, left_wrist, 0] > 0).all()
+    swing = 0.12 * np.sin(2 * np.pi * 2.0 * np.arange(len(positions)) / 20)
+    shoulder = positions[:, HUMANML22.joints.index("left_shoulder")]
+    positions[:, left_elbow] = shoulder + [0.27, 0.02, 0.0]
+    positions[:, left_wrist] = positions[:, left_elbow] + np.stack([swing, np.sqrt(0.25**2 - swing**2), 0 * swing], axis=-1)
+    found = measured_attributes(positions)
+    assert (found["action"], found["hand"], found["pace"]) == ("wave", "left", "normal")
+
+
+def test_clips_of_other_captions_score_near_chance(clips):
+    attributes = [clip.attributes for clip in clips]
+    accuracy = shares(attribute_accuracy([clip.positions for clip in clips[7:] + clips[:7]], attributes))
+    chance = attribute_chance(attributes)
+    assert set(chance) == set(accuracy) and accuracy["action"] < chance["action"] + 0.05
+    assert max(accuracy.values()) < 0.6
+
+
+def test_counting_by_hand():
+    rng = np.random.default_rng(1)
+    walks = [act_out({"action": "walk", "speed": "slow", "path": "straight"}, draw_figure(rng), rng) for _ in range(2)]
+    claims = [{"action": "walk", "speed": "slow"}, {"action": "run", "speed": "slow"}]
+    assert attribute_accuracy(walks, claims) == {"action": (1, 2), "speed": (2, 2)}
+    assert attribute_chance([*claims, {"action": "walk"}]) == {"action": 2 / 3, "speed": 1.0}
+
+
+@pytest.mark.parametrize("size", [0.0, 0.05, 3.0])
+def test_what_is_no_body_is_measured_all_the_same(size):
+    rng = np.random.default_rng(3)
+    for frames in (10, 47, 196):
+        positions = size * np.cumsum(rng.normal(size=(frames, 22, 3)), axis=0)
+        assert "action" in measured_attributes(positions)
+
+
+def test_positions_that_are_not_finite_are_refused():
+    with pytest.raises(ValueError, match="not finite; expected metres"):
+        measured_attributes(np.full((20, 22, 3), np.nan))
+
+
+@pytest.mark.parametrize("shape", [(40, 21, 3), (9, 22, 3)])
+def test_other_shapes_are_refused(shape):
+    with pytest.raises(ValueError, match="expected .T, 22, 3. with at least 10 frames"):
+        measured_attributes(np.zeros(shape))
+
+
+def test_as_many_claims_as_clips():
+    with pytest.raises(ValueError, match="zip"):
+        attribute_accuracy([np.zeros((20, 22, 3))], [])
