@@ -35,7 +35,7 @@ def karras_levels(alpha_bar: Float[Tensor, " M"], steps: int) -> list[tuple[int,
 
     >>> from mwlib.diffusion import alpha_bar
     >>> [t for t, _ in karras_levels(alpha_bar("linear", 1000), 5)]
-    [999, 652, 321, 70, 0]
+    [999, 843, 593, 142, 0]
     """
     if steps < 1:
         raise ValueError(f"steps is {steps}; expected at least 1")

@@ -21,7 +21,7 @@ FILES = (("config.json",), ("model.safetensors", "pytorch_model.bin"), ("tokeniz
 class _Tower:
     """Weights that many copies of an encoder share, and that no optimiser, average or checkpoint meets."""
 
-    def __init__(self, network: nn.Module, tokenizer: Any) -> None:
+    def __init__(self, network: Any, tokenizer: Any) -> None:
         self.network, self.tokenizer = network, tokenizer
         self.known: dict[str, tuple[Tensor, Tensor]] = {}  # sentence -> its tokens and vector, on the CPU
 
@@ -47,7 +47,7 @@ class ClipText(TextEncoder):
     Raises:
         ImportError: the library is missing; the message says how to install it.
         FileNotFoundError: a file is missing; the message says where to get it and where to put it.
-        ValueError: `longest` is not 1 to 75, or the folder holds another tower.
+        ValueError: `longest` is not 1 to 75, or the folder holds another tower or lacks weights.
     """
 
     def __init__(self, folder: str | Path, longest: int = 20, padded: bool = False, keep: int = 10_000) -> None:
@@ -55,14 +55,11 @@ class ClipText(TextEncoder):
         if not 1 <= longest <= CONTEXT - 2:
             raise ValueError(f"longest is {longest}; expected 1 to {CONTEXT - 2} tokens between start and end")
         self.longest, self.padded, self.keep = longest, padded, keep
-        library, folder = _library(), _complete(Path(folder))
-        network = library.CLIPTextModelWithProjection.from_pretrained(folder, local_files_only=True)
-        self._tower = _Tower(
-            network.float().eval().requires_grad_(False), library.CLIPTokenizer.from_pretrained(folder, local_files_only=True)
-        )
-        self.width = int(network.config.hidden_size)
-        if network.config.projection_dim != self.width:
-            found = f"{self.width} numbers per token and {network.config.projection_dim} per sentence"
+        self._tower = _opened(_library(), _complete(Path(folder)))
+        config = self._tower.network.config
+        self.width = int(config.hidden_size)
+        if config.projection_dim != self.width:
+            found = f"{self.width} numbers per token and {config.projection_dim} per sentence"
             raise ValueError(f"{folder} holds a tower of {found}; expected that of ViT-B/32, 512 and 512")
 
     def _apply(self, fn: Any, recurse: bool = True) -> ClipText:
@@ -115,6 +112,26 @@ def _library() -> Any:
             "CLIP's text tower needs the library transformers, which is not installed; "
             "install it with: pip install 'motion-wavelet-notebooks[clip]'"
         ) from error
+
+
+def _opened(library: Any, folder: Path) -> _Tower:
+    """Tower and tokenizer, from files alone, without the library's bar and its list of weights that are CLIP's other half."""
+    logging = library.utils.logging
+    level, had_bar = logging.get_verbosity(), logging.is_progress_bar_enabled()
+    logging.set_verbosity_error()
+    logging.disable_progress_bar()
+    try:
+        network, about = library.CLIPTextModelWithProjection.from_pretrained(
+            folder, local_files_only=True, output_loading_info=True
+        )
+        tokenizer = library.CLIPTokenizer.from_pretrained(folder, local_files_only=True)
+    finally:
+        logging.set_verbosity(level)
+        if had_bar:
+            logging.enable_progress_bar()
+    if missing := sorted(about["missing_keys"]):
+        raise ValueError(f"{folder} has no weights for {missing[0]}, one of {len(missing)}; expected CLIP ViT-B/32 from {SOURCE}")
+    return _Tower(network.float().eval().requires_grad_(False), tokenizer)
 
 
 def _complete(folder: Path) -> Path:

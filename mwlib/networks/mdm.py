@@ -30,8 +30,8 @@ class MDM(nn.Module):
         frames_per_token: neighbouring frames that make one token together. Own choice, for teaching: attention over a quarter of
             the tokens trains several times faster. Where frames are masked, a last token that is valid in part has zeros in the
             rest.
-        attention_dropout: on the attention weights; None = `dropout`, as published. Own choice for the CPU: 0, which fused
-            attention needs and which halves the time of a training step.
+        attention_dropout: on the attention weights; None = `dropout`, as published. Own choice for the CPU: 0, without which
+            training forgoes fused attention.
 
     Raises:
         ValueError: `width` is not an even multiple of `heads`, or `frames_per_token` or `steps` is below 1.

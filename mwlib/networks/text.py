@@ -120,7 +120,7 @@ class _WordEncoder(TextEncoder):
 class WordTransformer(_WordEncoder):
     """A learned vector for each word of a vocabulary, through a transformer.
 
-    The vocabulary is a tensor of the state, so that weights and words cannot part. Own choice: facts and sizes for small data; no
+    The vocabulary is a tensor of the state, so that weights and words cannot part. Own choice, for small data without CLIP: no
     paper here learns its words.
 
     Args:
@@ -228,7 +228,7 @@ class HashedNgrams(_WordEncoder):
         """Buckets of a word's groups of three letters, its ends marked.
 
         >>> HashedNgrams(1000, width=8).hashes("go")  # <go, go>
-        [466, 763]
+        [623, 52]
         """
         marked = f"<{word}>"
         return [zlib.crc32(marked[i : i + 3].encode()) % self.buckets for i in range(len(marked) - 2)]
