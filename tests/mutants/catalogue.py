@@ -671,6 +671,8 @@ MUTANTS = [
         ("motion-not-scaled", "scaled = self.statistics.scale(features.to(self.device, torch.float32)).values",
          "scaled = features.to(self.device, torch.float32)",
          "text_to_motion/test_matching.py::test_motions_come_in_raw_and_the_matcher_scales_them"),
+    ),
+    *of(
         "data/formats/humanml.py", "data/formats/test_humanml.py",
         ("yaw-taken-as-the-whole-turn", "return 2 * torch.cat(", "return torch.cat("),
         ("steps-one-frame-early", "features[..., :-1, layout", "features[..., 1:, layout"),
@@ -738,6 +740,8 @@ MUTANTS = [
          '"left" if change < 0 else "right", "circle"'),
         ("the-foot-that-stands", "foot = int(len(spells[1]) > len(spells[0]))", "foot = int(len(spells[1]) < len(spells[0]))"),
         ("the-last-action-first", 'found["action"] = events[0].action', 'found["action"] = events[-1].action'),
+    ),
+    *of(
         "networks/encoder.py", "networks/test_mdm.py",
         ("sines-and-cosines-exchanged", "torch.stack([angle.sin(), angle.cos()]", "torch.stack([angle.cos(), angle.sin()]"),
         ("norm-before-the-attention", "x = self.norm1(src + self.after(", "x = src + self.norm1(self.after("),
