@@ -639,7 +639,6 @@ MUTANTS = [
         ("correlation-of-sums", "self.rho = rho / torch.bincount(lag.flatten())", "self.rho = rho"),
     ),
     *of(
-<<<<<<< HEAD
         "text_to_motion/spectra.py", "text_to_motion/test_spectra.py",
         ("noise-without-its-share", "return a * power + 1 - a", "return a * power + 1"),
         ("gain-without-the-root", "return alpha_bar.sqrt()[..., None] * power", "return alpha_bar[..., None] * power"),
@@ -657,40 +656,6 @@ MUTANTS = [
         ("harmonic-of-the-same-phase", "1j * (2 * phi if bound else own)", "1j * (phi if bound else own)"),
         ("error-on-what-was-fitted", "missed = target[half:] - inputs[half:] @", "missed = target[:half] - inputs[:half] @"),
         ("noisy-phase-taken-for-the-true-one", "* (1 - torch.exp(-1 / sigma.square())) if bound", "* 0 if bound"),
-=======
-        "metrics/text.py", "metrics/test_text.py",
-        ("fid-without-the-shared-part", "root_b.square().sum() - 2 * shared", "root_b.square().sum() - shared"),
-        ("covariance-with-n", "(x - mean) / (len(x) - 1) ** 0.5", "(x - mean) / len(x) ** 0.5"),
-        ("ties-count-as-hits", "((distance == partner) & earlier)", "((distance == partner) & ~earlier)"),
-        ("motions-and-texts-exchanged", 'if ranked == "motions" else (motion, text)', 'if ranked == "texts" else (motion, text)'),
-    ),
-    *of(
-        "networks/matching.py", "networks/test_matching.py",
-        ("all-read-to-the-padded-end", "pack_padded_sequence(self.input_emb(x), lengths.cpu()",
-         "pack_padded_sequence(self.input_emb(x), torch.full_like(lengths, x.shape[1]).cpu()",
-         "networks/test_matching.py::test_padding_does_not_change_a_sentence"),
-        ("padding-seen-by-the-movements", "torch.where(kept[..., None], x, 0.0)", "x",
-         "networks/test_matching.py::test_padding_does_not_change_a_movement"),
-        ("critic-refused-by-cudnn", "return super().train(True)", "return super().train(mode)",
-         "networks/test_matching.py::test_a_frozen_critic_passes_gradients_to_the_motion"),
-        ("contacts-seen", "x[..., :-CONTACTS].transpose(1, 2)", "x[..., CONTACTS:].transpose(1, 2)",
-         "networks/test_matching.py::test_contacts_are_not_looked_at_and_all_else_is"),
-    ),
-    *of(
-        "text_to_motion/matching_objective.py", "text_to_motion/test_matching_objective.py",
-        ("pairs-as-negatives", "torch.randint(1, len(text), (1,)", "torch.randint(0, len(text), (1,)",
-         "text_to_motion/test_matching_objective.py::test_every_other_shift_is_drawn"),
-        ("copies-as-negatives", "left_out = same & ~", "left_out = same & ",
-         "text_to_motion/test_matching_objective.py::test_infonce_by_a_loop"),
-        ("critic-learns-from-all", "chosen = of_half(data.train, cfg.model.half)", "chosen = data.train",
-         "text_to_motion/test_matching_objective.py::test_evaluator_and_critic_learn_from_their_own_clips"),
-    ),
-    *of(
-        "text_to_motion/matching.py", "text_to_motion/test_matching.py",
-        ("motion-not-scaled", "scaled = self.statistics.scale(features.to(self.device, torch.float32)).values",
-         "scaled = features.to(self.device, torch.float32)",
-         "text_to_motion/test_matching.py::test_motions_come_in_raw_and_the_matcher_scales_them"),
->>>>>>> t2m_d
     ),
     *of(
         "data/formats/humanml.py", "data/formats/test_humanml.py",
@@ -819,14 +784,9 @@ MUTANTS = [
     ),
     *of(
         "text_to_motion/attributes.py", "text_to_motion/test_attributes.py",
-        ("circles-to-the-other-side", '"left" if change > 0 else "right", "circle"',
-         '"left" if change < 0 else "right", "circle"'),
+        ("circles-to-the-other-side", '"left" if change > 0 else "right", "circle"', '"left" if change < 0 else "right", "circle"'),
         ("the-foot-that-stands", "foot = int(len(spells[1]) > len(spells[0]))", "foot = int(len(spells[1]) < len(spells[0]))"),
-<<<<<<< HEAD
         ("the-last-action-first", "found[\"action\"] = events[0].action", "found[\"action\"] = events[-1].action"),
-=======
-        ("the-last-action-first", 'found["action"] = events[0].action', 'found["action"] = events[-1].action'),
->>>>>>> t2m_d
     ),
     *of(
         "networks/encoder.py", "networks/test_mdm.py",
