@@ -38,7 +38,8 @@ WITH_EXAMPLE = """
     mwlib.metrics.prediction.step_length mwlib.metrics.prediction.bone_length_jitter mwlib.metrics.prediction.apde
     mwlib.metrics.inbetweening.l2p mwlib.metrics.inbetweening.l2q mwlib.metrics.inbetweening.NPSS mwlib.metrics.inbetweening.npss
     mwlib.metrics.table.MetricTable mwlib.metrics.text.fid mwlib.metrics.text.r_precision
-    mwlib.metrics.multimodal.multimodal_futures mwlib.metrics.multimodal.multimodal_apd mwlib.metrics.column.Column mwlib.prediction.baselines.zero_velocity
+    mwlib.metrics.multimodal.multimodal_futures mwlib.metrics.multimodal.multimodal_apd
+    mwlib.metrics.column.Column mwlib.prediction.baselines.zero_velocity
     mwlib.prediction.baselines.constant_velocity mwlib.prediction.baselines.NearestHistory
     mwlib.diffusion.keyframes.keyframed mwlib.inbetweening.gaussian.GaussianBridge
     mwlib.training.config.learning_rate mwlib.settings.parse_changes mwlib.prediction.config.Config

@@ -98,7 +98,7 @@ def emerging_way(paths: Sequence[Float[Array, "T 2"]], levels: Sequence[float], 
     axes[0, 0].set(title="way on the floor", xlabel="across (m)", ylabel="ahead (m)")
     axes[0, 0].set_aspect("equal", adjustable="datalim")
     axes[0, 1].set(title="height of a foot", xlabel="time (s)", ylabel="metres")
-    fig.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=min(len(paths), 4 if len(paths) % 3 else 3))
+    fig.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=3)
     return fig, axes
 
 

@@ -29,10 +29,12 @@ class ModelConfig:
     dropout: BelowOne = 0.1  # of both networks
     attention_dropout: BelowOne = 0.1  # of MDM, on attention weights; on the CPU anything but 0 is slow
     frames_per_token: Count = 1  # of MDM; more is quicker
+    mask_frames: bool = True  # of both: hide padding from valid frames; MDM as first published did not
     multipliers: tuple[int, ...] = (2, 2, 2, 2)  # of the U-Net, one for each level
     text: Literal["words", "ngrams", "clip"] = "words"  # a small transformer, hashed parts of words, or CLIP from a file
     text_width: Count = 512  # of "words" and "ngrams"
     text_layers: Natural = 2  # of "words" and "ngrams"
+    start: str = ""  # weights to begin with, of a run of the same sizes: a name that comes with the package, or a folder
     clip_folder: str = ""  # of CLIP ViT-B/32, for "clip": see `mwlib.networks.clip_text`
 
 

@@ -14,8 +14,8 @@ from mwlib.data.captioned_cmu import captioned_cmu
 from mwlib.data.captions import CaptionedClip
 from mwlib.data.formats.humanml import LAYOUTS, FeatureLayout
 from mwlib.data.formats.humanml_folder import read_folder
-from mwlib.data.synthetic.captioned import captioned_people
 from mwlib.data.load import find_source
+from mwlib.data.synthetic.captioned import captioned_people
 from mwlib.settings import Count, Natural
 
 UNIT = 4  # frames: lengths are multiples of it, as the evaluators' convolutions need

@@ -35,8 +35,8 @@ METRICS = {  # the columns of every table
 # Beside them in a table of their own: does the body do what the sentence says, and does it move like one?
 DETAILS = {
     **{name: Column(f"{name} right", "higher") for name in CLAIMS},
-    "speed": Column("speed of joints (m/s)"),
-    "path": Column("path of the root (m)"),
+    "joint_speed": Column("speed of joints (m/s)"),
+    "way": Column("way of the root (m)"),
     "jerk": Column("jerk (m/s³)"),
     "skate": Column("foot skate (m/s)"),
     "bone_jitter": Column("change of bone lengths (mm)", "lower", 1000.0),
@@ -131,7 +131,7 @@ def _of_sets(cfg: Config, seed: int, text: Tensor, motion: Tensor, real: Tensor)
     generator = torch.Generator().manual_seed(seed)
     top = r_precision(text, motion, pool=min(cfg.sampling.pool, len(text)), generator=generator)
     return {
-        "fid": float(fid(motion, real)),
+        "fid": round(fid(motion, real), 9),  # of equal sets: 0, not what rounding leaves
         **{f"top{k}": float(share) for k, share in enumerate(top, 1)},
         "mm_dist": float(mm_dist(text, motion)),
         "diversity": float(diversity(motion, pairs=min(PAIRS, len(motion) - 1), generator=generator)),

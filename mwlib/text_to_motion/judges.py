@@ -1,4 +1,4 @@
-"""Matching networks by name: the evaluator and the critic that come with the package, or those of a run's folder."""
+"""Trained networks by name: those that come with the package, or those of a run's folder."""
 
 from __future__ import annotations
 
@@ -25,13 +25,24 @@ def open_matcher(name: str, layout: FeatureLayout) -> Matcher:
         FileNotFoundError: there is no such model; the message says how to train one.
         ValueError: it judges other features, or is a run of another system.
     """
-    folder = next((f for f in (Path(name), MODELS / name) if (f / CONFIG).exists()), None)
-    if folder is None:
-        raise FileNotFoundError(
-            f"{name}/{CONFIG} is missing: no matching network there; train one on your data with "
-            "`mwlib train --system matching --set data=FOLDER` and name its folder"
-        )
+    folder = run_folder(name, "train one on your data with `mwlib train --system matching --set data=FOLDER` and name its folder")
     matcher = Matcher.from_tensors(Config.from_yaml(folder / CONFIG), *read_model(folder))
     if matcher.statistics.layout != layout:
         raise ValueError(f"{name} judges {matcher.statistics.layout.name}; expected {layout.name}, as the clips have it")
     return matcher
+
+
+def run_folder(name: str, advice: str) -> Path:
+    """The folder of a finished run: one of that name, or the model that comes with the package under it.
+
+    Args:
+        name: of either.
+        advice: what to do if there is neither.
+
+    Raises:
+        FileNotFoundError: there is neither.
+    """
+    folder = next((f for f in (Path(name), MODELS / name) if (f / CONFIG).exists()), None)
+    if folder is None:
+        raise FileNotFoundError(f"{name}/{CONFIG} is missing: no finished run there; {advice}")
+    return folder

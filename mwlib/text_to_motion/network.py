@@ -34,10 +34,12 @@ class TextDenoiser(nn.Module):
         if cfg.network == "mdm":
             self.body: nn.Module = MDM(
                 features, steps, cfg.width, cfg.layers, cfg.heads, cfg.feedforward, cfg.dropout, text_width=width,
-                frames_per_token=cfg.frames_per_token, attention_dropout=cfg.attention_dropout,
+                mask_frames=cfg.mask_frames, frames_per_token=cfg.frames_per_token, attention_dropout=cfg.attention_dropout,
             )  # fmt: skip
         else:
-            self.body = ConditionalUNet(features, steps, cfg.width, cfg.multipliers, text_width=width, dropout=cfg.dropout)
+            self.body = ConditionalUNet(
+                features, steps, cfg.width, cfg.multipliers, width, dropout=cfg.dropout, mask_frames=cfg.mask_frames
+            )
 
     @property
     def device(self) -> torch.device:

@@ -10,16 +10,16 @@ from jaxtyping import Float
 from torch import Tensor, nn
 
 from mwlib.diffusion import alpha_bar, noised
-from mwlib.networks.text import vocabulary_of
+from mwlib.networks.text import WordTransformer, vocabulary_of
 from mwlib.text_to_motion.config import Config
 from mwlib.text_to_motion.dataset import Parts
 from mwlib.text_to_motion.draws import Batch, Pool, one_caption_each
-from mwlib.text_to_motion.judges import open_matcher
+from mwlib.text_to_motion.judges import open_matcher, run_folder
 from mwlib.text_to_motion.losses import LowPass, low_frequency_loss, masked_error, semantic_loss, stage_weights
 from mwlib.text_to_motion.matching import Matcher
 from mwlib.text_to_motion.network import TextDenoiser
 from mwlib.text_to_motion.statistics import Statistics
-from mwlib.training import Objective, seeded
+from mwlib.training import Objective, read_model, seeded
 
 VALIDATION_BATCHES = 4  # of 64 clips
 
@@ -33,14 +33,17 @@ class TextObjective(Objective):
         learnt: what was learnt in an earlier part of the same training; empty: it is fitted now.
 
     Raises:
-        FileNotFoundError: the critic of the semantic loss is missing.
+        FileNotFoundError: the critic of the semantic loss is missing, or the run to start from.
+        ValueError: the run to start from has other sizes.
     """
 
     def __init__(self, cfg: Config, parts: Parts, learnt: Mapping[str, Tensor] | None = None) -> None:
         self.cfg, self.layout = cfg, parts.layout
         self.alpha_bar = alpha_bar(cfg.forward.schedule, cfg.forward.steps)
-        if learnt:
-            self.statistics = Statistics.from_tensors(cfg.forward.normalisation, learnt)
+        advice = "name a run of text_to_motion, or leave start empty"
+        weights, found, _ = read_model(run_folder(cfg.model.start, advice)) if cfg.model.start else ({}, {}, {})
+        if learnt or found:
+            self.statistics = Statistics.from_tensors(cfg.forward.normalisation, learnt or found)
         else:
             features = [clip.features for clip in parts.train]
             self.statistics = Statistics.measured(features, self.layout, cfg.forward.normalisation)
@@ -49,8 +52,12 @@ class TextObjective(Objective):
         self.power = self._power() if cfg.objective.stage == "snr" else None
         self.critic = open_matcher(cfg.objective.critic, self.layout) if cfg.objective.semantic_weight else None
         vocabulary = vocabulary_of(caption for clip in parts.train for caption in clip.captions)
+        if weights and cfg.model.text == "words":
+            vocabulary = WordTransformer.vocabulary_in(weights, "text.")
         with seeded(cfg.training.seed, 0):
             self.network: nn.Module = TextDenoiser(cfg.model, self.layout.width, cfg.forward.steps, vocabulary)
+        if weights:
+            _begin_with(self.network, weights, cfg.model.start)
 
     def _pool(self, clips: list) -> Pool | None:
         return Pool(clips, [normalised(clip.features, self.statistics) for clip in clips], self.cfg.padded) if clips else None
@@ -112,6 +119,16 @@ class TextObjective(Objective):
     def learnt(self) -> dict[str, Tensor]:
         """Mean and deviation of the features."""
         return self.statistics.tensors()
+
+
+def _begin_with(network: nn.Module, weights: Mapping[str, Tensor], start: str) -> None:
+    own = network.state_dict()
+    shapes = [{name: tuple(t.shape) for name, t in tensors.items()} for tensors in (own, weights)]
+    if shapes[0] != shapes[1]:
+        other = next(name for name in sorted({*own} | {*weights}) if shapes[0].get(name) != shapes[1].get(name))
+        found = f"start is {start!r}, whose {other} has the shape {shapes[1].get(other)}"
+        raise ValueError(f"{found}; expected {shapes[0].get(other)}: a run of the same sizes")
+    network.load_state_dict(weights)
 
 
 def normalised(features: Float[np.ndarray, "T D"], statistics: Statistics) -> Float[Tensor, "T D"]:

@@ -16,7 +16,7 @@ from mwlib.text_to_motion.baselines import any_clip, mean_pose, nearest_caption
 from mwlib.text_to_motion.dataset import CaptionsConfig, Parts, fingerprint, load_clips
 from mwlib.text_to_motion.evaluation import embed, evaluate, thinned
 from mwlib.text_to_motion.matching import Matcher
-from mwlib.text_to_motion.realism import claims_met, movement
+from mwlib.text_to_motion.realism import CLAIMS, claims_met, movement
 from tests.text_to_motion.sample import clip, small, toy
 
 
@@ -55,7 +55,8 @@ def test_metrics_are_the_public_ones(monkeypatch):
     made, true = embed(Judge(), motions), embed(Judge(), real)
     assert found["mean"]["fid"] == pytest.approx(mw.metrics.fid(made, true), rel=1e-6)
     assert found["windows"] == 6 and found["clips"] == [c.name for c in parts.test]
-    assert found["values"]["path"] == pytest.approx([movement(x, HUMANML3D)["path"] for x in motions])
+    assert found["values"]["way"] == pytest.approx([movement(x, HUMANML3D)["way"] for x in motions])
+    assert not {*CLAIMS} & {*movement(motions[0], HUMANML3D)}  # a claim and a measure of one name would be mixed
 
 
 def test_replicates_are_averaged_with_their_error(monkeypatch):
@@ -85,7 +86,7 @@ def test_movement_of_one_who_slides():
     x = torch.zeros(40, HUMANML3D.width)
     x[:, HUMANML3D.blocks["root_velocity"]] = torch.tensor([0.0, 0.05])  # 1 m/s ahead, as a statue
     found = movement(x, HUMANML3D)
-    assert found["path"] == pytest.approx(39 * 0.05, rel=1e-4) and found["speed"] == pytest.approx(1.0, rel=1e-3)
+    assert found["way"] == pytest.approx(39 * 0.05, rel=1e-4) and found["joint_speed"] == pytest.approx(1.0, rel=1e-3)
     assert found["skate"] == pytest.approx(1.0, rel=1e-3) and found["jerk"] == pytest.approx(0, abs=0.2)
     assert math.isclose(found["bone_jitter"], 0, abs_tol=1e-6)
 
