@@ -8,7 +8,7 @@ from typing import Annotated, ClassVar, Literal
 from annotated_types import Ge
 
 from mwlib.diffusion.schedule import ddim_indices
-from mwlib.settings import BelowOne, Count, Natural, NotNegative, Positive, Settings, Share
+from mwlib.settings import BelowOne, Count, Natural, NotNegative, Settings, Share
 from mwlib.text_to_motion.dataset import CaptionsConfig
 from mwlib.text_to_motion.losses import Band, Norm, Semantic, Stage
 from mwlib.text_to_motion.presets import PRESETS

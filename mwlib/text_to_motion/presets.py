@@ -18,7 +18,8 @@ _STABLEMOFUSION: dict[str, Any] = dict(
 # StableMoFusion: of 263 numbers four say where a body goes.
 _TEACHING: dict[str, Any] = dict(
     data="people", longest=120, normalisation="stablemofusion", width=192, layers=4, heads=4, feedforward=512, text_width=128,
-    text_layers=1, attention_dropout=0.0, frames_per_token=4, lr=1e-3, lr_schedule="cosine", warmup=100, weight_decay=0.01, ema=0.995, ema_start=200,
+    text_layers=1, attention_dropout=0.0, frames_per_token=4, lr=1e-3, lr_schedule="cosine", warmup=100, weight_decay=0.01,
+    ema=0.995, ema_start=200,
 )  # fmt: skip
 
 PRESETS: dict[str, dict[str, Any]] = {

@@ -23,8 +23,8 @@ def movement(features: Float[Tensor, "T D"], layout: FeatureLayout) -> dict[str,
         layout: what a row means.
 
     Returns:
-        "joint_speed" (m/s), "way" (m), "jerk" (m/s³), "skate" (m/s, NaN where no toe is on the floor; the floor is the lowest toe),
-        "bone_jitter" (m, mean step of a bone's length from frame to frame).
+        "joint_speed" (m/s), "way" (m), "jerk" (m/s³), "skate" (m/s, NaN where no toe is on the floor; the floor is the lowest
+        toe), "bone_jitter" (m, mean step of a bone's length from frame to frame).
     """
     joints = joints_of(features.float(), layout) * layout.metres_per_unit
     flat = joints.flatten(-2)[None, None]
@@ -33,7 +33,9 @@ def movement(features: Float[Tensor, "T D"], layout: FeatureLayout) -> dict[str,
         "joint_speed": float(speed(flat, layout.fps)),
         "way": float(path_length(joints[:, 0, [0, 2]])),
         "jerk": float(jerk(flat, layout.fps)),
-        "bone_jitter": float(bones_of((joints[:, 1:] - joints[:, :1]).flatten(-2), layout.skeleton).norm(dim=-1).diff(dim=0).abs().mean()),
+        "bone_jitter": float(
+            bones_of((joints[:, 1:] - joints[:, :1]).flatten(-2), layout.skeleton).norm(dim=-1).diff(dim=0).abs().mean()
+        ),
     }
     if toes:
         floor = float(joints[:, toes, 1].amin())

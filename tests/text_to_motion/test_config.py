@@ -28,7 +28,12 @@ def test_the_published_presets_have_the_published_settings():
     mdm, smf = Config.preset("mdm"), Config.preset("stablemofusion")
     assert (mdm.model.width, mdm.model.layers, mdm.model.heads, mdm.model.feedforward, mdm.forward.steps) == (512, 8, 4, 1024, 50)
     assert (mdm.training.lr, mdm.training.batch, mdm.sampling.guidance, mdm.objective.drop_text) == (1e-4, 64, 2.5, 0.1)
-    assert (smf.forward.schedule, smf.forward.steps, smf.sampling.sampler, smf.sampling.sampling_steps) == ("linear", 1000, "sde_dpm", 10)
+    assert (smf.forward.schedule, smf.forward.steps, smf.sampling.sampler, smf.sampling.sampling_steps) == (
+        "linear",
+        1000,
+        "sde_dpm",
+        10,
+    )
     assert (smf.training.lr, smf.training.lr_gamma, smf.training.clip_gradient) == (2e-4, 0.9, 1.0)
 
 

@@ -48,7 +48,7 @@ def gradient(**changes) -> tuple[float, list[torch.Tensor]]:
 
 def test_the_losses_add_up_with_their_weights(critic):
     main, low, semantic = (
-        gradient(simple_weight=s, low_weight=l, semantic_weight=m)[0] for s, l, m in ((1, 0, 0), (0, 1, 0), (0, 0, 1))
+        gradient(simple_weight=s, low_weight=w, semantic_weight=m)[0] for s, w, m in ((1, 0, 0), (0, 1, 0), (0, 0, 1))
     )
     total, _ = gradient(simple_weight=2.0, low_weight=0.5, semantic_weight=0.25)
     assert total == pytest.approx(2 * main + 0.5 * low + 0.25 * semantic, rel=1e-5)
