@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import textwrap
 from collections.abc import Mapping, Sequence
 
 import numpy as np
@@ -42,12 +43,16 @@ def ways(rows: Mapping[str, Sequence[Motion]]) -> tuple[Figure, np.ndarray]:
         for number, path in enumerate(several):
             ax.plot(*path.T, color=CYCLE[number % len(CYCLE)], linewidth=1.6)
         ax.plot(0, 0, "o", color="black")
-        ax.set(title=_wrapped(title), xlim=(-reach, reach), ylim=(-reach, reach), aspect="equal")
+        ax.set(xlim=(-reach, reach), ylim=(-reach, reach), aspect="equal")
+        ax.set_title(_wrapped(title), fontsize=9.5)
         ax.grid(color=FAINT)
     for ax in axes.flat[count:]:
         ax.set_axis_off()
-    fig.supxlabel("to the right (m)", fontsize=10)
-    fig.supylabel("ahead (m)", fontsize=10)
+    for ax in axes.flat[max(count - columns, 0) : count]:  # the lowest of each column
+        ax.set_xlabel("to the right (m)")
+        ax.tick_params(labelbottom=True)
+    for ax in axes[:, 0]:
+        ax.set_ylabel("ahead (m)")
     return fig, axes
 
 
@@ -62,20 +67,13 @@ def _seen_from_above(motion: Motion) -> Float[np.ndarray, "T 2"]:
     return np.stack([way @ to_right, way @ ahead], axis=-1)
 
 
-def _wrapped(text: str, width: int = 24) -> str:
-    """Words on lines that fit above a panel."""
-    lines = [""]
-    for word in text.split():
-        lines += [word] if len(lines[-1]) + len(word) >= width else []
-        if lines[-1] != word:
-            lines[-1] = f"{lines[-1]} {word}".strip()
-    return "\n".join(lines)
+def _wrapped(text: str, width: int = 22) -> str:
+    """Words on up to four lines that fit above a panel; what comes after them is cut off."""
+    return textwrap.fill(text, width, max_lines=4, placeholder=" …")
 
 
 @style()
-def emerging_way(
-    paths: Sequence[Float[Array, "T 2"]], levels: Sequence[float], *, limbs: Sequence[Float[Array, " T"]], fps: float
-):
+def emerging_way(paths: Sequence[Float[Array, "T 2"]], levels: Sequence[float], *, limbs: Sequence[Float[Array, " T"]], fps: float):
     """The clean estimate's way and the height of one joint, from the first denoising step (light) to the last (dark).
 
     Args:
@@ -116,7 +114,7 @@ def free_overview(features: Float[Array, "T D"], noisy: Float[Array, "T D"], mot
     """
     fig, ax = sheet(3.9)
     moments = np.linspace(0, len(motion) - 1, 4).round().astype(int)
-    box(ax, (0.1, 3.2, 2.0, 0.5), f"“{_wrapped(text, 30)}”", CYCLE[2])
+    box(ax, (0.1, 3.13, 2.0, 0.7), f"“{_wrapped(text, 30)}”", CYCLE[2])
     row_of_bodies(ax, (0.1, 2.05, 2.0, 0.85), "a clip", [(motion.with_up("z").positions[moments], "truth")], motion.skeleton)
     image(ax, (0.1, 1.0, 0.85, 0.75), "features $\\mathbf{y}_0$", np.clip(np.asarray(features).T, -3, 3))
     image(ax, (1.25, 1.0, 0.85, 0.75), "with noise $\\mathbf{y}_t$", np.clip(np.asarray(noisy).T, -3, 3))
@@ -134,7 +132,5 @@ def free_overview(features: Float[Array, "T D"], noisy: Float[Array, "T D"], mot
     for bottom, words, colour in rows:
         box(ax, (4.15, bottom, 2.15, 0.75), words, colour)
         arrow(ax, (3.7, 1.37), (4.15, bottom + 0.37))
-    ax.text(
-        0.1, 0.4, "light: training; two extra losses,\neach at its own share of noise", fontsize=9, color=OBSERVED, va="center"
-    )
+    ax.text(0.1, 0.4, "In training two losses are added,\neach at its own share of noise.", fontsize=9, color=OBSERVED, va="center")
     return fig, ax

@@ -6,7 +6,6 @@ import hashlib
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
-from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
@@ -15,6 +14,7 @@ from mwlib.data.captioned_cmu import captioned_cmu
 from mwlib.data.captions import CaptionedClip
 from mwlib.data.formats.humanml import LAYOUTS, FeatureLayout
 from mwlib.data.formats.humanml_folder import read_folder
+from mwlib.data.load import find_source
 from mwlib.data.synthetic.captioned import captioned_people
 from mwlib.settings import Count, Natural
 
@@ -72,7 +72,7 @@ def _read(data: str, clips: int) -> list[CaptionedClip]:
         return captioned_people(clips)
     if data == "cmu":
         return captioned_cmu()
-    return read_folder(Path(data))
+    return read_folder(find_source(data))
 
 
 def _cut(clip: CaptionedClip, longest: int) -> CaptionedClip:
