@@ -73,7 +73,9 @@ def _wrapped(text: str, width: int = 22) -> str:
 
 
 @style()
-def emerging_way(paths: Sequence[Float[Array, "T 2"]], levels: Sequence[float], *, limbs: Sequence[Float[Array, " T"]], fps: float):
+def emerging_way(
+    paths: Sequence[Float[Array, "T 2"]], levels: Sequence[float], *, limbs: Sequence[Float[Array, " T"]], fps: float
+):
     """The clean estimate's way and the height of one joint, from the first denoising step (light) to the last (dark).
 
     Args:
@@ -132,5 +134,7 @@ def free_overview(features: Float[Array, "T D"], noisy: Float[Array, "T D"], mot
     for bottom, words, colour in rows:
         box(ax, (4.15, bottom, 2.15, 0.75), words, colour)
         arrow(ax, (3.7, 1.37), (4.15, bottom + 0.37))
-    ax.text(0.1, 0.4, "In training two losses are added,\neach at its own share of noise.", fontsize=9, color=OBSERVED, va="center")
+    ax.text(
+        0.1, 0.4, "In training two losses are added,\neach at its own share of noise.", fontsize=9, color=OBSERVED, va="center"
+    )
     return fig, ax
