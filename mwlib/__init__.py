@@ -20,5 +20,6 @@ from mwlib.version import __version__
 
 __all__ = [
     "Config", "DCTTransform", "Motion", "MotionFormatError", "PhaseTransform", "Skeleton", "WaveletTransform", "Windows",
-    "generate", "get_model", "get_run", "inbetween", "load_motions", "load_run", "metrics", "plots", "windows", "write_bvh", "__version__",
+    "generate", "get_model", "get_run", "inbetween", "load_motions", "load_run", "metrics", "plots", "windows", "write_bvh",
+    "__version__",
 ]  # fmt: skip

@@ -40,7 +40,7 @@ def main(words: list[str] | None = None) -> int:
         if error.name is None or error.name.partition(".")[0] == "mwlib":
             raise
         print(f'mwlib: {error}; this command needs pip install "motion-wavelet-notebooks[notebooks]"', file=sys.stderr)
-    except (OSError, ValueError) as error:
+    except (ImportError, OSError, ValueError) as error:
         print(f"mwlib: {error}", file=sys.stderr)
     return 1
 

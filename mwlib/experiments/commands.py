@@ -23,7 +23,9 @@ def add_parser(subparsers: _SubParsersAction) -> None:
     """Register this module's commands."""
     text = "train a preset, or go on with a run that was stopped; prints the run's folder"
     parser = subparsers.add_parser("train", help=text, description=f"{text.capitalize()}.", epilog=_names())
-    parser.add_argument("--system", default="prediction", help="prediction, inbetweening, text_to_motion or matching (default: prediction)")
+    parser.add_argument(
+        "--system", default="prediction", help="prediction, inbetweening, text_to_motion or matching (default: prediction)"
+    )
     parser.add_argument("--preset", default="laptop", help=f"one of {', '.join(Config.presets)} ... (default: laptop)")
     add_set(parser)
     parser.set_defaults(run=_train)
@@ -52,8 +54,8 @@ def add_parser(subparsers: _SubParsersAction) -> None:
 
 
 _SHIPPING = (
-    "synthetic and sentences take about an hour of one core, evaluator and critic some minutes, cmu and inbetween half an hour and "
-    "the clips under MWLIB_DATA; a graphics card is used where there is one. A training that was stopped goes on."
+    "synthetic and sentences take about an hour of one core, evaluator and critic some minutes, cmu and inbetween half an hour "
+    "and the clips under MWLIB_DATA; a graphics card is used where there is one. A training that was stopped goes on."
 )
 
 

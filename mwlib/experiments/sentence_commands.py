@@ -12,7 +12,7 @@ from mwlib.experiments.sentences import SHIPPED, generate
 
 _TEXT = (
     "Sample motions that do what a sentence says, and write each as a BVH file that Blender opens. The model that comes with the "
-    "package has learnt from synthetic people: they walk, run, turn, jump, wave, kick, sit and reach, and it knows the words for that."
+    "package has learnt from synthetic people: they walk, run, turn, jump, wave, kick, sit and reach."
 )
 
 

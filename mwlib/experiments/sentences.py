@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from pathlib import Path
+
+import numpy as np
 
 from mwlib.body.motion import Motion
 from mwlib.experiments.runs import load_run
@@ -12,6 +15,7 @@ from mwlib.text_to_motion.generator import TextToMotion
 from mwlib.text_to_motion.motions import motion_of
 
 SHIPPED = "sentences"  # the model that comes with the package
+MOST = 1000  # samples of a sentence: the next sentence's motions have noise of their own
 
 
 def generate(
@@ -27,7 +31,7 @@ def generate(
     Args:
         texts: a sentence, or several.
         seconds: length of each motion, or one length for all; rounded to a multiple of four frames.
-        samples: motions of each sentence.
+        samples: motions of each sentence, at most 1000.
         seed: of their noise. The first motions do not depend on how many are asked for.
         run: folder of a finished run of text-to-motion, a name that `load_run` knows, or its model.
         progress: show a bar.
@@ -47,11 +51,13 @@ def generate(
     if not isinstance(model, TextToMotion):
         raise ValueError(f"{run} is a run of another system; expected one of text_to_motion")
     texts = [texts] if isinstance(texts, str) else [*texts]
-    lasting = [seconds] * len(texts) if isinstance(seconds, int | float) else [*seconds]
-    if samples < 1 or len(lasting) != len(texts):
+    lasting = [float(seconds)] * len(texts) if isinstance(seconds, int | float | np.number) else [float(each) for each in seconds]
+    if wrong := [each for each in lasting if not math.isfinite(each)]:
+        raise ValueError(f"seconds is {wrong[0]}; expected a finite number")
+    if not 1 <= samples <= MOST or len(lasting) != len(texts):
         raise ValueError(f"{len(lasting)} lengths and {samples} samples; expected one length for each of {len(texts)} sentences, "
-                         "and at least one sample")  # fmt: skip
+                         f"and 1 to {MOST} samples")  # fmt: skip
     frames = [round(each * model.layout.fps / UNIT) * UNIT for each in lasting]
-    many = [(text, n, 1000 * i + s) for i, (text, n) in enumerate(zip(texts, frames, strict=True)) for s in range(samples)]
+    many = [(text, n, MOST * i + s) for i, (text, n) in enumerate(zip(texts, frames, strict=True)) for s in range(samples)]
     found = model.sample([m[0] for m in many], [m[1] for m in many], seed, ids=[m[2] for m in many], progress=progress)
     return [motion_of(x, model.layout, text) for x, (text, _, _) in zip(found, many, strict=True)]

@@ -15,7 +15,6 @@ from mwlib.experiments.store import read_result
 from mwlib.experiments.systems import system, system_of
 from mwlib.experiments.tables import details
 from mwlib.files import load_tensors, save_tensors, write_together
-from mwlib.metrics import Column
 from mwlib.settings import Settings
 from mwlib.training import MODEL
 from mwlib.version import __version__
@@ -67,7 +66,11 @@ def ship(cfg: Settings, folder: Path, title: str, command: str, progress: bool =
     found = {name: get_result(c, data, progress) for name, c in asked.items()}
     run = get_run(cfg, data)
     tensors, about = load_tensors(run / MODEL)
-    save_tensors(folder / MODEL, {name: t.half() if name.startswith("net.") and t.is_floating_point() else t for name, t in tensors.items()}, about)
+    save_tensors(
+        folder / MODEL,
+        {name: t.half() if name.startswith("net.") and t.is_floating_point() else t for name, t in tensors.items()},
+        about,
+    )
     metrics: dict[str, Any] = {name: _kept(result) for name, result in found.items()}
     metrics["training"] = read_result(run, cfg.training_hash())
     metrics["about"] = {

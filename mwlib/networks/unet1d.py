@@ -180,7 +180,8 @@ class ConditionalUNet(nn.Module):
     ) -> None:
         super().__init__()
         widths = [base * m for m in multipliers]
-        _check(widths, heads, time_width, steps, attention)
+        check_channels(base, multipliers, heads)
+        _check(time_width, steps, attention)
         self.mask_frames, self.multiple = mask_frames, 2 ** len(widths)
         self.time = nn.Sequential(nn.Linear(time_width, 4 * time_width), nn.Mish(), nn.Linear(4 * time_width, time_width))
         self.times: Tensor
@@ -263,10 +264,19 @@ def _zero(layer: nn.Module) -> nn.Module:
     return layer
 
 
-def _check(widths: list[int], heads: int, time_width: int, steps: int, attention: str) -> None:
+def check_channels(base: int, multipliers: Sequence[int], heads: int = 8) -> None:
+    """Refuse channels that `ConditionalUNet` cannot have.
+
+    Raises:
+        ValueError: no level, or channels that are no multiple of 8 and of `heads`, or below 16.
+    """
+    widths = [base * m for m in multipliers]
     if not widths or any(w < 2 * GROUPS or w % GROUPS or w % heads for w in widths):  # alone in its group a channel is 0
         wanted = f"multiples of {GROUPS} from {2 * GROUPS} on, and of heads ({heads})"
         raise ValueError(f"channels are {widths}; expected one number per level, {wanted}")
+
+
+def _check(time_width: int, steps: int, attention: str) -> None:
     if time_width % 2 or steps < 1:
         raise ValueError(f"time_width is {time_width} and steps {steps}; expected an even number, and at least 1 step")
     if attention not in ("linear", "ordinary"):

@@ -14,6 +14,8 @@ from torch import Tensor
 from mwlib.data.captions import CaptionedClip
 from mwlib.networks.text import words_of
 
+ROWS = 256  # sentences compared together: with all captions of HumanML3D they fill 140 MB
+
 
 def nearest_caption(clips: Sequence[CaptionedClip], texts: Sequence[str]) -> list[int]:
     """For each sentence the clip with a caption that shares most words with it: cosine of word counts; of equals the first.
@@ -25,8 +27,9 @@ def nearest_caption(clips: Sequence[CaptionedClip], texts: Sequence[str]) -> lis
     captions = [caption for clip in clips for caption in clip.captions]
     owner = [i for i, clip in enumerate(clips) for _ in clip.captions]
     vocabulary = {word: i for i, word in enumerate(sorted({word for text in [*captions, *texts] for word in words_of(text)}))}
-    near = (_counts(texts, vocabulary) @ _counts(captions, vocabulary).T).toarray()
-    return [owner[int(i)] for i in near.argmax(axis=1)]
+    asked, known = _counts(texts, vocabulary), _counts(captions, vocabulary).T.tocsr()
+    parts = [(asked[first : first + ROWS] @ known).toarray().argmax(axis=1) for first in range(0, len(texts), ROWS)]
+    return [owner[int(i)] for i in np.concatenate(parts)]
 
 
 def _counts(texts: Sequence[str], vocabulary: dict[str, int]) -> csr_array:
@@ -34,7 +37,7 @@ def _counts(texts: Sequence[str], vocabulary: dict[str, int]) -> csr_array:
     rows = [Counter(vocabulary[word] for word in words_of(text)) for text in texts]
     sizes = [np.sqrt(sum(n * n for n in row.values())) or 1.0 for row in rows]
     places = [(i, word, n / size) for i, (row, size) in enumerate(zip(rows, sizes, strict=True)) for word, n in row.items()]
-    at, words, values = zip(*places, strict=True)
+    at, words, values = zip(*places, strict=True) if places else ((), (), ())
     return csr_array((values, (at, words)), shape=(len(texts), len(vocabulary)))
 
 
@@ -46,5 +49,6 @@ def any_clip(clips: Sequence[CaptionedClip], count: int, seed: int) -> list[int]
 
 def mean_pose(clips: Sequence[CaptionedClip], frames: Sequence[int]) -> list[Float[Tensor, "_ D"]]:
     """The mean of all features, in every frame: who moves like nobody."""
-    mean = torch.from_numpy(np.concatenate([clip.features for clip in clips]).mean(0))
+    total = np.sum([clip.features.sum(0, dtype=np.float64) for clip in clips], axis=0)
+    mean = torch.from_numpy((total / sum(len(clip.features) for clip in clips)).astype(np.float32))
     return [mean.repeat(n, 1) for n in frames]

@@ -8,11 +8,14 @@ from typing import Annotated, ClassVar, Literal
 from annotated_types import Ge
 
 from mwlib.diffusion.schedule import ddim_indices
-from mwlib.settings import BelowOne, Count, Natural, NotNegative, Positive, Settings, Share
-from mwlib.text_to_motion.dataset import CaptionsConfig
+from mwlib.networks.unet1d import check_channels
+from mwlib.settings import BelowOne, Count, Natural, NotNegative, Settings, Share
+from mwlib.text_to_motion.dataset import UNIT, CaptionsConfig
 from mwlib.text_to_motion.losses import Band, Norm, Semantic, Stage
 from mwlib.text_to_motion.presets import PRESETS
 from mwlib.training.config import TrainingConfig
+
+RANKS = 3  # of R-precision, top 1 to 3
 
 Method = Literal["diffusion", "truth", "other_captions", "any_clip", "nearest_caption", "mean_pose"]
 
@@ -113,6 +116,10 @@ class Config(Settings):
     def check(self) -> None:
         """Refuse values that do not fit each other."""
         m, s, steps = self.model, self.sampling, self.forward.steps
+        if m.text != "clip" and (m.text_width % m.heads or m.text_width % 2):
+            raise ValueError(f"text_width is {m.text_width}; expected an even multiple of heads ({m.heads})")
+        if m.network == "unet":
+            check_channels(m.width, m.multipliers)
         if m.network == "mdm" and (m.width % m.heads or m.width % 2):
             raise ValueError(f"width is {m.width}; expected an even multiple of heads ({m.heads})")
         if (m.text == "clip") != bool(m.clip_folder):
@@ -120,6 +127,12 @@ class Config(Settings):
         if s.sampling_steps > steps:
             raise ValueError(f"sampling_steps is {s.sampling_steps}; expected at most steps ({steps})")
         if s.sampling_steps:
-            ddim_indices(steps, s.sampling_steps)
+            ddim_indices(steps, s.sampling_steps, "trailing")
+        if s.pool < RANKS or 0 < s.test_clips < RANKS:
+            raise ValueError(
+                f"pool is {s.pool} and test_clips {s.test_clips}; expected at least {RANKS}, or test_clips=0 for all"
+            )
+        if self.data.shortest < UNIT:
+            raise ValueError(f"shortest is {self.data.shortest}; expected at least {UNIT} frames")
         if self.data.longest < self.data.shortest:
             raise ValueError(f"longest is {self.data.longest}; expected at least shortest ({self.data.shortest})")

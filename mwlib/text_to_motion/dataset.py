@@ -14,7 +14,7 @@ from mwlib.data.captioned_cmu import captioned_cmu
 from mwlib.data.captions import CaptionedClip
 from mwlib.data.formats.humanml import LAYOUTS, FeatureLayout
 from mwlib.data.formats.humanml_folder import read_folder
-from mwlib.data.load import find_source
+from mwlib.data.load import data_folder, find_source
 from mwlib.data.synthetic.captioned import captioned_people
 from mwlib.settings import Count, Natural
 
@@ -25,9 +25,9 @@ UNIT = 4  # frames: lengths are multiples of it, as the evaluators' convolutions
 class CaptionsConfig:
     """Which clips."""
 
-    data: str = "people"  # "people", "cmu", or a folder laid out as HumanML3D or KIT
+    data: str = "people"  # "people", "cmu", or a folder laid out as HumanML3D or KIT, here or under MWLIB_DATA
     clips: Count = 2400  # of "people"; other data are what they are
-    shortest: Count = 40  # frames: shorter clips are left out
+    shortest: Count = 40  # frames: shorter clips are left out; at least 4. KIT's loader takes 24
     longest: Count = 196  # frames: longer clips are cut
     few: Natural = 0  # train on so many clips only, spread evenly; 0 = all
 
@@ -54,9 +54,10 @@ def load_clips(source: CaptionsConfig) -> Parts:
 
     Raises:
         ValueError: nothing is left to train or to test on.
-        MotionFormatError, FileNotFoundError: as the reader of the data.
+        FileNotFoundError: there is no such folder.
+        MotionFormatError: as the reader of the data.
     """
-    clips = [_cut(clip, source.longest) for clip in _read(source.data, source.clips) if len(clip.features) >= source.shortest]
+    clips = [_cut(clip, source.longest) for clip in _clips(source) if len(clip.features) >= source.shortest]
     train, val, test = ([clip for clip in clips if clip.split == split] for split in ("train", "val", "test"))
     if source.few:
         train = [train[i] for i in np.linspace(0, len(train) - 1, min(source.few, len(train))).round().astype(int)]
@@ -66,19 +67,39 @@ def load_clips(source: CaptionsConfig) -> Parts:
     return Parts(train, val, test)
 
 
+def _clips(source: CaptionsConfig) -> list[CaptionedClip]:
+    if source.data == "people":
+        return _people(source.clips)
+    if source.data == "cmu":
+        return _cmu(data_folder().absolute())
+    try:
+        folder = find_source(source.data)
+    except FileNotFoundError:
+        found = f"data is {source.data!r}, which is neither here nor in {data_folder()}, the folder of data (MWLIB_DATA)"
+        raise FileNotFoundError(f"{found}; expected people, cmu, or a folder laid out as HumanML3D or KIT") from None
+    return _folder(folder)
+
+
 @cache
-def _read(data: str, clips: int) -> list[CaptionedClip]:
-    if data == "people":
-        return captioned_people(clips)
-    if data == "cmu":
-        return captioned_cmu()
-    return read_folder(find_source(data))
+def _people(clips: int) -> list[CaptionedClip]:
+    return captioned_people(clips)
+
+
+@cache
+def _cmu(folder: Path) -> list[CaptionedClip]:
+    return captioned_cmu(folder)
+
+
+@cache
+def _folder(folder: Path) -> list[CaptionedClip]:
+    return read_folder(folder)
 
 
 def _cut(clip: CaptionedClip, longest: int) -> CaptionedClip:
+    """A clip that is cut may not show any more what was known of it."""
     if len(clip.features) <= longest:
         return clip
-    return CaptionedClip(clip.features[:longest], clip.captions, clip.name, clip.split, clip.attributes)
+    return CaptionedClip(clip.features[:longest], clip.captions, clip.name, clip.split)
 
 
 def fingerprint(clips: Sequence[CaptionedClip]) -> str:

@@ -48,8 +48,8 @@ class Pool:
     def draw(self, batch: int, generator: torch.Generator) -> Batch:
         """Random clips of like lengths, a random caption of each, and a random piece of it.
 
-        Source: Guo et al., 2022, their loader: the length is cut to a multiple of 4, one time in three by 4 more; the piece starts
-        anywhere.
+        Source: Guo et al., 2022, their loader: the length is cut to a multiple of 4, one time in three by 4 more; the piece
+        starts anywhere.
         """
         sizes = torch.tensor([len(bucket) for bucket in self.buckets], dtype=torch.float)
         bucket = self.buckets[int(torch.multinomial(sizes, 1, generator=generator))]
@@ -60,7 +60,9 @@ class Pool:
         lengths = torch.where(shorter & (lengths > UNIT), lengths - UNIT, lengths)
         offset = (torch.rand(batch, generator=generator) * (full - lengths + 1)).long()
         words = torch.rand(batch, generator=generator).tolist()
-        captions = [self.clips[i].captions[int(w * len(self.clips[i].captions))] for i, w in zip(picked.tolist(), words, strict=True)]
+        captions = [
+            self.clips[i].captions[int(w * len(self.clips[i].captions))] for i, w in zip(picked.tolist(), words, strict=True)
+        ]
         return self._batch(self.starts[picked] + offset, lengths, captions)
 
     def whole(self, numbers: Sequence[int], captions: Sequence[str]) -> Batch:

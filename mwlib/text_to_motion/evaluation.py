@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable, Sequence
 from typing import Any
 
@@ -13,8 +14,9 @@ from torch import Tensor
 from mwlib.data.captions import CaptionedClip
 from mwlib.data.formats.humanml import FeatureLayout
 from mwlib.metrics import Column, clustered_error, diversity, fid, mm_dist, multimodality, r_precision
+from mwlib.networks.text import words_of
 from mwlib.text_to_motion.baselines import any_clip, mean_pose, nearest_caption
-from mwlib.text_to_motion.config import Config
+from mwlib.text_to_motion.config import RANKS, Config
 from mwlib.text_to_motion.dataset import UNIT, Parts
 from mwlib.text_to_motion.draws import one_caption_each
 from mwlib.text_to_motion.generator import TextToMotion
@@ -43,6 +45,7 @@ DETAILS = {
 }
 
 PAIRS = 300  # of Diversity
+STRANGE = 0.1  # share of words that an evaluator does not know, from which on its scores are doubted: own choice
 
 Make = Callable[[Sequence[str], Sequence[int], int], list[Tensor]]  # sentences, lengths, seed -> raw features
 
@@ -101,9 +104,17 @@ def evaluate(cfg: Config, get_model: Callable[[], TextToMotion], parts: Parts, p
     Returns:
         "mean" and "standard_error" by metric (of the set metrics over replicates, where there are several; of the others over
         clips), "windows" (clips), "values" of each clip by metric with the "clips" that they belong to.
+
+    Warns where the evaluator does not know many words of the captions, as the one that comes with the package on other data.
+
+    Raises:
+        ValueError: there are fewer than three test clips.
     """
     test = thinned(parts.test, cfg.sampling.test_clips)
+    if len(test) < RANKS:
+        raise ValueError(f"there are {len(test)} test clips; expected at least {RANKS}, to rank them by their captions")
     make, judge = make_motions(cfg, get_model, parts, test), open_matcher(cfg.sampling.evaluator, parts.layout)
+    _warn_of_strange_words(cfg.sampling.evaluator, judge, test)
     lengths = [len(clip.features) // UNIT * UNIT for clip in test]
     real = embed(judge, [torch.from_numpy(clip.features[:n]) for clip, n in zip(test, lengths, strict=True)])
     rounds, values = [], []
@@ -125,6 +136,18 @@ def thinned(clips: Sequence[CaptionedClip], count: int) -> list[CaptionedClip]:
     if not 0 < count < len(clips):
         return list(clips)
     return [clips[i] for i in np.linspace(0, len(clips) - 1, count).round().astype(int)]
+
+
+def _warn_of_strange_words(name: str, judge: Matcher, test: Sequence[CaptionedClip]) -> None:
+    words = [word for clip in test for caption in clip.captions for word in words_of(caption)]
+    known = {*judge.vocabulary.words}
+    strange = [word for word in words if word not in known]
+    if len(strange) > STRANGE * len(words):
+        warnings.warn(
+            f"{name} does not know {len(strange)} of {len(words)} words of the test captions, such as {strange[0]!r}: its scores "
+            "mean little; expected one that was trained on such data (`mwlib train --system matching --set data=FOLDER`)",
+            stacklevel=3,
+        )
 
 
 def _of_sets(cfg: Config, seed: int, text: Tensor, motion: Tensor, real: Tensor) -> dict[str, float]:

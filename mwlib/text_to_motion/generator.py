@@ -76,7 +76,7 @@ class TextToMotion:
             raise ValueError(f"sentence {empty[0]} is empty; expected words")
         if wrong := [n for n in frames if not shortest <= n <= longest]:
             raise ValueError(
-                f"frames is {wrong[0]}; expected {shortest} to {longest} at {self.layout.fps:g} Hz, for which the model was trained"
+                f"frames is {wrong[0]}; expected {shortest} to {longest} at {self.layout.fps:g} Hz, as the model was trained"
             )
 
     @torch.inference_mode()

@@ -78,6 +78,10 @@ PRESETS: dict[str, dict[str, Any]] = {
         weight_decay=0.0, clip_gradient=0.5, ema=0.0, ema_start=0, word_dropout=0.0,
     ),
 }  # fmt: skip
+PRESETS["cmu"] = PRESETS["laptop"] | dict(data="cmu", half="all")  # too few clips to halve
+# One name builds the figures of all systems.
+PRESETS |= {"laptop_plus": PRESETS["laptop"], "cmu_plus": PRESETS["cmu"]}
+PRESETS |= {name: PRESETS["humanml3d"] for name in ("mdm", "stablemofusion", "h36m", "humaneva")}
 
 
 @dataclass(frozen=True)

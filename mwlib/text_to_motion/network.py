@@ -66,11 +66,13 @@ class TextDenoiser(nn.Module):
 def make_text(cfg: ModelConfig, vocabulary: Sequence[str]) -> TextEncoder:
     """The untrained text encoder that a configuration names; CLIP's weights come from their file.
 
+    CLIP reads 20 tokens for MDM and 75 for the U-Net, which sees the padding, too: as published for each of them.
+
     Raises:
         FileNotFoundError, ImportError: as `ClipText`.
     """
     if cfg.text == "clip":
-        return ClipText(cfg.clip_folder)
+        return ClipText(cfg.clip_folder, longest=75, padded=True) if cfg.network == "unet" else ClipText(cfg.clip_folder)
     if cfg.text == "ngrams":
         return HashedNgrams(width=cfg.text_width, layers=cfg.text_layers, heads=cfg.heads, dropout=cfg.dropout)
     return WordTransformer(vocabulary, cfg.text_width, cfg.text_layers, cfg.heads, cfg.dropout, forget=FORGET)

@@ -13,7 +13,7 @@ from mwlib.diffusion import alpha_bar, noised
 from mwlib.networks.text import WordTransformer, vocabulary_of
 from mwlib.text_to_motion.config import Config
 from mwlib.text_to_motion.dataset import Parts
-from mwlib.text_to_motion.draws import Batch, Pool, one_caption_each
+from mwlib.text_to_motion.draws import Batch, Pool
 from mwlib.text_to_motion.judges import open_matcher, run_folder
 from mwlib.text_to_motion.losses import LowPass, low_frequency_loss, masked_error, semantic_loss, stage_weights
 from mwlib.text_to_motion.matching import Matcher
@@ -22,6 +22,7 @@ from mwlib.text_to_motion.statistics import Statistics
 from mwlib.training import Objective, read_model, seeded
 
 VALIDATION_BATCHES = 4  # of 64 clips
+CHUNK = 256  # clips whose power is measured together
 
 
 class TextObjective(Objective):
@@ -64,9 +65,11 @@ class TextObjective(Objective):
 
     def _power(self) -> Float[Tensor, " K"]:
         """Of the low cosines of the training clips, over all features."""
-        clips = [*range(len(self.pool.clips))]
-        batch = self.pool.whole(clips, one_caption_each(self.pool.clips, 0))
-        return self.low_pass.coefficients(batch.y, batch.lengths).square().mean((0, 2))
+        count, total = len(self.pool.clips), torch.zeros(())
+        for part in torch.arange(count).split(CHUNK):
+            batch = self.pool.whole(part.tolist(), [""] * len(part))
+            total = total + self.low_pass.coefficients(batch.y, batch.lengths).square().mean(2).sum(0)
+        return total / count
 
     def to(self, device: torch.device) -> None:
         """Move the clips and the critic."""

@@ -12,7 +12,6 @@ from mwlib.metrics import foot_skate, jerk, path_length, speed
 from mwlib.text_to_motion.attributes import measured_attributes
 
 CLAIMS = ("action", "then", "path", "speed", "hand", "foot", "turn", "count")  # of what a caption of synthetic people may say
-TOES = ("left_foot", "right_foot")
 
 
 def movement(features: Float[Tensor, "T D"], layout: FeatureLayout) -> dict[str, float]:
@@ -23,22 +22,22 @@ def movement(features: Float[Tensor, "T D"], layout: FeatureLayout) -> dict[str,
         layout: what a row means.
 
     Returns:
-        "joint_speed" (m/s), "way" (m), "jerk" (m/s³), "skate" (m/s, NaN where no toe is on the floor; the floor is the lowest toe),
-        "bone_jitter" (m, mean step of a bone's length from frame to frame).
+        "joint_speed" (m/s), "way" (m), "jerk" (m/s³), "skate" (m/s, NaN where no toe is on the floor; the floor is the lowest
+        toe), "bone_jitter" (m, mean step of a bone's length from frame to frame).
     """
     joints = joints_of(features.float(), layout) * layout.metres_per_unit
     flat = joints.flatten(-2)[None, None]
-    toes = [layout.skeleton.joints.index(name) for name in TOES if name in layout.skeleton.joints]
-    found = {
+    toes = layout.contact_joints[1::2]
+    floor = float(joints[:, toes, 1].amin())
+    return {
         "joint_speed": float(speed(flat, layout.fps)),
         "way": float(path_length(joints[:, 0, [0, 2]])),
         "jerk": float(jerk(flat, layout.fps)),
-        "bone_jitter": float(bones_of((joints[:, 1:] - joints[:, :1]).flatten(-2), layout.skeleton).norm(dim=-1).diff(dim=0).abs().mean()),
+        "bone_jitter": float(
+            bones_of((joints[:, 1:] - joints[:, :1]).flatten(-2), layout.skeleton).norm(dim=-1).diff(dim=0).abs().mean()
+        ),
+        "skate": float(foot_skate(joints.flatten(-2), toes, layout.fps, up="y", floor=floor)),
     }
-    if toes:
-        floor = float(joints[:, toes, 1].amin())
-        found["skate"] = float(foot_skate(joints.flatten(-2), toes, layout.fps, up="y", floor=floor))
-    return found
 
 
 def claims_met(features: Float[Tensor, "T D"], clip: CaptionedClip, layout: FeatureLayout) -> dict[str, float]:

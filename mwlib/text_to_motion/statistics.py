@@ -24,6 +24,7 @@ Kind = Literal["mdm", "stablemofusion", "evaluator"]
 # and the evaluators of Guo et al. 2022 (code: `feat_bias`, and the ratio of the evaluators' t2m_std.npy to Std.npy).
 WEIGHT: dict[str, float] = {"mdm": 1.0, "stablemofusion": 5.0, "evaluator": 25.0}
 WEIGHED = ("yaw_rate", "root_velocity", "height", "contacts")
+COLUMNS = 64  # features measured together
 SMALL_ARRAY = 100_000  # bytes; Mean.npy has 3 thousand
 
 
@@ -42,7 +43,7 @@ class Statistics:
 
     kind: Kind
     mean: Float[Tensor, " D"]
-    deviation: Float[Tensor, " D"]
+    deviation: Float[Tensor, " _D"]
     layout: FeatureLayout
 
     def __post_init__(self) -> None:
@@ -72,11 +73,10 @@ class Statistics:
         """
         if not clips:
             raise ValueError("there are no clips; expected some, to measure mean and deviation")
-        frames = np.concatenate([np.asarray(clip, np.float64) for clip in clips])
-        deviation = frames.std(axis=0)
+        mean, deviation = _moments(clips, clips[0].shape[1])
         for block in layout.blocks.values():
             deviation[block] = deviation[block].mean() or 1.0
-        mean, deviation = (torch.from_numpy(values.astype(np.float32)) for values in (frames.mean(axis=0), deviation))
+        mean, deviation = (torch.from_numpy(values.astype(np.float32)) for values in (mean, deviation))
         return cls("mdm", mean, deviation, layout).of_kind(kind)
 
     @classmethod
@@ -190,6 +190,16 @@ class Scaled:
                 f"found features of {self.by.layout.name} scaled for {found}; expected {other}: say .to(statistics) first"
             )
         return self.values
+
+
+def _moments(clips: Sequence[Float[np.ndarray, "_T D"]], width: int) -> tuple[np.ndarray, np.ndarray]:
+    """Mean and deviation of each feature, some columns at a time: all of HumanML3D in float64 would take 14 GB."""
+    mean, deviation = np.empty(width), np.empty(width)
+    for first in range(0, width, COLUMNS):
+        part = slice(first, first + COLUMNS)
+        frames = np.concatenate([np.asarray(clip[:, part], np.float64) for clip in clips])
+        mean[part], deviation[part] = frames.mean(axis=0), frames.std(axis=0)
+    return mean, deviation
 
 
 def _numbers(file: Path) -> Float[np.ndarray, " D"]:

@@ -54,7 +54,8 @@ def test_a_name_stands_for_the_model_that_comes_along_unless_a_folder_is_called_
     get_run(small()).rename(tmp_path / "cmu")
     assert load_run("cmu").representation.frames == 20
     with pytest.raises(
-        FileNotFoundError, match=r"kmu/config.yaml is missing.*models that come with mwlib: cmu, critic, evaluator, inbetween, sentences, synthetic"
+        FileNotFoundError,
+        match=r"kmu/config.yaml is missing.*models that come with mwlib: cmu, critic, evaluator, inbetween, sentences, synthetic",
     ):
         load_run("kmu")
     with pytest.raises(ValueError, match="'kmu'; expected one of synthetic, cmu, inbetween, evaluator, critic, sentences"):

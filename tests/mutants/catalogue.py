@@ -699,14 +699,16 @@ MUTANTS = [
     *of(
         "text_to_motion/losses.py", "text_to_motion/test_losses.py",
         ("cosines-of-the-padded-length", "bank[n, :kept, :n] = ", "bank[n, :kept, :n] = (n / longest) * "),
-        ("low-pass-without-the-mean", "rows = self._of(x, lengths)\n        return rows.mT", "rows = self._of(x, lengths)[:, 1:]\n        return rows.mT"),
+        ("low-pass-without-the-mean", "rows = self._of(x, lengths)\n        return rows.mT",
+         "rows = self._of(x, lengths)[:, 1:]\n        return rows.mT"),
         ("distance-per-padded-frame", "(lengths.to(error) * error.shape[-1])", "(error.shape[1] * error.shape[-1])"),
         ("high-band-with-padding", "kept = error * inside[..., None] - kept", "kept = error - kept"),
         ("meaning-that-is-never-detached", "        motion = motion.detach()\n", "        pass\n"),
         ("reward-of-everything", "-(close - threshold).clamp_min(0)", "-(close - threshold)"),
         ("penalty-instead-of-a-reward", "return -(close - threshold)", "return (close - threshold)"),
         ("eq16-without-its-last-step", "t <= int(EQ16 * steps)", "t < int(EQ16 * steps)"),
-        ("prose-stage-turned-round", "return low.float(), (~low).float()\n    if stage == \"mdm", "return (~low).float(), low.float()\n    if stage == \"mdm"),
+        ("prose-stage-turned-round", "return low.float(), (~low).float()\n    if stage == \"mdm",
+         "return (~low).float(), low.float()\n    if stage == \"mdm"),
     ),
     *of(
         "text_to_motion/draws.py", "text_to_motion/test_draws.py",
@@ -718,7 +720,8 @@ MUTANTS = [
         "text_to_motion/objective.py", "text_to_motion/test_objective.py",
         ("meaning-at-every-noise", "o.semantic_weight * semantic * self._semantic", "o.semantic_weight * self._semantic"),
         ("low-frequencies-at-every-noise", "o.low_weight * low * slow", "o.low_weight * slow"),
-        ("critic-sees-scaled-features", "critic.embed_motion(self.statistics.scaled(y0_hat).raw(), batch", "critic.embed_motion(y0_hat, batch"),
+        ("critic-sees-scaled-features", "critic.embed_motion(self.statistics.scaled(y0_hat).raw(), batch",
+         "critic.embed_motion(y0_hat, batch"),
     ),
     *of(
         "text_to_motion/generator.py", "text_to_motion/test_generator.py",
@@ -784,7 +787,8 @@ MUTANTS = [
     ),
     *of(
         "text_to_motion/attributes.py", "text_to_motion/test_attributes.py",
-        ("circles-to-the-other-side", '"left" if change > 0 else "right", "circle"', '"left" if change < 0 else "right", "circle"'),
+        ("circles-to-the-other-side", '"left" if change > 0 else "right", "circle"',
+         '"left" if change < 0 else "right", "circle"'),
         ("the-foot-that-stands", "foot = int(len(spells[1]) > len(spells[0]))", "foot = int(len(spells[1]) < len(spells[0]))"),
         ("the-last-action-first", "found[\"action\"] = events[0].action", "found[\"action\"] = events[-1].action"),
     ),

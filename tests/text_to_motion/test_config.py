@@ -16,6 +16,11 @@ from mwlib.text_to_motion.config import Config
         ({"sampling_steps": 51}, "sampling_steps is 51; expected at most steps"),
         ({"longest": 30}, "longest is 30; expected at least shortest"),
         ({"lf_norm": "l2"}, "lf_norm is 'l2'"),
+        ({"text_width": 30}, "text_width is 30; expected an even multiple of heads"),
+        ({"network": "unet", "width": 6}, r"channels are \[12, 12, 12, 12\]; expected one number per level"),
+        ({"shortest": 3}, "shortest is 3; expected at least 4 frames"),
+        ({"pool": 2}, "pool is 2 and test_clips 96; expected at least 3"),
+        ({"test_clips": 1}, "pool is 16 and test_clips 1; expected at least 3"),
         ({"stage": "late"}, "stage is 'late'"),
     ],
 )
@@ -28,7 +33,13 @@ def test_the_published_presets_have_the_published_settings():
     mdm, smf = Config.preset("mdm"), Config.preset("stablemofusion")
     assert (mdm.model.width, mdm.model.layers, mdm.model.heads, mdm.model.feedforward, mdm.forward.steps) == (512, 8, 4, 1024, 50)
     assert (mdm.training.lr, mdm.training.batch, mdm.sampling.guidance, mdm.objective.drop_text) == (1e-4, 64, 2.5, 0.1)
-    assert (smf.forward.schedule, smf.forward.steps, smf.sampling.sampler, smf.sampling.sampling_steps) == ("linear", 1000, "sde_dpm", 10)
+    assert (smf.forward.schedule, smf.forward.steps, smf.sampling.sampler, smf.sampling.sampling_steps) == (
+        "linear",
+        1000,
+        "sde_dpm",
+        10,
+    )
+    assert smf.training.ema**32 == pytest.approx(0.9932, abs=1e-4)  # published: every 32 steps
     assert (smf.training.lr, smf.training.lr_gamma, smf.training.clip_gradient) == (2e-4, 0.9, 1.0)
 
 

@@ -9,13 +9,15 @@ import pytest
 import torch
 
 import mwlib as mw
-from mwlib.data.formats.humanml import HUMANML3D
+from mwlib.data.captions import CaptionedClip
+from mwlib.data.formats.humanml import HUMANML3D, KIT
 from mwlib.data.synthetic.captioned import captioned_people
-from mwlib.text_to_motion import evaluation
+from mwlib.text_to_motion import baselines, evaluation
 from mwlib.text_to_motion.baselines import any_clip, mean_pose, nearest_caption
 from mwlib.text_to_motion.dataset import CaptionsConfig, Parts, fingerprint, load_clips
 from mwlib.text_to_motion.evaluation import embed, evaluate, thinned
 from mwlib.text_to_motion.matching import Matcher
+from mwlib.text_to_motion.matching_clips import Vocabulary
 from mwlib.text_to_motion.realism import CLAIMS, claims_met, movement
 from tests.text_to_motion.sample import clip, small, toy
 
@@ -23,7 +25,8 @@ from tests.text_to_motion.sample import clip, small, toy
 class Judge(Matcher):
     """Embeds a motion by its mean, a sentence by where it goes."""
 
-    def __init__(self) -> None: ...
+    def __init__(self, words: str = "a person goes up down someone rises falls") -> None:
+        self.vocabulary = Vocabulary(words.split(), 20)
 
     def embed_motion(self, features, lengths):
         mask = torch.arange(features.shape[1]) < lengths[:, None]
@@ -114,3 +117,63 @@ def test_people_are_parted_and_known_again():
     with pytest.raises(ValueError, match="people has 0 clips to train and 0 to test on, of 150 frames"):
         load_clips(CaptionsConfig(clips=80, shortest=150))
     assert isinstance(parts, Parts)
+
+
+def test_toes_slide_not_heels():
+    """KIT's toes are joints beyond what it calls feet; a body without motion but for its toes."""
+    x = torch.zeros(20, KIT.width)
+    toes = [KIT.skeleton.joints.index(name) for name in ("left_toe", "right_toe")]
+    for toe in toes:
+        x[:, KIT.blocks["positions"]].unflatten(-1, (-1, 3))[:, toe - 1, 2] += 100 * torch.arange(20)
+    found = movement(x, KIT)
+    assert found["skate"] == pytest.approx(100 * KIT.metres_per_unit * KIT.fps, rel=1e-3)
+
+
+def test_a_clip_that_was_cut_claims_nothing():
+    whole, cut = (load_clips(CaptionsConfig(clips=80, longest=n)).train for n in (120, 60))
+    assert all(clip.attributes for clip in whole)
+    assert all(bool(b.attributes) == (len(a.features) <= 60) for a, b in zip(whole, cut, strict=True))
+
+
+def test_data_are_found_under_the_folder_of_data(tmp_path, monkeypatch):
+    folder = tmp_path / "data" / "MyKIT"
+    for inside in ("new_joint_vecs", "texts"):
+        (folder / inside).mkdir(parents=True)
+    for split in ("train", "test"):
+        (folder / f"{split}.txt").write_text(split)
+        np.save(folder / "new_joint_vecs" / f"{split}.npy", np.ones((30, 251), np.float32))
+        (folder / "texts" / f"{split}.txt").write_text("a man walks#a/DET man/NOUN walk/VERB#0.0#0.0")
+    monkeypatch.setenv("MWLIB_DATA", str(tmp_path / "data"))
+    monkeypatch.chdir(tmp_path)
+    assert load_clips(CaptionsConfig(data="MyKIT", shortest=24)).layout == KIT
+    with pytest.raises(
+        FileNotFoundError, match="data is 'MyKITT', which is neither here nor in .*data.*; expected people, cmu, or"
+    ):
+        load_clips(CaptionsConfig(data="MyKITT"))
+
+
+def test_too_few_clips_to_rank_are_refused(monkeypatch):
+    monkeypatch.setattr(evaluation, "open_matcher", lambda name, layout: Judge())
+    parts = toy()
+    with pytest.raises(ValueError, match="there are 2 test clips; expected at least 3"):
+        evaluate(small(method="truth"), lambda: None, parts._replace(test=parts.test[:2]))
+
+
+def test_an_evaluator_of_other_sentences_is_doubted(monkeypatch):
+    monkeypatch.setattr(evaluation, "open_matcher", lambda name, layout: Judge("a person goes"))
+    with pytest.warns(UserWarning, match="evaluator does not know .* words of the test captions, such as"):
+        evaluate(small(method="truth"), lambda: None, toy())
+
+
+def test_sentences_without_words_and_many_sentences_are_looked_up(monkeypatch):
+    train = toy().train
+    assert nearest_caption(train, ["...", "!"]) == [0, 0]
+    texts = ["someone falls", "a person goes up", "..."] * 3
+    whole = nearest_caption(train, texts)
+    monkeypatch.setattr(baselines, "ROWS", 2)
+    assert nearest_caption(train, texts) == whole
+
+
+def test_the_mean_pose_of_many_frames_is_exact():
+    many = CaptionedClip(np.full((200_000, HUMANML3D.width), 0.1, np.float32) + np.float32(0.9), ("a",))
+    assert torch.allclose(mean_pose([many], [1])[0], torch.from_numpy(many.features[:1]), rtol=0, atol=1e-7)

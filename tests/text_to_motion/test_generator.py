@@ -22,8 +22,9 @@ def model(**changes) -> TextToMotion:
     return TextToMotion.from_tensors(cfg, one.network.state_dict(), one.learnt(), one.about())
 
 
-@pytest.mark.parametrize("changes", [{}, {"sampler": "ddim", "sampling_steps": 4}, {"sampler": "sde_dpm", "sampling_steps": 5},
-                                     {"guidance": 1.0}, {"frames_per_token": 4}, {"network": "unet", "width": 64, "multipliers": (1, 1)}])  # fmt: skip
+@pytest.mark.parametrize("changes", [
+    {}, {"sampler": "ddim", "sampling_steps": 4}, {"sampler": "sde_dpm", "sampling_steps": 5},
+    {"guidance": 1.0}, {"frames_per_token": 4}, {"network": "unet", "width": 64, "multipliers": (1, 1)}])  # fmt: skip
 def test_a_motion_does_not_depend_on_what_is_sampled_with_it(changes):
     one = model(**changes)
     texts, frames = ["a person goes up", "someone falls", "a person goes up"], [8, 20, 16]
@@ -64,7 +65,8 @@ def test_a_network_that_knows_the_answer_gives_it():
 
 
 @pytest.mark.parametrize("texts, frames, message", [
-    ([], [], "0 lengths for 0 sentences"), (["a"], [8, 8], "2 lengths for 1 sentences"), (["a", " "], [8, 8], "sentence 1 is empty"),
+    ([], [], "0 lengths for 0 sentences"), (["a"], [8, 8], "2 lengths for 1 sentences"),
+    (["a", " "], [8, 8], "sentence 1 is empty"),
     (["a"], [4], "frames is 4; expected 8 to 24 at 20 Hz"), (["a"], [28], "frames is 28"),
 ])  # fmt: skip
 def test_sentences_and_lengths_that_do_not_fit_are_refused(texts, frames, message):

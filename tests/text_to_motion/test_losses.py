@@ -22,7 +22,8 @@ def some(generator_seed: int = 0, lengths: tuple[int, ...] = (9, 16, 12), width:
 
 
 @pytest.mark.parametrize("rows, l1, mse, low", [
-    (1, 0.0, 0.0, [3.0, 3.0, 3.0, 3.0]), (2, 0.42678, 0.21339, [0.6893, 2.0429, 3.9571, 5.3107]), (4, 0.5, 0.5, [1.0, 2.0, 3.0, 6.0]),
+    (1, 0.0, 0.0, [3.0, 3.0, 3.0, 3.0]),
+    (2, 0.42678, 0.21339, [0.6893, 2.0429, 3.9571, 5.3107]), (4, 0.5, 0.5, [1.0, 2.0, 3.0, 6.0]),
 ])  # fmt: skip
 def test_worked_values_of_the_low_frequency_loss(rows, l1, mse, low):
     low_pass = LowPass(4, rows)

@@ -6,7 +6,9 @@ import pytest
 import torch
 from torch.testing import assert_close
 
-from mwlib.text_to_motion import objective
+from mwlib.networks.text import HashedNgrams
+from mwlib.text_to_motion import network, objective
+from mwlib.text_to_motion.dataset import CaptionsConfig, load_clips
 from mwlib.text_to_motion.losses import LowPass, low_frequency_loss, masked_error
 from mwlib.text_to_motion.matching import Matcher
 from mwlib.text_to_motion.objective import TextObjective
@@ -48,7 +50,7 @@ def gradient(**changes) -> tuple[float, list[torch.Tensor]]:
 
 def test_the_losses_add_up_with_their_weights(critic):
     main, low, semantic = (
-        gradient(simple_weight=s, low_weight=l, semantic_weight=m)[0] for s, l, m in ((1, 0, 0), (0, 1, 0), (0, 0, 1))
+        gradient(simple_weight=s, low_weight=w, semantic_weight=m)[0] for s, w, m in ((1, 0, 0), (0, 1, 0), (0, 0, 1))
     )
     total, _ = gradient(simple_weight=2.0, low_weight=0.5, semantic_weight=0.25)
     assert total == pytest.approx(2 * main + 0.5 * low + 0.25 * semantic, rel=1e-5)
@@ -93,6 +95,36 @@ def test_the_loss_is_the_mean_square_of_the_clean_estimate():
         slow = LowPass(24, 10)(y0_hat[None] - y, torch.tensor([n]))[0, :n]
         each.append((y0_hat - y).square().mean() + 0.7 * slow.abs().mean())
     assert_close(loss, torch.stack(each).mean(), atol=1e-5, rtol=1e-5)
+
+
+def test_power_of_low_cosines_is_that_of_all_clips(monkeypatch):
+    one = TextObjective(small(stage="snr", low_weight=1.0), toy())
+    numbers = [*range(30)]
+    batch = one.pool.whole(numbers, [""] * 30)
+    assert_close(one.power, one.low_pass.coefficients(batch.y, batch.lengths).square().mean((0, 2)))
+    monkeypatch.setattr(objective, "CHUNK", 7)
+    assert_close(one._power(), one.power)
+
+
+def test_meaning_passes_through_the_critic_of_the_package():
+    parts = load_clips(CaptionsConfig(clips=80))
+    found = {}
+    for name, changes in {"plain": {}, "detached": {"semantic": "detached"}, "felt": {}}.items():
+        weight = 0.0 if name == "plain" else 1.0
+        one = TextObjective(small(data="people", longest=120, semantic_weight=weight, stage="none", **changes), parts)
+        with seeded(0, 3) as generator:
+            one.loss(one.network, one.draw(4, generator), generator).backward()
+        found[name] = [p.grad for p in one.network.parameters() if p.grad is not None]
+    assert all(torch.equal(a, b) for a, b in zip(found["plain"], found["detached"], strict=True))
+    assert not all(torch.allclose(a, b) for a, b in zip(found["plain"], found["felt"], strict=True))
+
+
+def test_clip_reads_as_many_words_as_was_published(monkeypatch):
+    asked = []
+    monkeypatch.setattr(network, "ClipText", lambda folder, **given: asked.append(given) or HashedNgrams(8, width=4))
+    for kind in ("mdm", "unet"):
+        network.make_text(small(text="clip", clip_folder="clip", network=kind, width=32).model, ())
+    assert asked == [{}, {"longest": 75, "padded": True}]
 
 
 def test_dropped_sentences_are_not_seen():

@@ -35,7 +35,9 @@ def test_weights_words_and_statistics_are_those_of_the_run_that_it_starts_from(t
 
 def test_what_cannot_be_started_from_is_refused(tmp_path):
     written(tmp_path, small())
-    with pytest.raises(FileNotFoundError, match="nowhere/config.yaml is missing: no finished run there; name a run of text_to_motion"):
+    with pytest.raises(
+        FileNotFoundError, match="nowhere/config.yaml is missing: no finished run there; name a run of text_to_motion"
+    ):
         TextObjective(small(start="nowhere"), toy())
     with pytest.raises(ValueError, match="start is .*has the shape .*; expected .*: a run of the same sizes"):
         TextObjective(small(start=str(tmp_path), width=32), toy())
