@@ -21,5 +21,7 @@ def test_a_folder_is_looked_up_where_data_are(tmp_path, monkeypatch):
     parts = load_clips(CaptionsConfig(data="own", shortest=28, longest=40))
     assert [[(clip.name, len(clip.features)) for clip in part] for part in parts] == [[("1", 30)], [], [("2", 40)]]
     assert parts.layout is KIT
-    with pytest.raises(FileNotFoundError, match="data is .other., which is neither here nor in .*; expected people, cmu, or a folder"):
+    with pytest.raises(
+        FileNotFoundError, match="data is .other., which is neither here nor in .*; expected people, cmu, or a folder"
+    ):
         load_clips(CaptionsConfig(data="other"))
