@@ -7,6 +7,7 @@ import doctest
 import json
 import re
 import shlex
+import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -17,7 +18,8 @@ import yaml
 import mwlib.__main__ as command_line
 from mwlib.course.files import course, read_notebook
 from mwlib.course.parameters import from_text, read_parameters, resolve
-from mwlib.prediction.config import Config
+from mwlib.experiments.commands import chosen_grid, configuration
+from mwlib.experiments.systems import system
 from mwlib.settings import parse_changes
 
 ROOT = Path(__file__).parents[1]
@@ -90,8 +92,14 @@ def check_mwlib(words: list[str], page: Path) -> None:
         offered = read_parameters(read_notebook(notebook))
         values = yaml.safe_load(blocks(page, "yaml")[0]) if given.parameters else {}
         resolve(offered, {**values, **from_text(offered, changes)})
+    elif words[0] == "grid-table":
+        with tempfile.TemporaryDirectory() as folder:
+            if given.grids.name == "my-grids.yaml":
+                given.grids = Path(folder) / given.grids.name
+                given.grids.write_text(blocks(page, "yaml")[0], encoding="utf-8")
+            configuration(chosen_grid(given), given)
     elif changes or hasattr(given, "preset"):
-        Config.preset(given.preset, **parse_changes(changes))
+        system(getattr(given, "system", "prediction")).Config.preset(given.preset, **parse_changes(changes))
 
 
 def check_make(words: list[str], page: Path) -> None:

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import numpy as np
+import torch
 from scipy.ndimage import gaussian_filter1d
 
 from mwlib.data.captions import CaptionedClip
 from mwlib.data.formats.humanml import HUMANML3D
 from mwlib.text_to_motion.config import Config
 from mwlib.text_to_motion.dataset import Parts
+from mwlib.text_to_motion.generator import TextToMotion
+from mwlib.text_to_motion.objective import TextObjective
 
 SMALL = dict(
     data="toy", shortest=8, longest=24, width=16, layers=2, heads=2, feedforward=32, text_width=16, text_layers=1,
@@ -35,3 +38,14 @@ def toy() -> Parts:
     """Thirty clips to train, six each to validate and to test."""
     numbers = iter(range(100))
     return Parts(*([clip(next(numbers), split) for _ in range(n)] for n, split in ((30, "train"), (6, "val"), (6, "test"))))
+
+
+def untrained(**changes) -> TextToMotion:
+    """A model that listens to its sentence, though nobody taught it what sentences mean."""
+    cfg = small(**changes)
+    objective = TextObjective(cfg, toy())
+    generator = torch.Generator().manual_seed(9)
+    with torch.no_grad():
+        for weights in objective.network.parameters():  # some layers begin at zero
+            weights.add_(0.03 * torch.randn(weights.shape, generator=generator))
+    return TextToMotion.from_tensors(cfg, objective.network.state_dict(), objective.learnt(), objective.about())
