@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import FancyBboxPatch
 
 from mwlib.body.skeleton import Skeleton
-from mwlib.plots.look import CYCLE, INK, OBSERVED, array, limit, style
+from mwlib.plots.look import CYCLE, INK, OBSERVED, WIDTH, array, limit, style
 from mwlib.plots.sheet import Array, arrow, box, image, inset, row_of_bodies, sheet
 
 

@@ -111,7 +111,7 @@ class Config(Settings):
     @property
     def padded(self) -> int:
         """Frames to which batches are filled up: MDM does not see padding, convolutions do, so that theirs is always the same."""
-        return self.data.longest if self.model.network == "unet" else 0
+        return 0 if self.model.network == "mdm" and self.model.mask_frames else self.data.longest
 
     def check(self) -> None:
         """Refuse values that do not fit each other."""

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 import torch
 from jaxtyping import Float
 from torch import Tensor, nn
 
+from mwlib.data.captions import CaptionedClip
 from mwlib.diffusion import alpha_bar, noised
 from mwlib.networks.text import WordTransformer, vocabulary_of
 from mwlib.text_to_motion.config import Config
@@ -48,7 +49,8 @@ class TextObjective(Objective):
         else:
             features = [clip.features for clip in parts.train]
             self.statistics = Statistics.measured(features, self.layout, cfg.forward.normalisation)
-        self.pool, self.held_out = (self._pool(clips) for clips in (parts.train, parts.val))
+        self.pool = self._pool(parts.train)
+        self.held_out = self._pool(parts.val) if parts.val else None
         self.low_pass = LowPass(cfg.data.longest, cfg.objective.lf_k, cfg.objective.lf_hz, self.layout.fps)
         self.power = self._power() if cfg.objective.stage == "snr" else None
         self.critic = open_matcher(cfg.objective.critic, self.layout) if cfg.objective.semantic_weight else None
@@ -60,8 +62,8 @@ class TextObjective(Objective):
         if weights:
             _begin_with(self.network, weights, cfg.model.start)
 
-    def _pool(self, clips: list) -> Pool | None:
-        return Pool(clips, [normalised(clip.features, self.statistics) for clip in clips], self.cfg.padded) if clips else None
+    def _pool(self, clips: Sequence[CaptionedClip]) -> Pool:
+        return Pool(clips, [normalised(clip.features, self.statistics) for clip in clips], self.cfg.padded)
 
     def _power(self) -> Float[Tensor, " K"]:
         """Of the low cosines of the training clips, over all features."""

@@ -29,7 +29,8 @@ def test_what_comes_along_is_what_the_recipe_makes(name):
     assert (MODELS / name / CARD).read_text(encoding="utf-8") == again and metrics["about"]["settings"] == cfg.hash()
     assert ("mocap.cs.cmu.edu" in again) == (name in ("cmu", "inbetween"))
     weights, _ = load_tensors(MODELS / name / MODEL)
-    assert {t.dtype for key, t in weights.items() if key.startswith("net.")} == {torch.float16}
+    numbers = {t.dtype for key, t in weights.items() if key.startswith("net.") and t.is_floating_point()}
+    assert numbers == {torch.float16}
     assert (MODELS / name / MODEL).stat().st_size < 9e6
 
 
