@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import torch
+from jaxtyping import TypeCheckError
 
 from mwlib import MotionFormatError
 from mwlib.data.formats.humanml import HUMANML3D, KIT
@@ -115,7 +116,7 @@ def test_statistics_that_make_no_sense_are_refused(statistics, tmp_path):
     with pytest.raises(ValueError, match="the smallest deviation is 0; expected positive numbers"):
         Statistics("mdm", torch.zeros(263), torch.zeros(263), HUMANML3D)
     for make in (statistics.of_kind, lambda kind: Statistics(kind, statistics.mean, statistics.deviation, HUMANML3D)):
-        with pytest.raises(ValueError, match="kind is 'guo'; expected one of mdm, stablemofusion, evaluator"):
+        with pytest.raises((ValueError, TypeCheckError), match="expected one of mdm, stablemofusion, evaluator|'guo'"):
             make("guo")
     with pytest.raises(MotionFormatError, match="Mean.npy, file: found No such file"):
         Statistics.read(tmp_path)
