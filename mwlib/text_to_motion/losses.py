@@ -97,7 +97,7 @@ def semantic_loss(
     motion: Float[Tensor, "B E"],
     truth: Float[Tensor, "B E"],
     text: Float[Tensor, "B E"],
-    kind: Semantic = "cos_gt",
+    kind: str = "cos_gt",
     threshold: float = REASONABLE,
 ) -> Float[Tensor, " B"]:
     """How far an estimate is from what its sentence means, as a critic embeds both.
@@ -129,7 +129,7 @@ def semantic_loss(
 
 
 def stage_weights(
-    stage: Stage, t: Int[Tensor, " B"], alpha_bar: Float[Tensor, " M"], power: Float[Tensor, " K"] | None = None
+    stage: str, t: Int[Tensor, " B"], alpha_bar: Float[Tensor, " M"], power: Float[Tensor, " K"] | None = None
 ) -> tuple[Float[Tensor, " B"], Float[Tensor, " B"]]:
     """How much each loss counts at each sample's noise level; t = 0 is almost clean, t = M - 1 is noise.
 

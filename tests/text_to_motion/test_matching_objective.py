@@ -171,4 +171,4 @@ def test_settings_that_do_not_fit_are_refused():
     narrow = [type(clip)(clip.features[:, :100], clip.captions, clip.name) for clip in clips]
     with pytest.raises(ValueError, match="features are 100 wide; expected one of"):
         MatchingObjective(small(), Parts(narrow, [], []))
-    assert {"tiny", "laptop", "humanml3d"} == {*Config.presets} and all(Config.preset(name) for name in Config.presets)
+    assert {"tiny", "laptop", "humanml3d"} <= {*Config.presets} and all(Config.preset(name) for name in Config.presets)
