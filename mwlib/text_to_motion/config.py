@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Annotated, ClassVar, Literal
+from typing import Annotated, Any, ClassVar, Literal, Self
 
 from annotated_types import Ge
 
@@ -107,6 +107,11 @@ class Config(Settings):
     objective: ObjectiveConfig = field(default_factory=ObjectiveConfig)
     training: TrainingConfig = field(default_factory=TrainingConfig)
     sampling: SamplingConfig = field(default_factory=SamplingConfig)
+
+    @classmethod
+    def preset(cls, name: str, **changes: Any) -> Self:
+        """A named preset with some fields changed; "synthetic", the embedded data of all systems, here are the "people"."""
+        return super().preset(name, **changes | ({"data": "people"} if changes.get("data") == "synthetic" else {}))
 
     @property
     def padded(self) -> int:

@@ -48,3 +48,7 @@ def test_who_judges_and_how_is_sampled_are_no_part_of_a_training():
     for changes in ({"evaluator": "other"}, {"guidance": 1.0}, {"sampler": "ddim"}, {"method": "truth"}):
         assert cfg.override(**changes).training_hash() == cfg.training_hash()
     assert cfg.override(critic="other").training_hash() != cfg.training_hash()
+
+
+def test_the_embedded_data_go_by_the_name_that_they_have_in_other_systems():
+    assert Config.preset("tiny", data="synthetic") == Config.preset("tiny")
