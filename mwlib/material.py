@@ -10,6 +10,7 @@ from pathlib import Path
 
 CHECKOUT = Path(__file__).resolve().parents[1]
 PACKAGED = Path(__file__).resolve().with_name("_material")  # hatch_build.py puts it into the wheel
+CONFIG = "config.yaml"  # in a run's folder: its settings
 MODELS = Path(__file__).resolve().with_name("models")  # a run's folder for each model that comes with the package
 MARKS = ("notebooks", "figures/manifest.yaml", "Snakefile")
 CARRIED = ("LICENSE", "Snakefile", "notebooks/*.ipynb", "figures/*.yaml", "figures/*/*")  # what a working copy consists of
@@ -23,6 +24,19 @@ def is_course(folder: Path) -> bool:
 def installed() -> Path:
     """The course as it came with this mwlib: the checkout, or the copy inside the package, which is only read."""
     return CHECKOUT if is_course(CHECKOUT) else PACKAGED
+
+
+def shipped() -> list[str]:
+    """Names of the trained models that come with the package."""
+    return sorted(config.parent.name for config in MODELS.glob(f"*/{CONFIG}"))
+
+
+def run_folder(name: str | Path) -> Path | None:
+    """The folder of a run: the one of that name, else that of the model that comes with the package; None if there is neither."""
+    own = Path(name)
+    if not (own / CONFIG).exists() and str(name) in shipped():
+        return MODELS / name
+    return own if (own / CONFIG).exists() else None
 
 
 def home() -> Path:

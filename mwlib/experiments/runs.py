@@ -17,12 +17,11 @@ from mwlib.experiments.origins import file_hash, machine, models_used, package_h
 from mwlib.experiments.store import locked, read_result, runs_folder, write_result
 from mwlib.experiments.systems import Data, read_config, system_of
 from mwlib.files import sweep, write_atomic
-from mwlib.material import MODELS
+from mwlib.material import CONFIG, run_folder, shipped
 from mwlib.settings import Settings, digest
 from mwlib.training import MODEL, TrainingStep, read_model, read_outcome, train
 from mwlib.version import __version__
 
-CONFIG = "config.yaml"
 PATIENCE = 60.0  # seconds after which waiting processes tell each other that they still wait, lest their connection expires
 
 
@@ -115,11 +114,6 @@ def get_model(cfg: Settings, data: Data | None = None, progress: bool = False) -
     return _opened(cfg, get_run(cfg, data, progress))
 
 
-def shipped() -> list[str]:
-    """Names of the trained models that come with the package."""
-    return sorted(config.parent.name for config in MODELS.glob(f"*/{CONFIG}"))
-
-
 def load_run(folder: str | Path) -> Any:
     """The trained model of a run folder, of whichever system, on the CPU (``.to(device)`` moves it).
 
@@ -134,13 +128,11 @@ def load_run(folder: str | Path) -> Any:
     >>> mw.load_run("synthetic").predict(history[:1], samples=2).shape
     torch.Size([1, 2, 100, 48])
     """
-    folder = Path(folder)
-    if not (folder / CONFIG).exists() and str(folder) in shipped():
-        folder = MODELS / folder
-    if not (folder / CONFIG).exists():
+    found = run_folder(folder)
+    if found is None:
         known = f"; models that come with mwlib: {', '.join(shipped())}"
-        raise FileNotFoundError(f"{folder / CONFIG} is missing: no training run in this folder{known}")
-    return _opened(read_config(folder / CONFIG), folder)
+        raise FileNotFoundError(f"{Path(folder) / CONFIG} is missing: no training run in this folder{known}")
+    return _opened(read_config(found / CONFIG), found)
 
 
 def _opened(cfg: Settings, folder: Path) -> Any:

@@ -10,7 +10,7 @@ import numpy as np
 
 from mwlib.body.motion import Motion
 from mwlib.experiments.runs import load_run
-from mwlib.text_to_motion.dataset import UNIT
+from mwlib.networks.matching import UNIT
 from mwlib.text_to_motion.generator import TextToMotion
 from mwlib.text_to_motion.motions import motion_of
 

@@ -8,9 +8,10 @@ from typing import Annotated, Any, ClassVar, Literal, Self
 from annotated_types import Ge
 
 from mwlib.diffusion.schedule import ddim_indices
+from mwlib.networks.matching import UNIT
 from mwlib.networks.unet1d import check_channels
 from mwlib.settings import BelowOne, Count, Natural, NotNegative, Settings, Share
-from mwlib.text_to_motion.dataset import UNIT, CaptionsConfig
+from mwlib.text_to_motion.dataset import CaptionsConfig
 from mwlib.text_to_motion.losses import Band, Norm, Semantic, Stage
 from mwlib.text_to_motion.presets import PRESETS
 from mwlib.training.config import TrainingConfig

@@ -19,8 +19,6 @@ from mwlib.data.load import data_folder, find_source
 from mwlib.data.synthetic.captioned import captioned_people
 from mwlib.settings import Count, Natural
 
-UNIT = 4  # frames: lengths are multiples of it, as the evaluators' convolutions need
-
 
 @dataclass(frozen=True)
 class CaptionsConfig:

@@ -11,8 +11,9 @@ from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
 from mwlib.data.captions import CaptionedClip
-from mwlib.text_to_motion.dataset import UNIT
+from mwlib.networks.matching import UNIT
 
+SHORTENED = 1 / 3  # of the pieces
 BUCKETS = 8  # groups of clips of like lengths, one of which a batch comes from: own choice, a third less padding
 
 
@@ -23,6 +24,23 @@ class Batch(NamedTuple):
     mask: Bool[Tensor, "B T"]
     lengths: Int[Tensor, " B"]
     captions: list[str]
+
+
+def piece(
+    full: Int[Tensor, " B"], shorter: Float[Tensor, " B"], place: Float[Tensor, " B"]
+) -> tuple[Int[Tensor, " B"], Int[Tensor, " B"]]:
+    """Lengths of pieces of clips, and where they start.
+
+    Source: Guo et al., 2022, their loader: the length is cut to a multiple of 4, one time in three by 4 more; the piece starts
+    anywhere.
+
+    Args:
+        full: frames of each clip, at least 4.
+        shorter, place: random numbers between 0 and 1.
+    """
+    units = full // UNIT
+    lengths = UNIT * torch.where(shorter < SHORTENED, units - 1, units).clamp_min(1)
+    return lengths, (place * (full - lengths + 1)).long()
 
 
 class Pool:
@@ -46,19 +64,11 @@ class Pool:
         self.flat = self.flat.to(device)
 
     def draw(self, batch: int, generator: torch.Generator) -> Batch:
-        """Random clips of like lengths, a random caption of each, and a random piece of it.
-
-        Source: Guo et al., 2022, their loader: the length is cut to a multiple of 4, one time in three by 4 more; the piece
-        starts anywhere.
-        """
+        """Random clips of like lengths, a random caption of each, and a random piece of it."""
         sizes = torch.tensor([len(bucket) for bucket in self.buckets], dtype=torch.float)
         bucket = self.buckets[int(torch.multinomial(sizes, 1, generator=generator))]
         picked = bucket[torch.randint(len(bucket), (batch,), generator=generator)]
-        full = self.lengths[picked]
-        lengths = full // UNIT * UNIT
-        shorter = torch.rand(batch, generator=generator) < 1 / 3
-        lengths = torch.where(shorter & (lengths > UNIT), lengths - UNIT, lengths)
-        offset = (torch.rand(batch, generator=generator) * (full - lengths + 1)).long()
+        lengths, offset = piece(self.lengths[picked], *(torch.rand(batch, generator=generator) for _ in range(2)))
         words = torch.rand(batch, generator=generator).tolist()
         captions = [
             self.clips[i].captions[int(w * len(self.clips[i].captions))] for i, w in zip(picked.tolist(), words, strict=True)

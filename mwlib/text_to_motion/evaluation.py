@@ -14,10 +14,11 @@ from torch import Tensor
 from mwlib.data.captions import CaptionedClip
 from mwlib.data.formats.humanml import FeatureLayout
 from mwlib.metrics import Column, clustered_error, diversity, fid, mm_dist, multimodality, r_precision
+from mwlib.networks.matching import UNIT
 from mwlib.networks.text import words_of
 from mwlib.text_to_motion.baselines import any_clip, mean_pose, nearest_caption
 from mwlib.text_to_motion.config import RANKS, Config
-from mwlib.text_to_motion.dataset import UNIT, Parts
+from mwlib.text_to_motion.dataset import Parts
 from mwlib.text_to_motion.draws import one_caption_each
 from mwlib.text_to_motion.generator import TextToMotion
 from mwlib.text_to_motion.judges import open_matcher
@@ -81,17 +82,6 @@ def _picked(clips: Sequence[CaptionedClip], numbers: Sequence[int]) -> list[Tens
     return [torch.from_numpy(clips[i].features[: len(clips[i].features) // UNIT * UNIT]) for i in numbers]
 
 
-def embed(matcher: Matcher, motions: Sequence[Float[Tensor, "_ D"]], chunk: int = 128) -> Float[Tensor, "N E"]:
-    """Embeddings of raw features of any lengths."""
-    found = []
-    for first in range(0, len(motions), chunk):
-        part = motions[first : first + chunk]
-        lengths = torch.tensor([len(x) for x in part])
-        with torch.inference_mode():
-            found.append(matcher.embed_motion(torch.nn.utils.rnn.pad_sequence(list(part), batch_first=True), lengths))
-    return torch.cat(found)
-
-
 def evaluate(cfg: Config, get_model: Callable[[], TextToMotion], parts: Parts, progress: bool = False) -> dict[str, Any]:
     """Metrics of a configuration on the test clips.
 
@@ -116,14 +106,13 @@ def evaluate(cfg: Config, get_model: Callable[[], TextToMotion], parts: Parts, p
     make, judge = make_motions(cfg, get_model, parts, test), open_matcher(cfg.sampling.evaluator, parts.layout)
     _warn_of_strange_words(cfg.sampling.evaluator, judge, test)
     lengths = [len(clip.features) // UNIT * UNIT for clip in test]
-    real = embed(judge, [torch.from_numpy(clip.features[:n]) for clip, n in zip(test, lengths, strict=True)])
+    real = judge.embed_motions([torch.from_numpy(clip.features[:n]) for clip, n in zip(test, lengths, strict=True)])
     rounds, values = [], []
     for replicate in range(cfg.sampling.replicates):
         seed = cfg.sampling.sampling_seed + 1000 * replicate
         texts = one_caption_each(test, seed)
         motions = make(texts, lengths, seed)
-        with torch.inference_mode():
-            words, found = judge.embed_text(texts), embed(judge, motions)
+        words, found = judge.embed_text(texts).cpu(), judge.embed_motions(motions)
         rounds.append(_of_sets(cfg, seed, words, found, real))
         values.append({"mm_dist": (words - found).norm(dim=-1).tolist(), **_of_clips(motions, test, parts.layout)})
     if cfg.sampling.method == "diffusion":
@@ -174,9 +163,15 @@ def _multimodality(cfg: Config, make: Make, judge: Matcher, test: Sequence[Capti
     picked = np.linspace(0, len(test) - 1, min(s.repeated, len(test))).round().astype(int)
     texts = [text for i in picked for text in [test[i].captions[0]] * s.repeats]
     frames = [n for i in picked for n in [lengths[i]] * s.repeats]
-    found = embed(judge, make(texts, frames, s.sampling_seed + 500)).unflatten(0, (len(picked), s.repeats))
+    found = judge.embed_motions(make(texts, frames, s.sampling_seed + 500)).unflatten(0, (len(picked), s.repeats))
     generator = torch.Generator().manual_seed(s.sampling_seed)
     return float(multimodality(found, pairs=s.repeats - 1, generator=generator))
+
+
+def _over_replicates(values: Float[np.ndarray, "R N"]) -> Float[np.ndarray, " N"]:
+    """Means over the replicates that have a value; NaN where none has."""
+    there = np.isfinite(values)
+    return np.where(there, values, 0.0).sum(axis=0) / np.where(there.any(axis=0), there.sum(axis=0), np.nan)
 
 
 def _summary(
@@ -188,7 +183,7 @@ def _summary(
         for name in rounds[0]
         if len(rounds) > 1 and all(name in r for r in rounds)
     }
-    each = {name: np.mean([v[name] for v in values], axis=0) for name in values[0]}
+    each = {name: _over_replicates(np.array([v[name] for v in values])) for name in values[0]}
     for name, value in each.items():
         if np.isfinite(value).any():
             mean[name], error[name] = float(np.nanmean(value)), clustered_error(value, names)

@@ -13,9 +13,9 @@ from tqdm import tqdm
 from mwlib.data.formats.humanml import FeatureLayout
 from mwlib.diffusion import Denoise, Step, WindowNoise, alpha_bar, classifier_free, ddim, ddim_indices, posterior_mean, to_eps
 from mwlib.diffusion.sde_solver import sde_dpm_solver
+from mwlib.networks.matching import UNIT
 from mwlib.networks.text import EncodedText, WordTransformer
 from mwlib.text_to_motion.config import Config
-from mwlib.text_to_motion.dataset import UNIT
 from mwlib.text_to_motion.network import TextDenoiser
 from mwlib.text_to_motion.statistics import Statistics
 

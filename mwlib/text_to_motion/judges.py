@@ -5,12 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 
 from mwlib.data.formats.humanml import FeatureLayout
-from mwlib.material import MODELS
+from mwlib.material import CONFIG, run_folder
 from mwlib.text_to_motion.matching import Matcher
 from mwlib.text_to_motion.matching_config import Config
 from mwlib.training import read_model
-
-CONFIG = "config.yaml"
 
 
 def open_matcher(name: str, layout: FeatureLayout) -> Matcher:
@@ -25,15 +23,17 @@ def open_matcher(name: str, layout: FeatureLayout) -> Matcher:
         FileNotFoundError: there is no such model; the message says how to train one.
         ValueError: it judges other features, or is a run of another system.
     """
-    folder = run_folder(name, "train one on your data with `mwlib train --system matching --set data=FOLDER` and name its folder")
+    folder = finished_run(
+        name, "train one on your data with `mwlib train --system matching --set data=FOLDER` and name its folder"
+    )
     matcher = Matcher.from_tensors(Config.from_yaml(folder / CONFIG), *read_model(folder))
     if matcher.statistics.layout != layout:
         raise ValueError(f"{name} judges {matcher.statistics.layout.name}; expected {layout.name}, as the clips have it")
     return matcher
 
 
-def run_folder(name: str, advice: str) -> Path:
-    """The folder of a finished run: one of that name, or the model that comes with the package under it.
+def finished_run(name: str, advice: str) -> Path:
+    """The folder of a run, or of the model that comes with the package under this name.
 
     Args:
         name: of either.
@@ -42,7 +42,7 @@ def run_folder(name: str, advice: str) -> Path:
     Raises:
         FileNotFoundError: there is neither.
     """
-    folder = next((f for f in (Path(name), MODELS / name) if (f / CONFIG).exists()), None)
+    folder = run_folder(name)
     if folder is None:
         raise FileNotFoundError(f"{name}/{CONFIG} is missing: no finished run there; {advice}")
     return folder

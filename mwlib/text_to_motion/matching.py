@@ -5,12 +5,10 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping, Sequence
 
-import numpy as np
 import torch
 from jaxtyping import Float, Int
 from torch import Tensor, nn
 
-from mwlib.data.captions import CaptionedClip
 from mwlib.networks.matching import UNIT, MotionEncoder, MovementEncoder, SentenceEncoder
 from mwlib.text_to_motion.matching_clips import Vocabulary
 from mwlib.text_to_motion.matching_config import Config, MatchingConfig
@@ -122,11 +120,11 @@ class Matcher:
         return torch.cat([self.network.text(self.network.words(words.to(self.device)), counts) for words, counts in chunks])
 
     @torch.no_grad()
-    def embed_clips(self, clips: Sequence[CaptionedClip]) -> Float[Tensor, "N E"]:
-        """Embeddings of the motions of clips, on the CPU."""
+    def embed_motions(self, motions: Sequence[Float[Tensor, "_ D"]]) -> Float[Tensor, "N E"]:
+        """Embeddings of motions of any lengths, raw features each, on the CPU."""
         found = []
-        for first in range(0, len(clips), CHUNK):
-            rows = [torch.from_numpy(np.asarray(clip.features, np.float32)) for clip in clips[first : first + CHUNK]]
+        for first in range(0, len(motions), CHUNK):
+            rows = list(motions[first : first + CHUNK])
             x = nn.utils.rnn.pad_sequence(rows, batch_first=True)
             found.append(self.embed_motion(x, torch.tensor([len(row) for row in rows])).cpu())
         return torch.cat(found)

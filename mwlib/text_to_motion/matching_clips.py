@@ -14,11 +14,11 @@ from torch import Tensor
 from mwlib.data.captions import CaptionedClip
 from mwlib.networks.matching import UNIT
 from mwlib.networks.text import vocabulary_of, words_of
+from mwlib.text_to_motion.draws import piece
 from mwlib.text_to_motion.matching_config import Half
 from mwlib.text_to_motion.statistics import Statistics
 
 UNKNOWN, START, END, FIRST_WORD = 0, 1, 2, 3
-SHORTENED = 1 / 3  # of the drawn clips are cut one movement shorter, as in the published loader
 
 
 def of_half(clips: Sequence[CaptionedClip], half: Half) -> list[CaptionedClip]:
@@ -125,15 +125,12 @@ class PairedClips:
     def draw(self, count: int, generator: torch.Generator) -> Pairs:
         """So many different clips, or all if there are fewer, each with one of its captions.
 
-        Source: the published loader. A stretch of whole movements is cut at a random place: all that there are, or, one time in
-        three, one fewer.
+        Of each a random piece of whole movements, see `piece`.
         """
         clip = torch.randperm(len(self.lengths), generator=generator)[:count]
         share = torch.rand(3, len(clip), generator=generator)
         caption = self.first_caption[clip] + (share[0] * self.captions[clip]).long()
-        units = self.lengths[clip] // UNIT
-        length = UNIT * torch.where(share[1] < SHORTENED, units - 1, units).clamp_min(1)
-        start = (share[2] * (self.lengths[clip] - length + 1)).long()
+        length, start = piece(self.lengths[clip], share[1], share[2])
         counts = self.word_counts[caption]
         return Pairs(self.words[caption, : counts.max()], counts, self._cut(clip, start, length), length)
 

@@ -94,7 +94,7 @@ def evaluate(cfg: Config, get_model: Callable[[], Matcher], data: Parts, progres
     matcher, clips = get_model(), data.test
     if len(clips) < cfg.judging.pool:
         raise ValueError(f"there are {len(clips)} test clips; expected at least the pool of {cfg.judging.pool}")
-    motion = matcher.embed_clips(clips)
+    motion = matcher.embed_motions([torch.from_numpy(clip.features) for clip in clips])
     text = matcher.embed_text([caption for clip in clips for caption in clip.captions]).cpu()
     counts = torch.tensor([len(clip.captions) for clip in clips])
     first = counts.cumsum(0) - counts

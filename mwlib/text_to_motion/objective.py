@@ -15,7 +15,7 @@ from mwlib.networks.text import WordTransformer, vocabulary_of
 from mwlib.text_to_motion.config import Config
 from mwlib.text_to_motion.dataset import Parts
 from mwlib.text_to_motion.draws import Batch, Pool
-from mwlib.text_to_motion.judges import open_matcher, run_folder
+from mwlib.text_to_motion.judges import finished_run, open_matcher
 from mwlib.text_to_motion.losses import LowPass, low_frequency_loss, masked_error, semantic_loss, stage_weights
 from mwlib.text_to_motion.matching import Matcher
 from mwlib.text_to_motion.network import TextDenoiser
@@ -43,7 +43,7 @@ class TextObjective(Objective):
         self.cfg, self.layout = cfg, parts.layout
         self.alpha_bar = alpha_bar(cfg.forward.schedule, cfg.forward.steps)
         advice = "name a run of text_to_motion, or leave start empty"
-        weights, found, _ = read_model(run_folder(cfg.model.start, advice)) if cfg.model.start else ({}, {}, {})
+        weights, found, _ = read_model(finished_run(cfg.model.start, advice)) if cfg.model.start else ({}, {}, {})
         if learnt or found:
             self.statistics = Statistics.from_tensors(cfg.forward.normalisation, learnt or found)
         else:
@@ -100,16 +100,23 @@ class TextObjective(Objective):
             slow = low_frequency_loss(error, batch.lengths, self.low_pass, o.lf_norm, o.lf_band)
             total = total + o.low_weight * low * slow
         if self.critic is not None:
-            total = total + o.semantic_weight * semantic * self._semantic(self.critic, y0_hat, batch)
+            total = total + o.semantic_weight * self._semantic(self.critic, y0_hat, batch, semantic)
         return total.mean()
 
-    def _semantic(self, critic: Matcher, y0_hat: Float[Tensor, "B T D"], batch: Batch) -> Float[Tensor, " B"]:
-        o = self.cfg.objective
-        estimate = critic.embed_motion(self.statistics.scaled(y0_hat).raw(), batch.lengths)
+    def _semantic(
+        self, critic: Matcher, y0_hat: Float[Tensor, "B T D"], batch: Batch, weight: Float[Tensor, " B"]
+    ) -> Float[Tensor, " B"]:
+        """Times its weight; the critic looks at none of the samples of weight 0."""
+        o, rows = self.cfg.objective, weight.nonzero()[:, 0]
+        if len(rows) == 0:
+            return torch.zeros_like(weight)
+        lengths = batch.lengths[rows]
+        estimate = critic.embed_motion(self.statistics.scaled(y0_hat[rows]).raw(), lengths)
         with torch.no_grad():
-            truth = critic.embed_motion(self.statistics.scaled(batch.y).raw(), batch.lengths)
-            text = critic.embed_text(batch.captions)
-        return semantic_loss(estimate, truth, text, o.semantic, o.s_th)
+            truth = critic.embed_motion(self.statistics.scaled(batch.y[rows]).raw(), lengths)
+            text = critic.embed_text([batch.captions[row] for row in rows.tolist()])
+        loss = semantic_loss(estimate, truth, text, o.semantic, o.s_th)
+        return torch.zeros_like(weight).index_put((rows,), weight[rows] * loss)
 
     @torch.inference_mode()
     def validate(self, network: nn.Module) -> float | None:

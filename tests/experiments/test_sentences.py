@@ -34,6 +34,12 @@ def test_lengths_are_rounded_to_four_frames(model):
     assert [len(motion) for motion in found] == [*lengths.values()]
 
 
+@pytest.mark.parametrize("seconds", [1, 1.0, np.float32(1), np.int64(1), [1.0], np.ones(1)])
+def test_seconds_may_be_any_number(model, seconds):
+    (found,) = mw.generate("someone falls", seconds, run=model)
+    assert len(found) == 20 and found.name == "someone falls"
+
+
 def test_a_motion_does_not_depend_on_how_many_are_asked_for(model):
     many = mw.generate(TEXTS, seconds=0.6, samples=3, seed=5, run=model)
     few = mw.generate(TEXTS, seconds=0.6, seed=5, run=model)
@@ -53,6 +59,10 @@ def test_a_motion_does_not_depend_on_how_many_are_asked_for(model):
         (["someone falls", "  "], {"seconds": 0.6}, "sentence 1 is empty; expected words"),
         ("someone falls", {"seconds": 4.0}, "frames is 80; expected 8 to 24 at 20 Hz"),
         ("someone falls", {"seconds": 0.2}, "frames is 4; expected 8 to 24 at 20 Hz"),
+        ("someone falls", {"seconds": float("nan")}, "seconds is nan; expected a finite number"),
+        ("someone falls", {"seconds": float("inf")}, "seconds is inf; expected a finite number"),
+        ("someone falls", {"seconds": [1.0, 1.0]}, "2 lengths"),
+        ("someone falls", {"seconds": 1.0, "samples": 1001}, "1001 samples; expected"),
     ],
 )
 def test_what_no_motion_can_follow_from_is_refused(model, texts, options, message):

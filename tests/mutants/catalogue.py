@@ -456,9 +456,9 @@ MUTANTS = [
         ("quotes-not-looked-up", "if place.prints and not any(", "if place.prints and all("),
     ),
     *of(
-        "experiments/runs.py", "experiments/test_shipped.py",
-        ("a-name-comes-before-a-folder", "if not (folder / CONFIG).exists() and str(folder) in shipped():",
-         "if str(folder) in shipped():"),
+        "material.py", "experiments/test_shipped.py",
+        ("a-name-comes-before-a-folder", "if not (own / CONFIG).exists() and str(name) in shipped():",
+         "if str(name) in shipped():"),
     ),
     *of(
         "experiments/shipped.py", "experiments/test_shipped.py",
@@ -713,15 +713,15 @@ MUTANTS = [
     *of(
         "text_to_motion/draws.py", "text_to_motion/test_draws.py",
         ("pieces-from-the-beginning-only", "self.starts[picked] + offset", "self.starts[picked]"),
-        ("never-four-frames-shorter", "< 1 / 3", "< 0"),
+        ("never-four-frames-shorter", "SHORTENED = 1 / 3", "SHORTENED = 0"),
         ("padding-that-is-not-zero", "Batch(y * mask[..., None], mask", "Batch(y, mask"),
     ),
     *of(
         "text_to_motion/objective.py", "text_to_motion/test_objective.py",
-        ("meaning-at-every-noise", "o.semantic_weight * semantic * self._semantic", "o.semantic_weight * self._semantic"),
+        ("meaning-at-every-noise", "weight[rows] * loss", "loss"),
         ("low-frequencies-at-every-noise", "o.low_weight * low * slow", "o.low_weight * slow"),
-        ("critic-sees-scaled-features", "critic.embed_motion(self.statistics.scaled(y0_hat).raw(), batch",
-         "critic.embed_motion(y0_hat, batch"),
+        ("critic-sees-scaled-features", "critic.embed_motion(self.statistics.scaled(y0_hat[rows]).raw(), lengths",
+         "critic.embed_motion(y0_hat[rows], lengths"),
     ),
     *of(
         "text_to_motion/generator.py", "text_to_motion/test_generator.py",

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 from matplotlib.colors import to_hex
-from matplotlib.text import Text
 from scipy.fft import dct, idct
 
 from mwlib import plots
+from tests.plots.legible import legible
 
 FRAMES, FPS = 41, 20.0
 TIME = np.arange(FRAMES) / FPS
@@ -19,16 +18,6 @@ NOISE = np.random.default_rng(0).normal(size=(3, FRAMES))
 
 def _labels(ax):
     return {line.get_label(): line for line in ax.lines if not line.get_label().startswith("_")}
-
-
-def _legible(fig) -> None:
-    with plots.style():
-        fig.draw_without_rendering()
-        box = fig.get_tightbbox()
-    width, height = fig.get_size_inches()
-    assert width <= 6.4 + 1e-9 and height <= 8.5 and not plt.get_fignums()
-    assert box.x0 > -0.02 and box.y0 > -0.02 and box.x1 < width + 0.02 and box.y1 < height + 0.02
-    assert all(text.get_fontsize() >= 9 for text in fig.findobj(Text) if text.get_text())
 
 
 def test_bridged_coordinate_shows_truth_baselines_samples_and_keyframes():
@@ -41,7 +30,7 @@ def test_bridged_coordinate_shows_truth_baselines_samples_and_keyframes():
     assert found["keyframe"].get_ydata() == pytest.approx(TRUTH[[0, 7, -1]])
     drawn = [curve.get_ydata() for curve in ax.lines if curve.get_color() == plots.CYCLE[0] and len(curve.get_ydata())]
     assert np.array_equal(drawn, TRUTH + NOISE)
-    _legible(fig)
+    legible(fig)
 
 
 def test_seams_are_lengths_of_steps_and_mark_those_at_keyframes():
@@ -56,7 +45,7 @@ def test_seams_are_lengths_of_steps_and_mark_those_at_keyframes():
     assert found["pasted"].get_xdata()[:2] == pytest.approx([0.025, 0.075])
     marks = [line for line in ax.lines if line.get_marker() == "o"]
     assert [mark.get_xdata().tolist() for mark in marks] == [pytest.approx([0.025, 0.975, 1.025, 1.975])] * 2
-    _legible(fig)
+    legible(fig)
 
 
 @pytest.mark.parametrize("frames", [40, 41])
@@ -68,7 +57,7 @@ def test_spectra_stand_at_their_frequencies(frames):
     assert truth.get_xdata()[truth.get_ydata().argmax()] == pytest.approx(5 * FPS / frames)
     ratios = [line.get_ydata() for line in axes[1].lines]
     assert any(np.allclose(ratio, 4.0) for ratio in ratios) and axes[0].get_yscale() == "log"
-    _legible(fig)
+    legible(fig)
     _, axes = plots.spectra({"a": power}, fps=FPS, frames=frames)
     assert len(axes) == 1
 
@@ -82,9 +71,9 @@ def test_imposed_steps_mark_noisy_and_clean_keyframes():
         found = _labels(ax)
         assert found["keyframe at this noise"].get_ydata() == pytest.approx(values[[0, -1]])
         assert found["clean keyframe"].get_ydata() == pytest.approx(TRUTH[[0, -1]])
-    _legible(fig)
+    legible(fig)
     four, _ = plots.imposed_steps(np.stack([*x, TRUTH]), [*levels, 0.0], fps=FPS)
-    _legible(four)
+    legible(four)
 
 
 def test_training_view_goes_to_cosines_and_back():
@@ -96,7 +85,7 @@ def test_training_view_goes_to_cosines_and_back():
     assert axes[1, 0].lines[-1].get_ydata() == pytest.approx(TRUTH + 0.1 * idct(NOISE[0], norm="ortho"))
     stems = np.array(axes[1, 1].collections[0].get_segments())
     assert stems[:, 1, 1] == pytest.approx(noisy) and stems[:, 0, 0] == pytest.approx(np.arange(FRAMES) * FPS / (2 * FRAMES))
-    _legible(fig)
+    legible(fig)
 
 
 @pytest.mark.parametrize(

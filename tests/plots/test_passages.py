@@ -4,14 +4,13 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 from matplotlib.collections import LineCollection
-from matplotlib.text import Text
 
 from mwlib import plots
 from mwlib.data.synthetic.script import synthetic_motions
+from tests.plots.legible import legible
 
 WALK = synthetic_motions(1, seconds=2)[0].resample(25.0).cut(0, 41)
 
@@ -27,16 +26,6 @@ def _bodies(ax):
     return [group for group in ax.collections if isinstance(group, LineCollection)]
 
 
-def _legible(fig) -> None:
-    with plots.style():
-        fig.draw_without_rendering()
-        box = fig.get_tightbbox()
-    width, height = fig.get_size_inches()
-    assert width <= 6.4 + 1e-9 and height <= 8.5 and not plt.get_fignums()
-    assert box.x0 > -0.02 and box.y0 > -0.02 and box.x1 < width + 0.02 and box.y1 < height + 0.02
-    assert all(text.get_fontsize() >= 9 for text in fig.findobj(Text) if text.get_text())
-
-
 @pytest.mark.parametrize("angle", [0.0, 1.0, 2.5, -1.6])
 def test_the_way_runs_to_the_right_of_the_page_in_metres(angle):
     fig, ax = plots.passages(_going(2.0, angle), every=10)
@@ -46,7 +35,7 @@ def test_the_way_runs_to_the_right_of_the_page_in_metres(angle):
     assert ax.get_xlim()[1] - ax.get_xlim()[0] == pytest.approx(
         (ax.get_ylim()[1] - ax.get_ylim()[0]) * np.divide(*fig.get_size_inches())
     )
-    _legible(fig)
+    legible(fig)
 
 
 def test_keyframes_are_black_and_what_lies_between_is_light():
@@ -74,7 +63,7 @@ def test_bodies_that_would_pile_up_are_spread_by_time_and_it_says_so():
     numbers = sorted((text.get_position()[0], float(text.get_text())) for text in ax.texts if text.get_text()[:1].isdigit())
     x, seconds = np.array(numbers).T
     assert seconds.tolist() == [0.0, 0.6, 1.2, 1.6] and np.allclose(np.diff(x) / np.diff(seconds), np.diff(x)[0] / 0.6)
-    _legible(fig)
+    legible(fig)
 
 
 def test_rows_of_one_start_share_their_camera_and_others_have_their_own():
@@ -94,7 +83,7 @@ def test_eight_rows_and_other_axes_fit_the_page():
     upright, _ = plots.passages(dict.fromkeys(rows, WALK), spread=True)
     assert fig.get_size_inches() == pytest.approx(upright.get_size_inches())
     assert {*rows} <= {text.get_text() for text in ax.texts}
-    _legible(fig)
+    legible(fig)
 
 
 def test_what_cannot_be_drawn_is_refused():
@@ -126,7 +115,7 @@ def test_broken_bones_are_coloured_by_their_error():
     assert last.get_linewidths()[bone] == pytest.approx(2.4, abs=0.01)
     assert {text.get_text() for text in ax.texts} == {"0.00 s", "0.08 s", "whole", "broken"}
     assert fig.axes[1].get_xlabel() == "error of the bone's length (mm)"
-    _legible(fig)
+    legible(fig)
     with pytest.raises(ValueError, match=r"rows of \[3, 2\] frames; expected"):
         plots.broken_bodies({"a": first, "b": first[1:]}, skeleton, lengths, fps=25.0)
 
@@ -134,4 +123,4 @@ def test_broken_bones_are_coloured_by_their_error():
 def test_bridging_overview_stays_on_its_sheet():
     y = np.random.default_rng(0).normal(size=(41, 51))
     fig, _ = plots.bridging_overview(WALK.positions, y, 2 * y, WALK.positions[None].repeat(3, axis=0), WALK.skeleton)
-    _legible(fig)
+    legible(fig)

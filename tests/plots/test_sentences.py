@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 import torch
-from matplotlib.text import Text
 
 from mwlib import Motion, plots
 from mwlib.body.skeleton import HUMANML22
+from tests.plots.legible import legible
 
 FRAMES = 12
 CAPTION = "somebody first walks in a straight line at a normal pace and afterwards kicks one time with the right leg"
@@ -24,16 +23,6 @@ def body(to_left: float, ahead: float, heading: float = 0.0, up: str = "y") -> M
     cos, sin = np.cos(heading), np.sin(heading)
     turned = joints @ np.array([[cos, 0, sin], [0, 1, 0], [-sin, 0, cos]]).T + [3.0, 0, -5.0]
     return Motion(turned, 20.0, HUMANML22, up="y").with_up(up)
-
-
-def _legible(fig) -> None:
-    with plots.style():
-        fig.draw_without_rendering()
-        box = fig.get_tightbbox()
-    width, height = fig.get_size_inches()
-    assert width <= 6.4 + 1e-9 and height <= 8.5 and not plt.get_fignums()
-    assert box.x0 > -0.02 and box.y0 > -0.02 and box.x1 < width + 0.02 and box.y1 < height + 0.02
-    assert all(text.get_fontsize() >= 9 for text in fig.findobj(Text) if text.get_text())
 
 
 def _apart(fig, texts) -> None:
@@ -65,7 +54,7 @@ def test_each_sentence_has_a_panel_of_the_same_scale():
     assert [ax.get_xlabel() for ax in shown] == ["", "to the right (m)", "to the right (m)", "to the right (m)"]
     assert [ax.get_ylabel() for ax in shown] == ["ahead (m)", "", "", "ahead (m)"]
     assert all(ax.xaxis.get_tick_params()["labelbottom"] for ax in shown[1:])
-    _legible(fig)
+    legible(fig)
     _apart(fig, [ax._left_title for ax in shown])
 
 
@@ -94,7 +83,7 @@ def test_an_emerging_way_grows_darker_step_by_step():
     assert light == sorted(light, reverse=True) and len(set(light)) == 6
     (legend,) = fig.legends
     assert [text.get_text() for text in legend.get_texts()] == [f"noise {level:.2f}" for level in levels]
-    _legible(fig)
+    legible(fig)
 
 
 def test_an_emerging_way_needs_equally_many_of_each():
@@ -115,7 +104,7 @@ def test_the_overview_shows_the_clip_its_noise_and_three_losses(text):
     (caption,) = [found for found in ax.texts if found.get_text().startswith("“")]
     said = caption.get_text().strip("“”").replace("\n", " ")
     assert said == text or (said.endswith(" …") and text.startswith(said.removesuffix(" …")))
-    _legible(fig)
+    legible(fig)
     frames = [patch.get_window_extent() for patch in ax.patches]
     assert any(frame.containsx(e.x0) and frame.containsx(e.x1) and frame.containsy(e.y0) and frame.containsy(e.y1)
                for e in [caption.get_window_extent()] for frame in frames)  # fmt: skip

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import matplotlib.pyplot as plt
 import numpy as np
 import pytest
-from matplotlib.text import Text
 
 from mwlib import plots
+from tests.plots.legible import legible
 
 POWER = 100.0 * np.arange(1, 65) ** -2.0
 A_BAR = np.cos(np.linspace(0.05, 1.5, 100)) ** 2
@@ -15,16 +14,6 @@ A_BAR = np.cos(np.linspace(0.05, 1.5, 100)) ** 2
 
 def _curves(ax):
     return {line.get_label().split(":")[0].split(",")[0]: line for line in ax.lines if not line.get_label().startswith("_")}
-
-
-def _legible(fig) -> None:
-    with plots.style():
-        fig.draw_without_rendering()
-        box = fig.get_tightbbox()
-    width, height = fig.get_size_inches()
-    assert width <= 6.4 + 1e-9 and height <= 8.5 and not plt.get_fignums()
-    assert box.x0 > -0.02 and box.y0 > -0.02 and box.x1 < width + 0.02 and box.y1 < height + 0.02
-    assert all(text.get_fontsize() >= 9 for text in fig.findobj(Text) if text.get_text())
 
 
 def test_energy_is_drawn_with_and_without_its_mean():
@@ -35,7 +24,7 @@ def test_energy_is_drawn_with_and_without_its_mean():
     assert np.array_equal(first.get_ydata(), POWER[1:]) and first.get_xdata()[0] == 1
     assert mean.get_ydata() == [POWER[0]] and mean.get_xdata()[0] < 1
     assert [tick.get_text() for tick in left.get_xticklabels()] == ["0", "1", "10"]
-    _legible(fig)
+    legible(fig)
     with pytest.raises(ValueError, match="rates: 8 coefficients; expected more than few, 8"):
         plots.energy_by_coefficient({"rates": np.ones(8)}, few=8)
 
@@ -49,7 +38,7 @@ def test_snr_curves_are_parallel_and_end_at_the_threshold():
     last = [int(np.flatnonzero(A_BAR * POWER[k] / (1 - A_BAR) >= 2)[-1]) for k in (1, 4, 60)]
     assert [int(dot.get_xdata()[0]) for dot in dots] == last
     assert f"k = 4, until t = {last[1]}" in [line.get_label() for line in ax.lines]
-    _legible(fig)
+    legible(fig)
 
 
 def test_a_coefficient_that_is_always_under_the_noise_has_no_dot():
@@ -67,14 +56,14 @@ def test_what_comes_back_out_of_order_is_marked():
     marks = [line.get_xdata().tolist() for line in ax.lines if line.get_marker() == "o"]
     assert marks == [[], [7]]
     assert ax.get_ylim() == (0, 120)
-    _legible(fig)
+    legible(fig)
 
 
 def test_known_shares_are_percent():
     fig, ax = plots.known_share({f"t = {t}": A_BAR[t] * POWER / (A_BAR[t] * POWER + 1 - A_BAR[t]) for t in (20, 60)})
     expected = 100 * A_BAR[20] * POWER[3] / (A_BAR[20] * POWER[3] + 1 - A_BAR[20])
     assert _curves(ax)["t = 20"].get_ydata()[2] == pytest.approx(expected)
-    _legible(fig)
+    legible(fig)
 
 
 def test_kept_power_has_a_panel_for_each_number_of_steps():
@@ -83,7 +72,7 @@ def test_kept_power_has_a_panel_for_each_number_of_steps():
     assert [ax.get_title(loc="left") for ax in axes] == ["T = 50", "T = 1000"]
     assert np.array_equal(_curves(axes[0])["DDPM"].get_ydata(), few[1:])
     assert np.array_equal(_curves(axes[1])["DDPM"].get_ydata(), many[1:])
-    _legible(fig)
+    legible(fig)
 
 
 def test_coupling_is_a_bar_for_each_noise():
@@ -95,7 +84,7 @@ def test_coupling_is_a_bar_for_each_noise():
     assert [tick.get_text() for tick in axes[0].get_xticklabels()] == ["0.2", "0.4"]
     middles = [bar.get_x() + bar.get_width() / 2 for bar in axes[0].patches]
     assert middles == pytest.approx([-0.2, 0.8, 0.2, 1.2])
-    _legible(fig)
+    legible(fig)
     with pytest.raises(ValueError, match="bound, alone: 2 errors; expected 3, one for each noise"):
         plots.coupling_bars({"bound": rows}, [0.2, 0.4, 0.8])
 

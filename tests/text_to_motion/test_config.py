@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import pytest
 
+from mwlib.inbetweening.presets import PRESETS as INBETWEENING
+from mwlib.prediction.presets import PRESETS as PREDICTION
+from mwlib.text_to_motion import matching_config
 from mwlib.text_to_motion.config import Config
 
 
@@ -52,3 +55,12 @@ def test_who_judges_and_how_is_sampled_are_no_part_of_a_training():
 
 def test_the_embedded_data_go_by_the_name_that_they_have_in_other_systems():
     assert Config.preset("tiny", data="synthetic") == Config.preset("tiny")
+
+
+def test_one_preset_name_builds_the_figures_of_all_systems():
+    shared = (set(PREDICTION) & set(INBETWEENING)) - {"lafan1"}
+    assert {"h36m", "humaneva", "cmu_plus", "laptop_plus"} <= shared
+    for kind in (Config, matching_config.Config):
+        assert shared <= set(kind.presets)
+        for name in kind.presets:
+            assert kind.from_yaml(kind.preset(name).to_yaml()) == kind.preset(name)

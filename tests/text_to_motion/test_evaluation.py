@@ -15,7 +15,7 @@ from mwlib.data.synthetic.captioned import captioned_people
 from mwlib.text_to_motion import baselines, evaluation
 from mwlib.text_to_motion.baselines import any_clip, mean_pose, nearest_caption
 from mwlib.text_to_motion.dataset import CaptionsConfig, Parts, fingerprint, load_clips
-from mwlib.text_to_motion.evaluation import embed, evaluate, thinned
+from mwlib.text_to_motion.evaluation import evaluate, thinned
 from mwlib.text_to_motion.matching import Matcher
 from mwlib.text_to_motion.matching_clips import Vocabulary
 from mwlib.text_to_motion.realism import CLAIMS, claims_met, movement
@@ -55,7 +55,7 @@ def test_metrics_are_the_public_ones(monkeypatch):
     motions = [torch.from_numpy(parts.train[i].features) for i in any_clip(parts.train, 6, 3)]
     motions = [x[: len(x) // 4 * 4] for x in motions]
     real = [torch.from_numpy(c.features[: len(c.features) // 4 * 4]) for c in parts.test]
-    made, true = embed(Judge(), motions), embed(Judge(), real)
+    made, true = Judge().embed_motions(motions), Judge().embed_motions(real)
     assert found["mean"]["fid"] == pytest.approx(mw.metrics.fid(made, true), rel=1e-6)
     assert found["windows"] == 6 and found["clips"] == [c.name for c in parts.test]
     assert found["values"]["way"] == pytest.approx([movement(x, HUMANML3D)["way"] for x in motions])
@@ -67,11 +67,6 @@ def test_replicates_are_averaged_with_their_error(monkeypatch):
     single = [scores(monkeypatch, method="any_clip", sampling_seed=1000 * r)["mean"]["fid"] for r in range(3)]
     assert found["mean"]["fid"] == pytest.approx(np.mean(single))
     assert found["standard_error"]["fid"] == pytest.approx(np.std(single, ddof=1) / 3**0.5)
-
-
-def test_embedding_in_chunks_changes_nothing():
-    motions = [torch.from_numpy(c.features) for c in toy().train]
-    torch.testing.assert_close(embed(Judge(), motions), embed(Judge(), motions, chunk=7))
 
 
 def test_people_do_what_is_said_of_them_and_others_do_not():
@@ -92,6 +87,11 @@ def test_movement_of_one_who_slides():
     assert found["way"] == pytest.approx(39 * 0.05, rel=1e-4) and found["joint_speed"] == pytest.approx(1.0, rel=1e-3)
     assert found["skate"] == pytest.approx(1.0, rel=1e-3) and found["jerk"] == pytest.approx(0, abs=0.2)
     assert math.isclose(found["bone_jitter"], 0, abs_tol=1e-6)
+
+
+def test_a_replicate_without_a_value_does_not_take_the_others_away():
+    values = np.array([[1.0, np.nan, np.nan], [3.0, 5.0, np.nan]])
+    assert np.array_equal(evaluation._over_replicates(values), [2.0, 5.0, np.nan], equal_nan=True)
 
 
 def test_thinned_clips_are_spread_evenly():

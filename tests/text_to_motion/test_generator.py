@@ -6,27 +6,15 @@ import pytest
 import torch
 from torch.testing import assert_close
 
-from mwlib.text_to_motion.generator import TextToMotion
-from mwlib.text_to_motion.objective import TextObjective, normalised
-from tests.text_to_motion.sample import small, toy
-
-
-def model(**changes) -> TextToMotion:
-    """Untrained, which is as good for these tests."""
-    cfg = small(**changes)
-    one = TextObjective(cfg, toy())
-    generator = torch.Generator().manual_seed(9)
-    with torch.no_grad():
-        for weights in one.network.parameters():  # some layers begin at zero
-            weights.add_(0.03 * torch.randn(weights.shape, generator=generator))
-    return TextToMotion.from_tensors(cfg, one.network.state_dict(), one.learnt(), one.about())
+from mwlib.text_to_motion.objective import normalised
+from tests.text_to_motion.sample import toy, untrained
 
 
 @pytest.mark.parametrize("changes", [
     {}, {"sampler": "ddim", "sampling_steps": 4}, {"sampler": "sde_dpm", "sampling_steps": 5},
     {"guidance": 1.0}, {"frames_per_token": 4}, {"network": "unet", "width": 64, "multipliers": (1, 1)}])  # fmt: skip
 def test_a_motion_does_not_depend_on_what_is_sampled_with_it(changes):
-    one = model(**changes)
+    one = untrained(**changes)
     texts, frames = ["a person goes up", "someone falls", "a person goes up"], [8, 20, 16]
     together = one.sample(texts, frames, seed=3)
     assert [tuple(x.shape) for x in together] == [(8, 263), (20, 263), (16, 263)]
@@ -38,13 +26,13 @@ def test_a_motion_does_not_depend_on_what_is_sampled_with_it(changes):
 
 
 def test_what_the_text_encoder_reads_may_be_hashed():
-    one = model(text="ngrams")
+    one = untrained(text="ngrams")
     unseen = one.sample(["someone ascends"], [8], seed=0)[0]
     assert not torch.allclose(unseen, one.sample(["someone falls"], [8], seed=0)[0])
 
 
 def test_guidance_is_a_line_through_both_estimates():
-    one = model()
+    one = untrained()
     y, mask = torch.randn(2, 8, 263), torch.ones(2, 8, dtype=torch.bool)
     texts = ["someone falls", "a person goes up"]
     eps = {s: one.with_sampling(guidance=s)._denoise(texts, mask)(y, 6) for s in (0.0, 1.0, 2.5)}
@@ -58,7 +46,7 @@ def test_a_network_that_knows_the_answer_gives_it():
     n = len(clip.features) // 4 * 4
     raw = torch.from_numpy(clip.features[:n])
     for changes in ({}, {"sampler": "ddim"}, {"sampler": "sde_dpm", "sampling_steps": 5}):
-        one = model(guidance=1.0, **changes)
+        one = untrained(guidance=1.0, **changes)
         y = normalised(clip.features[:n], one.statistics)
         one.net.forward = lambda y_t, *_, y=y: y[None].expand_as(y_t)
         assert_close(one.sample(["someone rises"], [n])[0], raw, atol=1e-4, rtol=1e-4)
@@ -71,9 +59,9 @@ def test_a_network_that_knows_the_answer_gives_it():
 ])  # fmt: skip
 def test_sentences_and_lengths_that_do_not_fit_are_refused(texts, frames, message):
     with pytest.raises(ValueError, match=message):
-        model().sample(texts, frames)
+        untrained().sample(texts, frames)
 
 
 def test_settings_of_the_training_stay():
     with pytest.raises(ValueError, match="width belongs to the trained model"):
-        model().with_sampling(width=32)
+        untrained().with_sampling(width=32)

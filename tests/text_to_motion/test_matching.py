@@ -40,9 +40,9 @@ def test_neither_padding_nor_order_nor_company_changes_an_embedding():
         row[n:] = torch.nan
     torch.testing.assert_close(matcher.embed_motion(more, lengths), found)
     torch.testing.assert_close(matcher.embed_motion(x.flip(0), lengths.flip(0)), found.flip(0))
-    alone = torch.cat([matcher.embed_clips([clip]) for clip in clips])
+    alone = torch.cat([matcher.embed_motions([torch.from_numpy(clip.features)]) for clip in clips])
     torch.testing.assert_close(alone, found)
-    torch.testing.assert_close(matcher.embed_clips(clips * 60)[-7:], found)
+    torch.testing.assert_close(matcher.embed_motions([torch.from_numpy(clip.features) for clip in clips * 60])[-7:], found)
 
 
 def test_sentences_do_not_depend_on_their_company():

@@ -67,6 +67,21 @@ def test_detached_meaning_changes_the_number_but_no_gradient(critic):
     assert not all(torch.allclose(a, b) for a, b in zip(without, real, strict=True))
 
 
+def test_the_critic_sees_only_samples_whose_stage_it_is(monkeypatch):
+    seen = []
+
+    class Curious(Critic):
+        def embed_motion(self, features, lengths):
+            seen.append(len(features))
+            return super().embed_motion(features, lengths)
+
+    monkeypatch.setattr(objective, "open_matcher", lambda name, layout: Curious())
+    everywhere = gradient(semantic_weight=1.0, stage="none")[0]
+    assert set(seen) == {8} and seen.clear() is None
+    assert gradient(semantic_weight=1.0, stage="eq16")[0] < everywhere
+    assert seen and max(seen) < 8
+
+
 def test_stages_and_bands_reach_the_loss(critic):
     losses = {stage: gradient(simple_weight=0.0, low_weight=1.0, stage=stage)[0] for stage in ("none", "prose", "eq16", "snr")}
     assert losses["none"] > max(losses["prose"], losses["eq16"]) > 0 and losses["snr"] > 0
