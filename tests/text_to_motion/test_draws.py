@@ -16,7 +16,7 @@ def pool():
 
 def test_a_batch_is_made_of_pieces_of_clips_with_their_own_captions():
     one, generator = pool(), torch.Generator().manual_seed(0)
-    seen = set()
+    seen, starts = set(), set()
     for _ in range(40):
         batch = one.draw(5, generator)
         assert batch.y.shape[:2] == batch.mask.shape and not batch.y[~batch.mask].any()
@@ -30,8 +30,10 @@ def test_a_batch_is_made_of_pieces_of_clips_with_their_own_captions():
             ]
             assert len(places) == 1 and caption in one.clips[places[0][0]].captions
             seen.add((places[0][0], len(one.clips[places[0][0]].features) - n, caption))
+            starts.add(places[0][1])
     assert len({i for i, _, _ in seen}) == len(one.clips)  # every clip comes, and both captions, and cut ones
     assert {caption for _, _, caption in seen} == {caption for clip in one.clips for caption in clip.captions}
+    assert {0, 1, 2, 3} <= starts  # anywhere
     assert any(cut >= 4 for _, cut, _ in seen) and any(cut < 4 for _, cut, _ in seen)
 
 

@@ -82,6 +82,21 @@ def test_the_critic_sees_only_samples_whose_stage_it_is(monkeypatch):
     assert seen and max(seen) < 8
 
 
+def test_an_estimate_that_is_right_means_what_the_truth_means(critic):
+    one = TextObjective(small(simple_weight=0.0, semantic_weight=1.0, stage="none"), toy())
+    with seeded(0, 3) as generator:
+        batch = one.draw(8, generator)
+        one.network.forward = lambda y_t, *others: batch.y
+        loss = one.loss(one.network, batch, generator)
+    assert float(loss) == pytest.approx(0, abs=1e-5)
+
+
+def test_half_a_weight_is_half_a_loss(critic, monkeypatch):
+    whole = gradient(simple_weight=0.0, semantic_weight=1.0, stage="none")[0]
+    monkeypatch.setattr(objective, "stage_weights", lambda stage, t, *others: (torch.ones(len(t)), torch.full((len(t),), 0.5)))
+    assert gradient(simple_weight=0.0, semantic_weight=1.0)[0] == pytest.approx(0.5 * whole, rel=1e-5)
+
+
 def test_stages_and_bands_reach_the_loss(critic):
     losses = {stage: gradient(simple_weight=0.0, low_weight=1.0, stage=stage)[0] for stage in ("none", "prose", "eq16", "snr")}
     assert losses["none"] > max(losses["prose"], losses["eq16"]) > 0 and losses["snr"] > 0
