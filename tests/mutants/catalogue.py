@@ -832,4 +832,19 @@ MUTANTS = [
         ("index-cut-instead-of-rounded", "np.arange(len(a))).round()", "np.arange(len(a)))"),
         ("eps-always-read-at-the-level", "float(alpha_bar[t]) if read_at == \"index\" else a", "a"),
     ),
+    *of(
+        "text_to_motion/evaluation.py", "text_to_motion/test_evaluation.py",
+        ("others-captions-are-their-own", "own[i - 1][: frames[i - 1]]", "own[i][: frames[i]]"),
+        ("every-replicate-of-one-seed", "cfg.sampling.sampling_seed + 1000 * replicate", "cfg.sampling.sampling_seed"),
+        ("replicates-with-holes-count-less", "there.sum(axis=0), np.nan)", "len(values), np.nan)"),
+    ),
+    *of(
+        "text_to_motion/realism.py", "text_to_motion/test_evaluation.py",
+        ("way-of-height-and-depth", "joints[:, 0, [0, 2]]", "joints[:, 0, [1, 2]]"),
+        ("claims-always-met", "float(found.get(name) == value)", "float(name in found)"),
+    ),
+    *of(
+        "text_to_motion/dataset.py", "text_to_motion/test_evaluation.py",
+        ("few-from-the-beginning", "np.linspace(0, len(train) - 1, min(source.few, len(train)))", "np.arange(source.few)"),
+    ),
 ]  # fmt: skip

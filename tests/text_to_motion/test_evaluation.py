@@ -82,7 +82,7 @@ def test_people_do_what_is_said_of_them_and_others_do_not():
 
 def test_movement_of_one_who_slides():
     x = torch.zeros(40, HUMANML3D.width)
-    x[:, HUMANML3D.blocks["root_velocity"]] = torch.tensor([0.0, 0.05])  # 1 m/s ahead, as a statue
+    x[:, HUMANML3D.blocks["root_velocity"]] = torch.tensor([0.03, 0.04])  # 1 m/s, as a statue
     found = movement(x, HUMANML3D)
     assert found["way"] == pytest.approx(39 * 0.05, rel=1e-4) and found["joint_speed"] == pytest.approx(1.0, rel=1e-3)
     assert found["skate"] == pytest.approx(1.0, rel=1e-3) and found["jerk"] == pytest.approx(0, abs=0.2)
@@ -112,6 +112,8 @@ def test_people_are_parted_and_known_again():
     assert not (people[0] & people[1] or people[0] & people[2] or people[1] & people[2])
     assert parts.layout == HUMANML3D and parts.fingerprints() == load_clips(CaptionsConfig(clips=80)).fingerprints()
     few = load_clips(CaptionsConfig(clips=80, few=5, longest=60))
+    kept = [clip for clip in parts.train if len(clip.features) >= 40]
+    assert [clip.name for clip in few.train[::4]] == [kept[0].name, kept[-1].name]
     assert len(few.train) == 5 and max(len(c.features) for part in few for c in part) <= 60
     assert fingerprint(parts.train) != fingerprint(parts.train[1:])
     with pytest.raises(ValueError, match="people has 0 clips to train and 0 to test on, of 150 frames"):
