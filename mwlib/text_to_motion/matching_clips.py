@@ -34,8 +34,8 @@ def of_half(clips: Sequence[CaptionedClip], half: Half) -> list[CaptionedClip]:
     Raises:
         ValueError: a clip has no name, or no clip is left.
 
-    >>> clips = [CaptionedClip(np.zeros((8, 263)), ("a man walks",), name) for name in ("000001", "M000001", "000003")]
-    >>> [clip.name for clip in of_half(clips, "critic")]
+    >>> clips = [CaptionedClip(np.zeros((8, 263)), ("a man walks",), name) for name in ("000001", "M000001", "000005")]
+    >>> [clip.name for clip in of_half(clips, "evaluator")]
     ['000001', 'M000001']
     """
     if half == "all":
