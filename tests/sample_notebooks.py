@@ -25,6 +25,8 @@ PICTURE = """fig, ax = plt.subplots(figsize=(2, 1))
 page.show(fig, "fig_01_axes", "An empty pair of axes, nothing drawn", {"n": [0, 1]})"""
 FINISH = 'page.finish({"answer": level + lr})'
 
+FOLDED = "<details><summary>Derivation</summary>\n\nBecause.\n\n</details>"
+
 SYMBOLS = """## Energy
 $$E = \\sum_n x_n^2$$
 
@@ -79,8 +81,11 @@ def model_notebook() -> NotebookNode:
             code('warnings.warn("noise", stacklevel=1)'),
             code(PICTURE),
             new_markdown_cell("**What you should see.** Axes from 0 to 1."),
+            code("half = 4 / 2  # your turn: half of four"),
+            code('assert half == 2, f"half is {half}; expected half of four"'),
             new_markdown_cell("### Ex 1.1 Double it\nGive `twice` the double of `level`."),
             code("twice = 2 * level", "solution"),
+            new_markdown_cell(FOLDED, metadata={"tags": ["solution"]}),
             code("assert twice == level + level"),
             code('page.table([{"n": 1, "square": 1.0}], "table_01_squares")'),
             code(FINISH),

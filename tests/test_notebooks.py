@@ -127,6 +127,13 @@ def output(**fields):
     return change
 
 
+def unfold(text: str):
+    def change(notebook: NotebookNode) -> None:
+        del cell_with(notebook, text).metadata["jupyter"]
+
+    return change
+
+
 def unnamed_picture(notebook: NotebookNode) -> None:
     cell_with(notebook, "subplots").outputs[0].metadata = {}
 
@@ -193,6 +200,10 @@ BREACHES = {
     "exercise number": (edit("### Ex", source="### Ex 1.2 Double it"), "exercises: .*numbered"),
     "no solution": (tag("twice = "), "exercises: .*no cell tagged"),
     "no self-check": (drop("assert twice"), "exercises: .*no self-check"),
+    "solution open to all eyes": (unfold("twice = 2"), "exercises: .*not folded"),
+    "derivation open to all eyes": (edit("<details>", source="By hand."), "exercises: a solution in words begins 'By hand.'"),
+    "hole that cannot be left open": (append("energy", "\nprint(1)  # your turn: one"), "holes: 'print"),
+    "hole without a check": (append("twice == level", "\nx = 1  # your turn: one"), "holes: no check with a message"),
 }
 
 
@@ -223,7 +234,8 @@ def test_source_hash_ignores_outputs_and_sees_sources(model):
 def test_learner_copies_hold_the_checks_and_no_solutions(model, tmp_path):
     notebook = learner_copy(nbformat.read(model, as_version=4))
     text = "\n".join(cell.source for cell in notebook.cells)
-    assert "twice = 2" not in text and "assert twice" in text and "Your turn" in text
+    assert "twice = 2" not in text and "assert twice" in text and "Your turn" in text and "Because" not in text
+    assert "half = ...  # your turn: half of four" in text and "half == 2" in text
     assert not any(cell.get("outputs") for cell in notebook.cells)
     (first,) = write_learner_copies(tmp_path, [model])
     first.write_text("a learner's work")

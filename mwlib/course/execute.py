@@ -9,6 +9,7 @@ from nbclient import NotebookClient
 from nbformat import NotebookNode
 
 from mwlib.course.files import source_hash
+from mwlib.course.parameters import tags
 from mwlib.files import write_atomic
 
 PICTURES = ("image/png", "image/gif")
@@ -43,13 +44,15 @@ def execute_notebook(path: Path, timeout: float = 600.0) -> None:
 
 
 def filter_notebook(notebook: NotebookNode) -> None:
-    """Keep prints and pictures; drop stderr, widgets, HTML and whatever changes from run to run. In place.
+    """Keep prints and pictures; drop stderr, widgets, HTML and whatever changes from run to run; fold solutions. In place.
 
     The notebook's metadata then holds the hash of the sources that these outputs belong to.
     """
     for cell in notebook.cells:
         cell.metadata = NotebookNode({key: cell.metadata[key] for key in KEPT_CELL_METADATA if key in cell.metadata})
         if cell.cell_type == "code":
+            if "solution" in tags(cell):
+                cell.metadata["jupyter"] = {"source_hidden": True}  # JupyterLab folds it
             cell.outputs = _joined([kept for output in cell.outputs if (kept := _filtered(output)) is not None])
     notebook.metadata = NotebookNode(
         kernelspec={"display_name": "Python 3", "language": "python", "name": "python3"},

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import nbformat
@@ -11,12 +12,14 @@ from mwlib.course.parameters import tags
 from mwlib.files import write_atomic
 
 BLANK = "# Your turn: write your answer here, then run the check below."
+HOLE = re.compile(r"^(\s*(?:return|[\w, .\[\]]+ =) )(\S.*?)(  # your turn: \S.*)$", re.M)
 
 
 def learner_copy(notebook: NotebookNode) -> NotebookNode:
-    """A copy of a notebook with empty solution cells and no outputs; the self-checks stay.
+    """A copy of a notebook with empty solution cells, open holes and no outputs; the self-checks stay.
 
-    The committed notebook is the only source: a cell tagged `solution` keeps its place and loses its content.
+    The committed notebook is the only source: a cell tagged `solution` keeps its place and loses its content. A line
+    `name = expression  # your turn: hint`, or one with `return`, loses its expression.
     """
     copy = NotebookNode(notebook.copy())
     copy.cells = [_emptied(cell) for cell in notebook.cells]
@@ -41,6 +44,7 @@ def _emptied(cell: NotebookNode) -> NotebookNode:
     cell = NotebookNode(cell.copy())
     if cell.cell_type == "code":
         cell.outputs, cell.execution_count = [], None
+        cell.source = HOLE.sub(r"\1...\3", cell.source)
     if "solution" in tags(cell):
         cell.source = BLANK if cell.cell_type == "code" else "*Your turn.*"
         cell.metadata = NotebookNode(tags=["exercise"])

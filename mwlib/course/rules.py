@@ -20,6 +20,7 @@ from PIL import Image
 
 from mwlib.course.execute import PICTURES, WIDGET, is_table
 from mwlib.course.files import source_hash
+from mwlib.course.learner import HOLE
 from mwlib.course.parameters import ParameterError, read_parameters, tags
 from mwlib.course.stems import page_calls, parsed, saved_stems
 from mwlib.plots.loops import MOST_BYTES
@@ -42,6 +43,7 @@ FORBIDDEN = {
 MACHINE_PATH = r"(?<![\w.:/])/(home|root|tmp|Users|mnt|opt|work|var|usr)/\w+"
 SKIPPING = {"nbval-skip", "skip-execution"}
 SEEN = "What you should see"
+FOLDED = re.compile(r"<details><summary>[^<]+</summary>\n\n.*\n\n</details>$", re.S)
 EXERCISE = r"\bEx (\d+)\.(\d+)\b"
 
 
@@ -260,12 +262,30 @@ def exercises(notebook: NotebookNode) -> Iterator[str]:
             yield f"Ex {'.'.join(pair)} has no cell tagged 'solution'"
         if not any("assert" in cell.source and "solution" not in tags(cell) for cell in cells):
             yield f"Ex {'.'.join(pair)} has no self-check: a cell with an assert, not tagged 'solution'"
-    solutions = sum("solution" in tags(cell) for cell in notebook.cells)
+    solutions = [cell for cell in notebook.cells if "solution" in tags(cell)]
     if solutions and not places:
-        yield f"{solutions} cells are tagged 'solution', but no heading has 'Ex <chapter>.<number>'"
+        yield f"{len(solutions)} cells are tagged 'solution', but no heading has 'Ex <chapter>.<number>'"
+    for cell in solutions:
+        if cell.cell_type == "code" and not cell.metadata.get("jupyter", {}).get("source_hidden"):
+            yield f"the solution in cell {cell.execution_count} is not folded; expected metadata.jupyter.source_hidden"
+        if cell.cell_type == "markdown" and not FOLDED.match(cell.source):
+            yield f"a solution in words begins {cell.source[:20]!r}; expected '<details><summary>Solution</summary>'"
+
+
+def holes(notebook: NotebookNode) -> Iterator[str]:
+    """A line that the learner's copy leaves open can be left open, and the next check says what is wrong."""
+    cells = [cell for cell in code_cells(notebook) if "solution" not in tags(cell)]
+    for place, cell in enumerate(cells):
+        lines = [line for line in cell.source.split("\n") if "# your turn" in line]
+        for line in lines:
+            if not HOLE.fullmatch(line):
+                yield f"{line.strip()!r}; expected 'name = expression  # your turn: hint', or the same with 'return'"
+        checks = parsed({"cells": cells[place : place + 4]})
+        if lines and not any(isinstance(node, ast.Assert) and node.msg for node in ast.walk(checks)):
+            yield f"no check with a message within three cells of {lines[0].strip()!r}"
 
 
 RULES: tuple[Rule, ...] = (
     heading, first_cell, parameters, page, result, forbidden, length, executed, outputs, compared, symbols, described, moving,
-    exercises,
+    exercises, holes,
 )  # fmt: skip

@@ -122,14 +122,6 @@ def test_solutions_are_folded_and_nothing_else_is():
     assert nbformat.writes(notebook) == before
 
 
-def test_a_solution_in_words_is_folded_too():
-    notebook = nbformat.v4.new_notebook(
-        cells=[code("1"), nbformat.v4.new_markdown_cell("Because.", metadata={"tags": ["solution"]})]
-    )
-    source = site_copy(notebook, "x.ipynb").cells[2].source
-    assert source.startswith("<details><summary>") and "\n\nBecause.\n\n</details>" in source
-
-
 def test_a_notebook_without_solutions_offers_no_copy_without():
     assert "learner" not in site_copy(nbformat.v4.new_notebook(cells=[code("1")]), "x.ipynb").cells[1].source
 
