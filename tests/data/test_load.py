@@ -94,7 +94,7 @@ def test_file_names_tell_subject_and_action_if_nothing_else_does(tmp_path):
     found = {m.name: (m.subject, m.action) for m in load_motions(tmp_path)}
     assert found == {
         "walk4_subject2": ("2", "walk"),
-        "dataset-1_walk-left_normal_001": ("", "walk-left"),
+        "dataset-1_walk-left_normal_001": ("normal", "walk-left"),
         "07_11": ("7", ""),
         "whatever": ("", ""),
     }
