@@ -38,6 +38,8 @@ class Motion:
     >>> clip = Motion(np.zeros((101, 17, 3), np.float32), fps=50.0, skeleton=H36M17)
     >>> len(clip), clip.duration, len(clip.resample(20.0)), clip.rig is None
     (101, 2.0, 41, True)
+    >>> clip
+    Motion(101 frames of 17 joints, H36M17, 50 Hz, up z)
     """
 
     positions: Float[np.ndarray, "T joints 3"]
@@ -75,6 +77,13 @@ class Motion:
 
     def __len__(self) -> int:
         return len(self.positions)
+
+    def __repr__(self) -> str:
+        """One line, for a reader who looks at a motion; arrays stay out of it."""
+        said = {"subject": self.subject, "action": self.action, "name": self.name}
+        words = "".join(f", {key}={text!r}" for key, text in said.items() if text)
+        words += "" if self.rig is None else ", with rotations"
+        return f"Motion({len(self)} frames of {len(self.skeleton)} joints, {self.skeleton.name}, {self.fps:g} Hz, up {self.up}{words})"
 
     @property
     def duration(self) -> float:
