@@ -83,7 +83,8 @@ class Motion:
         said = {"subject": self.subject, "action": self.action, "name": self.name}
         words = "".join(f", {key}={text!r}" for key, text in said.items() if text)
         words += "" if self.rig is None else ", with rotations"
-        return f"Motion({len(self)} frames of {len(self.skeleton)} joints, {self.skeleton.name}, {self.fps:g} Hz, up {self.up}{words})"
+        size = f"{len(self)} frames of {len(self.skeleton)} joints"
+        return f"Motion({size}, {self.skeleton.name}, {self.fps:g} Hz, up {self.up}{words})"
 
     @property
     def duration(self) -> float:

@@ -23,8 +23,8 @@ LEVELS_UP = 4  # folders above a file in which its clips.csv or skeleton.json ma
 SLOWEST = 1.0  # frames per second; a rate below looks like milliseconds taken for seconds
 MOST_COLUMNS, MOST_ROWS = 100, 100_000  # of clips.csv; all of CMU are 2435 rows
 
-# What file names of the known collections say: "05_12.amc", "walk4_subject1.bvh", "dataset-1_bow_normal_001.bvh". The last names no
-# person: its style stands for one, so that whole styles can be held out.
+# What file names of the known collections say: "05_12.amc", "walk4_subject1.bvh", "dataset-1_bow_normal_001.bvh". The last names
+# no person: its style stands for one, so that whole styles can be held out.
 NAMES = (
     re.compile(r"(?P<subject>\d+)_\d+"),
     re.compile(r"(?P<action>[A-Za-z]+?)\d*_subject(?P<subject>\d+)"),

@@ -42,7 +42,7 @@ PRESETS: dict[str, dict[str, Any]] = {
     "lafan1": _LAPTOP | dict(
         data="lafan1", fps=30.0, state="rotations", temperature=0.5, validation_subjects=("3",), test_subjects=("2", "5"),
     ),
-    # 81 files of Bandai-Namco's two sets under MWLIB_DATA: rotations of 22 joints. They name no people; whole styles are held out.
+    # 81 files of Bandai-Namco under MWLIB_DATA: rotations of 22 joints. They name no people; whole styles are held out.
     "bandai": _LAPTOP | dict(
         data="bandai_namco", fps=30.0, state="rotations", temperature=0.5, test_stride=10,
         validation_subjects=("angry",), test_subjects=("old", "youthful"),
