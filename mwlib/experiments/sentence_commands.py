@@ -24,12 +24,19 @@ def add_parser(subparsers: _SubParsersAction) -> None:
     parser.add_argument("--samples", type=int, default=1, help="motions of each sentence (default 1)")
     parser.add_argument("--seed", type=int, default=0, help="of their noise (default 0)")
     parser.add_argument("--run", dest="run_name", default=SHIPPED, help="folder of a finished run (default: the shipped model)")
+    parser.add_argument(
+        "--plain",
+        action="store_true",
+        help="read the joints' places alone, as the field does; the default reads their steps, too",
+    )
     parser.add_argument("--out", type=Path, default=Path("build/bvh"), help="folder; default: build/bvh")
     parser.set_defaults(run=_run)
 
 
 def _run(args: Namespace) -> int:
-    found = generate(args.texts, args.seconds, args.samples, args.seed, args.run_name, progress=sys.stderr.isatty())
+    found = generate(
+        args.texts, args.seconds, args.samples, args.seed, args.run_name, progress=sys.stderr.isatty(), fused=not args.plain
+    )
     for number, motion in enumerate(found, 1):
         file = args.out / f"{number:02d}_{_stem(motion.name)}.bvh"
         away = write_bvh(motion, file)

@@ -25,6 +25,7 @@ def generate(
     seed: int = 0,
     run: str | Path | TextToMotion = SHIPPED,
     progress: bool = False,
+    fused: bool = True,
 ) -> list[Motion]:
     """Motions that do what sentences say.
 
@@ -35,6 +36,7 @@ def generate(
         seed: of their noise. The first motions do not depend on how many are asked for.
         run: folder of a finished run of text-to-motion, a name that `load_run` knows, or its model.
         progress: show a bar.
+        fused: read places, steps and contacts together (see `fused_joints`), which trembles less; else places alone, as usual.
 
     Returns:
         `samples` motions of the first sentence, then of the second, ...; metres, y up, named by their sentences.
@@ -60,4 +62,4 @@ def generate(
     frames = [round(each * model.layout.fps / UNIT) * UNIT for each in lasting]
     many = [(text, n, MOST * i + s) for i, (text, n) in enumerate(zip(texts, frames, strict=True)) for s in range(samples)]
     found = model.sample([m[0] for m in many], [m[1] for m in many], seed, ids=[m[2] for m in many], progress=progress)
-    return [motion_of(x, model.layout, text) for x, (text, _, _) in zip(found, many, strict=True)]
+    return [motion_of(x, model.layout, text, fused) for x, (text, _, _) in zip(found, many, strict=True)]

@@ -9,7 +9,9 @@ import pytest
 
 import mwlib as mw
 from mwlib.__main__ import main
+from mwlib.data.formats.humanml import joints_of
 from mwlib.experiments import sentences
+from mwlib.text_to_motion.motions import fused_joints
 from tests.text_to_motion.sample import untrained
 
 TEXTS = ["a person goes up", "someone falls"]
@@ -26,6 +28,18 @@ def test_motions_come_sentence_by_sentence(model):
     assert [motion.positions.shape for motion in found] == [(8, 22, 3), (8, 22, 3), (20, 22, 3), (20, 22, 3)]
     assert all((motion.fps, motion.up, motion.skeleton.name) == (20.0, "y", "HUMANML22") for motion in found)
     assert not np.allclose(found[0].positions, found[1].positions, atol=1e-2)
+
+
+def test_places_are_read_with_steps_and_contacts_unless_told_otherwise(model):
+    (features,) = model.sample(["someone falls"], [20], 3, ids=[0])
+    for fused, expected in (
+        (True, fused_joints(features.double(), model.layout)),
+        (False, joints_of(features.double(), model.layout)),
+    ):
+        (motion,) = mw.generate("someone falls", 1.0, seed=3, run=model, fused=fused)
+        np.testing.assert_allclose(motion.positions, expected.numpy(), atol=1e-6)
+    (usual,) = mw.generate("someone falls", 1.0, seed=3, run=model)
+    np.testing.assert_allclose(usual.positions, fused_joints(features.double(), model.layout).numpy(), atol=1e-6)
 
 
 def test_lengths_are_rounded_to_four_frames(model):

@@ -844,6 +844,13 @@ MUTANTS = [
         ("claims-always-met", "float(found.get(name) == value)", "float(name in found)"),
     ),
     *of(
+        "text_to_motion/motions.py", "text_to_motion/test_motions.py",
+        ("standing-foot-may-not-rise", "[~standing, torch.ones_like(standing), ~standing]", "[~standing, ~standing, ~standing]"),
+        ("steps-turned-the-other-way", "heading.cos(), heading.sin()", "heading.cos(), -heading.sin()"),
+        ("weight-of-feet-that-move", "torch.where(standing, contact", "torch.where(~standing, contact"),
+        ("weights-of-squares", "difference.T * weights.T[:, None]", "difference.T * weights.T[:, None] ** 2"),
+    ),
+    *of(
         "text_to_motion/dataset.py", "text_to_motion/test_evaluation.py",
         ("few-from-the-beginning", "np.linspace(0, len(train) - 1, min(source.few, len(train)))", "np.arange(source.few)"),
     ),

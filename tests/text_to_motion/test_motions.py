@@ -1,0 +1,90 @@
+"""Features that say a joint's way twice, and the joints that agree best with both."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import torch
+
+from mwlib.data.formats.humanml import HUMANML3D, joints_of
+from mwlib.data.synthetic.captioned import captioned_people
+from mwlib.metrics import foot_skate, jerk
+from mwlib.text_to_motion.motions import fused_joints, motion_of
+
+
+@pytest.fixture(scope="module")
+def walk() -> torch.Tensor:
+    """Features of a synthetic person who goes somewhere and turns."""
+    clips = [clip for clip in captioned_people(40, seed=3) if clip.attributes.get("action") == "walk"]
+    return torch.from_numpy(max(clips, key=lambda clip: np.abs(clip.features[:, 0]).sum()).features).double()
+
+
+@pytest.fixture(scope="module")
+def trembling(walk) -> torch.Tensor:
+    """The same with noise of 2 cm on the places; the steps stay as they are."""
+    noisy = walk.clone()
+    places = noisy[:, HUMANML3D.blocks["positions"]]
+    places += 0.02 * torch.randn(places.shape, generator=torch.Generator().manual_seed(0), dtype=places.dtype)
+    return noisy
+
+
+def test_what_agrees_stays_as_it_is(walk):
+    alone = joints_of(walk, HUMANML3D)
+    free_feet = walk.clone()
+    free_feet[:, HUMANML3D.blocks["contacts"]] = 0.0
+    torch.testing.assert_close(fused_joints(free_feet, HUMANML3D), alone, atol=1e-5, rtol=0)
+    torch.testing.assert_close(fused_joints(walk, HUMANML3D, 0.0, 0.0), alone, atol=1e-12, rtol=0)
+    assert float((fused_joints(walk, HUMANML3D) - alone).norm(dim=-1).mean()) < 0.005
+
+
+def test_it_is_the_least_squares_solution_joint_by_joint(trembling):
+    found, p = fused_joints(trembling, HUMANML3D, 2.0, 9.0), joints_of(trembling, HUMANML3D)
+    heading = 2 * torch.cat([torch.zeros(1), trembling[:-1, 0]]).cumsum(0)
+    local = trembling[:-1, HUMANML3D.blocks["velocities"]].unflatten(-1, (-1, 3))
+    for joint in (0, HUMANML3D.contact_joints[1], 20):
+        contacts = trembling[:-1, HUMANML3D.blocks["contacts"]]
+        place = [*HUMANML3D.contact_joints].index(joint) if joint in HUMANML3D.contact_joints else None
+        rows, right = [*torch.eye(len(p), dtype=torch.float64)], [*p[:, joint]]
+        for t, (x, y, z) in enumerate(local[:, joint].tolist()):
+            c, s = float(heading[t].cos()), float(heading[t].sin())
+            stands = place is not None and bool(contacts[t, place] > 0.5)
+            step = torch.tensor([0.0, y, 0.0] if stands else [c * x - s * z, y, s * x + c * z], dtype=torch.float64)
+            row = torch.zeros(len(p), dtype=torch.float64)
+            row[t + 1], row[t] = 1.0, -1.0
+            root = (9.0 if stands else 2.0) ** 0.5
+            rows.append(root * row)
+            right.append(root * step)
+        expected = torch.linalg.lstsq(torch.stack(rows), torch.stack(right)).solution
+        torch.testing.assert_close(found[:, joint], expected, atol=1e-9, rtol=0)
+
+
+def test_a_body_that_trembles_is_calmed_and_not_moved(walk, trembling):
+    def rough(joints):
+        return float(jerk(joints.flatten(-2)[None, None], HUMANML3D.fps))
+
+    alone, both = joints_of(trembling, HUMANML3D), fused_joints(trembling, HUMANML3D)
+    assert rough(both) < 0.4 * rough(alone)
+    truth = joints_of(walk, HUMANML3D)
+    assert (both - truth).norm(dim=-1).mean() < 0.7 * (alone - truth).norm(dim=-1).mean()
+
+
+def test_a_foot_that_is_said_to_stand_slides_less(trembling):
+    toes = HUMANML3D.contact_joints[1::2]
+
+    def slides(contact_weight):
+        return float(foot_skate(fused_joints(trembling, HUMANML3D, 3.0, contact_weight).flatten(-2), toes, HUMANML3D.fps, up="y"))
+
+    assert slides(30.0) < slides(3.0) < slides(0.0)
+
+
+def test_single_precision_and_motions(walk):
+    single = fused_joints(walk.float(), HUMANML3D)
+    torch.testing.assert_close(single.double(), fused_joints(walk, HUMANML3D), atol=1e-4, rtol=0)
+    plain, fused = motion_of(walk.float(), HUMANML3D, "walk"), motion_of(walk.float(), HUMANML3D, "walk", fused=True)
+    np.testing.assert_allclose(plain.positions, joints_of(walk.float().double(), HUMANML3D).numpy())
+    np.testing.assert_allclose(fused.positions, fused_joints(walk.float().double(), HUMANML3D).numpy())
+
+
+def test_a_negative_weight_is_refused(walk):
+    with pytest.raises(ValueError, match="step_weight is -1.0, contact_weight 0.0; expected at least 0"):
+        fused_joints(walk, HUMANML3D, -1.0, 0.0)
