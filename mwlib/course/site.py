@@ -54,7 +54,7 @@ def write_site_sources(folder: Path, root: Path) -> list[Path]:
         pages[f"notebooks/{path.name}"] = nbformat.writes(site_copy(tree, path.name))
         pages[f"notebooks/executed/{path.name}"] = path.read_bytes()
         pages[f"notebooks/learner/{path.name}"] = nbformat.writes(learner_copy(tree))
-    committed = [file for folder in ("cmu", "lafan1", "synthetic") for file in _files(root / "figures" / folder)]
+    committed = [file for folder in ("cmu", "lafan1", "bandai_namco", "synthetic") for file in _files(root / "figures" / folder)]
     for file in [root / "figures" / "claims.yaml", *committed]:
         if file.suffix != ".md":
             pages[file.relative_to(root).as_posix()] = file.read_bytes()

@@ -61,6 +61,9 @@ ACKNOWLEDGEMENTS = {
     "NSF EIA-0196217.",
     "lafan1": "Ubisoft La Forge Animation Dataset (LaFAN1), © 2018 Ubisoft Entertainment, CC BY-NC-ND 4.0: Harvey, Yurick, "
     "Nowrouzezahrai and Pal, Robust Motion In-Betweening, ACM Transactions on Graphics 39(4), 2020.",
+    "bandai_namco": "Bandai-Namco Research Motiondataset 1 and 2, © Bandai Namco Research Inc., CC BY-NC 4.0: Kobayashi, Liao, "
+    "Inoue, Yojima and Takahashi, Motion Capture Dataset for Practical Use of AI-based Motion Editing and Stylization, "
+    "arXiv 2306.08861, 2023.",
 }
 
 

@@ -167,7 +167,7 @@ def _sheet(rows: dict[str, _Row]) -> tuple[Figure, Axes]:
         left = -float(fitted.bodies[..., 0].min())
         _draw(ax, fitted, np.array([left, floor]), "truth" if name == "truth" else "predicted", scale)
         _times(ax, fitted, left, floor + low - 0.04 / scale, scale)
-    _foot(ax, scale, [row.spread for row in rows.values()])
+    _foot(ax, scale, [row.spread for row in rows.values()], any(row.given for row in rows.values()))
     return fig, ax
 
 
@@ -204,10 +204,11 @@ def _times(ax: Axes, row: _Row, left: float, height: float, scale: float) -> Non
             ax.text(x, height, f"{seconds:.2f}", ha="center", va="top", size=9)
 
 
-def _foot(ax: Axes, scale: float, spread: Sequence[bool]) -> None:
+def _foot(ax: Axes, scale: float, spread: Sequence[bool], keyframes: bool) -> None:
     """What the numbers are, and a metre where bodies stand at their places."""
     right, height = ax.get_xlim()[1] - SIDE / scale, 0.12 / scale
-    ax.text(0, height, "time (s); keyframes are black" + ", bodies spread by time" * all(spread), ha="left", va="bottom")
+    said = ["time (s)", *["keyframes are black"] * keyframes, *["bodies spread by time"] * all(spread)]
+    ax.text(0, height, "; ".join(said), ha="left", va="bottom")
     if not all(spread):
         ax.plot([right - 1.0, right], [height] * 2, color=INK, linewidth=2.0)
         ax.text(right - 0.5, height + 0.03 / scale, "1 m", ha="center", va="bottom", size=9)

@@ -119,8 +119,9 @@ def test_cmu_is_acknowledged_wherever_it_lies(path):
 
 
 def test_others_and_links_are_acknowledged_as_what_they_are(tmp_path, monkeypatch):
-    assert acknowledgement("synthetic") == acknowledgement("/home/acmu/bandai_namco") == {}
+    assert acknowledgement("synthetic") == acknowledgement("/home/acmu/abandai_namco") == {}
     assert "CC BY-NC-ND" in acknowledgement("/home/acmu/LaFAN1")["acknowledgement"]
+    assert "arXiv 2306.08861" in acknowledgement("Bandai_Namco/more")["acknowledgement"]
     (tmp_path / "cmu" / "asfamc").mkdir(parents=True)
     monkeypatch.chdir(tmp_path / "cmu" / "asfamc")
     assert acknowledgement(".")

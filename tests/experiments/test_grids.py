@@ -173,8 +173,11 @@ def test_the_committed_tables_come_back_as_lines(tmp_path):
     with pytest.raises(FileNotFoundError, match="table_9"):
         committed("table_9", METRICS)
     figures = course_folder() / "figures"
-    places = {"bridges": figures / "lafan1", "bridge_parts": figures / "synthetic"}
+    places = dict.fromkeys(("bridges", "bridges_50", "bridges_100"), figures / "lafan1") | {"bridge_parts": figures / "synthetic"}
     places |= {name: figures / "synthetic" for name in ("sentences_yardsticks", "free_t2m")}
     for name, grid in read_grids().items():
         columns = system(grid.system).METRICS
         assert len(committed(name, columns, places.get(name, figures / "cmu"))) == len(grid.rows)
+    assert len(committed("bridges", system("inbetweening").METRICS, figures / "bandai_namco")) == len(
+        read_grids()["bridges"].rows
+    )
