@@ -133,7 +133,7 @@ def projection_change(
     for ax, (name, rows), colour in zip(axes[:, 0], halves, CYCLE[:2], strict=True):
         ax.bar(np.arange(half), change[rows], color=colour, width=0.8)
         ax.plot(np.flatnonzero(~changed[rows]), np.zeros((~changed[rows]).sum()), "|", color=INK, markersize=4)
-        ax.set(title=f"{name}: {changed[rows].sum()} of {half} rows change", ylabel="row of P − I (length)")
+        ax.set(title=f"{name}: {changed[rows].sum()} of {half} rows change", ylabel="‖row of P − I‖")
     axes[1, 0].set_xlabel("row k (time); a tick marks a row that stays as it is")
     fig.suptitle(f"{title}: {changed.sum()} of {len(change)} rows change" if title else "", x=0.01, ha="left")
     return fig, axes[:, 0]
