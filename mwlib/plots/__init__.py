@@ -10,6 +10,7 @@ from mwlib.plots.diagrams import bridging_overview, overview, tabg_diagram
 from mwlib.plots.diffusion import band_snr, ddim_path, loss_curves, noising, schedules
 from mwlib.plots.evaluation import bars_per_action, trajectories
 from mwlib.plots.filmstrip import filmstrip
+from mwlib.plots.frequency import cascade, responses, same_spectrum, sliding_filter, tilings
 from mwlib.plots.guidance import claimed_and_measured, noised_rows, pose_grid
 from mwlib.plots.keyframes import keyframe_samples, scheme_errors
 from mwlib.plots.look import CYCLE, STYLE, style, use_style
@@ -49,6 +50,7 @@ __all__ = [
     "bridged_coordinate",
     "bridging_overview",
     "broken_bodies",
+    "cascade",
     "claimed_and_measured",
     "controlled_poses",
     "coupling_bars",
@@ -87,7 +89,9 @@ __all__ = [
     "projection_change",
     "recovery_by_coefficient",
     "results_table",
+    "responses",
     "row_support",
+    "same_spectrum",
     "sampling_paths",
     "save",
     "save_table",
@@ -98,11 +102,13 @@ __all__ = [
     "show",
     "signal_and_coefficients",
     "significant",
+    "sliding_filter",
     "spectra",
     "storyboard",
     "style",
     "subbands",
     "tabg_diagram",
+    "tilings",
     "training_view",
     "trajectories",
     "use_style",

@@ -25,12 +25,14 @@ def matrix(
     xlabel: str = "frame",
     ylabel: str = "coefficient",
     split: int | None = None,
+    unit: str = "",
 ) -> tuple[Figure, Axes]:
     """A matrix as a picture, white where it is zero.
 
     Args:
         values: (rows, columns).
         split: first row of the lower half, e.g. K in an analysis matrix: approximations above, details below.
+        unit: of the values.
     """
     values = array(values)
     rows, columns = values.shape
@@ -44,7 +46,7 @@ def matrix(
             ax.annotate(word, (1, place), (4, 0), ("axes fraction", "data"), "offset points", rotation=-90, va="center")
     ax.set(title=title, xlabel=xlabel, ylabel=ylabel)
     ax.spines[:].set_visible(True)
-    colourbar(image, ax, "")
+    colourbar(image, ax, unit)
     return fig, ax
 
 
@@ -72,7 +74,7 @@ def subbands(
         ax.set_title(BAND_NAMES[name])
         ax.spines[:].set_visible(True)
         if not common:
-            colourbar(image, ax, "", cut=share < 1)
+            colourbar(image, ax, unit, cut=share < 1)
     if common:
         colourbar(image, list(axes.flat), unit, cut=share < 1)
     for ax in axes[1]:
@@ -115,6 +117,8 @@ def projection_change(
 ) -> tuple[Figure, np.ndarray]:
     """Which coefficients change when they go to the motion and back: P = analysis · synthesis, against the identity.
 
+    A bar is the Euclidean length of a row of P - I.
+
     Args:
         analysis: (2K, T), approximation rows over detail rows (`WaveletTransform.analysis_time`).
         synthesis: (T, 2K) (`WaveletTransform.synthesis_time`).
@@ -129,7 +133,7 @@ def projection_change(
     for ax, (name, rows), colour in zip(axes[:, 0], halves, CYCLE[:2], strict=True):
         ax.bar(np.arange(half), change[rows], color=colour, width=0.8)
         ax.plot(np.flatnonzero(~changed[rows]), np.zeros((~changed[rows]).sum()), "|", color=INK, markersize=4)
-        ax.set(title=f"{name}: {changed[rows].sum()} of {half} rows change", ylabel="change (norm)")
+        ax.set(title=f"{name}: {changed[rows].sum()} of {half} rows change", ylabel="‖row of P − I‖")
     axes[1, 0].set_xlabel("row k (time); a tick marks a row that stays as it is")
     fig.suptitle(f"{title}: {changed.sum()} of {len(change)} rows change" if title else "", x=0.01, ha="left")
     return fig, axes[:, 0]

@@ -102,7 +102,7 @@ def noising(
         column[1].set(xlabel="frame")
         _pose(column[2], motion[frame], x[frame], skeleton)
     _name_bands(axes[0], tf, clean)
-    axes[1, 0].set_ylabel(f"channel {channel} (m)")
+    axes[1, 0].set_ylabel(f"{skeleton.joints[1 + channel // 3].replace('_', ' ')}, {'xyz'[channel % 3]} (m)")
     axes[2, 0].set_ylabel(f"pose, frame {frame % len(x)}")
     return fig, axes
 

@@ -91,7 +91,7 @@ def padding_modes(
     pad: int = 16,
     unit: str = "m",
 ) -> tuple[Figure, np.ndarray]:
-    """How each extension mode continues a signal beyond its two ends before it is filtered.
+    """How each extension mode continues a signal beyond its two ends before it is filtered; what goes far leaves the panel.
 
     Args:
         signal: T values.
@@ -115,6 +115,9 @@ def padding_modes(
         ax.plot(inside, signal, color=INK)
         ax.axvspan(0, len(signal) - 1, color=FAINT, linewidth=0, zorder=0)
         ax.set_title(mode)
+    low, high = min(signal.min(), 0.0), max(signal.max(), 0.0)
+    room = 0.7 * ((high - low) or 1.0)
+    axes[0, 0].set_ylim(low - room, high + room)
     for ax in axes[-1]:
         ax.set_xlabel("frame")
     for ax in axes[:, 0]:
