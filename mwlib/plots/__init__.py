@@ -10,7 +10,7 @@ from mwlib.plots.diagrams import bridging_overview, overview, tabg_diagram
 from mwlib.plots.diffusion import band_snr, ddim_path, loss_curves, noising, schedules
 from mwlib.plots.evaluation import bars_per_action, trajectories
 from mwlib.plots.filmstrip import filmstrip
-from mwlib.plots.guidance import claimed_and_measured, noised_rows, pose_grid
+from mwlib.plots.guidance import arrows, claimed_and_measured, noised_rows, pose_grid
 from mwlib.plots.keyframes import keyframe_samples, scheme_errors
 from mwlib.plots.look import CYCLE, STYLE, style, use_style
 from mwlib.plots.loops import Loop, loop
@@ -39,6 +39,7 @@ __all__ = [
     "STYLE",
     "Table",
     "animate",
+    "arrows",
     "attention_heads",
     "attention_over_steps",
     "attention_part",
