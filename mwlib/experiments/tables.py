@@ -170,6 +170,30 @@ def committed(name: str, metrics: Mapping[str, Column], folder: Path | None = No
     return out
 
 
+def committed_motion(stem: str, name: str = "truth", folder: Path | None = None) -> np.ndarray:
+    """One motion of a committed picture, read from the table that was saved beside it.
+
+    Args:
+        stem: of the picture's files.
+        name: of the motion; its columns are called so, with a number.
+        folder: of the files; None = the course's `figures/cmu`.
+
+    Returns:
+        (T, C), metres, float32.
+
+    Raises:
+        FileNotFoundError: there is no such table in the folder.
+        ValueError: it holds no motion of that name.
+    """
+    folder = course_folder() / "figures" / "cmu" if folder is None else folder
+    with (folder / f"{stem}.csv").open(encoding="utf-8", newline="") as file:
+        heads, *rows = csv.reader(file)
+    places = [place for place, head in enumerate(heads) if head.rpartition("_")[0] == name]
+    if not places:
+        raise ValueError(f"name is {name!r}; expected one of {', '.join(dict.fromkeys(h.rpartition('_')[0] for h in heads))}")
+    return np.array([[float(row[place]) for place in places] for row in rows], dtype=np.float32)
+
+
 def provenance(grid: Grid, cfg: Settings, found: Sequence[dict[str, Any]], given: Collection[str] = ()) -> dict[str, Any]:
     """What a reader must know to trust the numbers of a grid."""
     budget, data = grid.budget(cfg), cfg.get("data")

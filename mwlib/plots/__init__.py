@@ -11,7 +11,7 @@ from mwlib.plots.diffusion import band_snr, ddim_path, loss_curves, noising, sch
 from mwlib.plots.evaluation import bars_per_action, trajectories
 from mwlib.plots.filmstrip import filmstrip
 from mwlib.plots.frequency import cascade, responses, same_spectrum, sliding_filter, tilings
-from mwlib.plots.guidance import claimed_and_measured, noised_rows, pose_grid
+from mwlib.plots.guidance import arrows, claimed_and_measured, noised_rows, pose_grid
 from mwlib.plots.keyframes import keyframe_samples, scheme_errors
 from mwlib.plots.look import CYCLE, STYLE, style, use_style
 from mwlib.plots.loops import Loop, loop
@@ -40,6 +40,7 @@ __all__ = [
     "STYLE",
     "Table",
     "animate",
+    "arrows",
     "attention_heads",
     "attention_over_steps",
     "attention_part",

@@ -1,4 +1,4 @@
-"""What guidance does: rows that are noised once more, predictions under several weights, claimed and measured changes."""
+"""What guidance does: arrows in a plane, noised rows, predictions under several weights, claimed and measured changes."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 from mwlib.body.skeleton import Skeleton
 from mwlib.plots.bodies import THREE_QUARTER, AnyMotion, Board, facing, poses, project
 from mwlib.plots.coefficients import DIVERGING
-from mwlib.plots.look import CYCLE, FAINT, INK, OBSERVED, array, canvas, colourbar, style
+from mwlib.plots.look import CYCLE, DASHES, FAINT, INK, OBSERVED, array, canvas, colourbar, style
 
 Array = np.ndarray | torch.Tensor
 HEADS = {"apd": "APD (m)", "ade": "ADE (m)", "fde": "FDE (m)", "mmade": "MMADE (m)", "mmfde": "MMFDE (m)"}
@@ -48,6 +48,34 @@ def noised_rows(
         ax.spines[:].set_visible(False)
     axes[0, 0].set_ylabel("row of coefficients")
     colourbar(image, list(axes[0]), "coefficient", cut=True)
+    return fig, axes[0]
+
+
+@style()
+def arrows(
+    panels: Mapping[str, Mapping[str, tuple[Float[Array, " 2"], Float[Array, " 2"]]]],
+    line: tuple[Float[Array, " 2"], Float[Array, " 2"]],
+    marks: Mapping[str, Float[Array, " 2"]],
+) -> tuple[Figure, np.ndarray]:
+    """Arrows in a plane, a panel for each group of them on common axes; every arrow has a colour, dashes and a name.
+
+    Args:
+        panels: title -> name -> (where the arrow starts, where it ends).
+        line: two points of a grey line that every panel shows.
+        marks: name -> a point of every panel, a dot with its name below.
+    """
+    fig, axes = canvas(1, len(panels), height=3.5, sharex=True, sharey=True)
+    for ax, (title, found) in zip(axes[0], panels.items(), strict=True):
+        ax.plot(*zip(*(array(point) for point in line), strict=True), color=OBSERVED, linewidth=1.0, zorder=0)
+        for name, point in marks.items():
+            ax.plot(*array(point), "o", color=OBSERVED, markersize=7, zorder=1)
+            ax.annotate(name, array(point), (0, -8), textcoords="offset points", ha="center", va="top", color=INK, fontsize=9)
+        for (name, (start, end)), colour, dashes in zip(found.items(), CYCLE, DASHES, strict=False):
+            ax.plot(*zip(array(start), array(end), strict=True), color=colour, linestyle=dashes, label=name)
+            ax.plot(*array(end), "o", color=colour, markersize=5, markerfacecolor="white", markeredgewidth=1.6, zorder=3)
+        ax.set(title=title, aspect="equal", xlabel="first coefficient")
+        ax.legend(loc="upper center", bbox_to_anchor=(0.5, -0.22), frameon=False)
+    axes[0, 0].set_ylabel("second coefficient")
     return fig, axes[0]
 
 

@@ -55,3 +55,14 @@ def test_pose_grid_has_a_place_for_every_pair(generator):
     words = [text.get_text() for text in ax.texts]
     assert words == ["s 0", "s 1", "s 2", "w 0", "w 1"]
     fig.draw_without_rendering()
+
+
+def test_arrows_end_where_they_are_told_to():
+    panels = {"one": {"up": ([0, 0], [0, 1])}, "two": {"right": ([0, 0], [1, 0]), "back": ([1, 0], [0.5, 0])}}
+    fig, axes = plots.arrows(panels, ([-1, -1], [1, 1]), {"walk": [0.2, 0.2]})
+    assert [ax.get_title(loc="left") for ax in axes] == ["one", "two"]
+    lines = {line.get_label(): line.get_xydata().tolist() for line in axes[1].lines}
+    assert lines["right"] == [[0, 0], [1, 0]] and lines["back"] == [[1, 0], [0.5, 0]]
+    styles = [line.get_linestyle() for line in axes[1].lines if line.get_label() in ("right", "back")]
+    assert len({*styles}) == 2 and [text.get_text() for text in axes[0].texts] == ["walk"]
+    fig.draw_without_rendering()
