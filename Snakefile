@@ -151,7 +151,7 @@ rule notebook:
     log:
         "{name}/notebook.ipynb",
     wildcard_constraints:
-        name=r"\d\d_[^/]+",
+        name=r"\d\d[a-z]?_[^/]+",
     params:
         given=lambda wildcards: NOTEBOOK,
         file=lambda wildcards: str(FOLDER / f"{wildcards.name}.ipynb"),

@@ -16,7 +16,7 @@ import torch
 import yaml
 
 import mwlib.__main__ as command_line
-from mwlib.course.files import course, read_notebook
+from mwlib.course.files import chapter_number, course, read_notebook
 from mwlib.course.parameters import from_text, read_parameters, resolve
 from mwlib.experiments.commands import chosen_grid, configuration
 from mwlib.experiments.systems import system
@@ -88,7 +88,7 @@ def check_mwlib(words: list[str], page: Path) -> None:
     given = parsed(words)
     changes = getattr(given, "set", [])
     if words[0] == "run-notebook":
-        (notebook,) = [path for path in course() if path.stem[:2] == given.notebook]
+        (notebook,) = [path for path in course() if chapter_number(path) == given.notebook]
         offered = read_parameters(read_notebook(notebook))
         values = yaml.safe_load(blocks(page, "yaml")[0]) if given.parameters else {}
         resolve(offered, {**values, **from_text(offered, changes)})

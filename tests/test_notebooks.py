@@ -13,7 +13,7 @@ from nbformat import NotebookNode
 from nbformat.v4 import new_markdown_cell, new_output
 
 from mwlib.course.execute import execute_notebook, filter_notebook
-from mwlib.course.files import EXPERIMENT, course, find_notebook, source_hash
+from mwlib.course.files import EXPERIMENT, chapter_number, course, find_notebook, source_hash
 from mwlib.course.learner import learner_copy, write_learner_copies
 from mwlib.course.parameters import ParameterError, from_text, read_parameters, resolve
 from mwlib.course.rules import check, pictures
@@ -26,7 +26,7 @@ def test_notebook_keeps_the_rules(path):
 
 
 def test_there_is_a_course_and_no_number_is_taken_twice():
-    numbers = [path.stem[:2] for path in course()]
+    numbers = [chapter_number(path) for path in course()]
     assert numbers and len(set(numbers)) == len(numbers)
 
 
@@ -259,3 +259,21 @@ def test_notebooks_are_found_by_name_and_number(tmp_path):
     assert find_notebook("03", tmp_path) == find_notebook("03_third", tmp_path) == find_notebook(str(path)) == path
     with pytest.raises(FileNotFoundError, match="03_third"):
         find_notebook("04", tmp_path)
+
+
+def test_a_number_may_have_a_letter_and_is_never_taken_for_another(tmp_path):
+    names = ("03_third", "03b_second_half", "04_fourth")
+    paths = [save(model_notebook(), tmp_path, name) for name in names]
+    save(model_notebook(), tmp_path, "notes_of_mine"), save(model_notebook(), tmp_path, "0304_both")
+    assert course(tmp_path) == paths
+    assert [find_notebook(number, tmp_path) for number in ("03", "03b", "04")] == paths
+    with pytest.raises(FileNotFoundError, match="03b_second_half"):
+        find_notebook("0", tmp_path)
+
+
+def test_exercises_may_belong_to_a_chapter_with_a_letter(model, tmp_path):
+    notebook = nbformat.read(model, as_version=4)
+    cell = cell_with(notebook, "### Ex 1.1")
+    cell.source = cell.source.replace("Ex 1.1", "Ex 1b.1")
+    notebook.metadata["mwlib"]["source"] = source_hash(notebook)
+    assert check(save(notebook, tmp_path)) == []

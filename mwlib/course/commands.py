@@ -30,7 +30,7 @@ def _add_notebook_commands(subparsers: _SubParsersAction) -> None:
     parser.set_defaults(run=_course)
 
     parser = subparsers.add_parser("run-notebook", help="run one notebook with other parameters")
-    parser.add_argument("notebook", help="a path, a name, or two digits")
+    parser.add_argument("notebook", help="a path, a name, or a number: 05, 05b")
     parser.add_argument(
         "--out", type=Path, help="folder for the results; default: build/runs/<notebook>-<hash of the parameters>"
     )
@@ -40,7 +40,7 @@ def _add_notebook_commands(subparsers: _SubParsersAction) -> None:
     parser.set_defaults(run=_run)
 
     parser = subparsers.add_parser("execute-notebooks", help="execute the committed notebooks in place and filter their outputs")
-    parser.add_argument("notebooks", nargs="*", help="paths, names or two digits; default: the whole course")
+    parser.add_argument("notebooks", nargs="*", help="paths, names or numbers; default: the whole course")
     parser.set_defaults(run=_execute)
 
     parser = subparsers.add_parser("learner-copies", help="write copies of the notebooks without the solutions")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import re
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -15,25 +16,35 @@ ROOT = course_folder()  # of the folder that the process was started in
 NOTEBOOKS = ROOT / "notebooks"
 EXPERIMENT = NOTEBOOKS / "experiment.ipynb"  # one row of a grid
 TIMEOUT = 86400.0  # seconds for one cell: the paper's own presets train for hours in one
+CHAPTER = re.compile(r"\d\d[a-z]?")  # a chapter's number: 05, or 05b for its second half
 
 
 def course(folder: Path = NOTEBOOKS) -> list[Path]:
     """The notebooks of the course, in order."""
-    return sorted(folder.glob("[0-9][0-9]_*.ipynb"))
+    return sorted(path for path in folder.glob("*_*.ipynb") if CHAPTER.fullmatch(chapter_number(path)))
+
+
+def chapter_number(path: Path) -> str:
+    """What a notebook's name begins with.
+
+    >>> chapter_number(Path("notebooks/05b_diffusion_on_the_manifold.ipynb"))
+    '05b'
+    """
+    return path.stem.partition("_")[0]
 
 
 def find_notebook(name: str, folder: Path = NOTEBOOKS) -> Path:
-    """A notebook by path, by name, or by its two digits.
+    """A notebook by path, by name, or by its number: two digits, and a letter where it has one. "05" is never "05b".
 
     Raises:
         FileNotFoundError: there is none, or more than one; the message lists the course.
     """
     if name.endswith(".ipynb") and Path(name).is_file():
         return Path(name)
-    found = [path for path in course(folder) if path.stem == name or path.stem[:2] == name]
+    found = [path for path in course(folder) if path.stem == name or chapter_number(path) == name]
     if len(found) != 1:
         names = ", ".join(path.stem for path in course(folder)) or "nothing"
-        raise FileNotFoundError(f"no notebook {name!r}; expected a path, a name or two digits of: {names}")
+        raise FileNotFoundError(f"no notebook {name!r}; expected a path, a name or a number of: {names}")
     return found[0]
 
 

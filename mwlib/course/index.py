@@ -46,7 +46,7 @@ def scan(build: Path) -> tuple[dict[tuple[str, str], Found], list[str]]:
     A picture or table is a `stem.json` (provenance) beside a `stem.csv`; the .json is written last, so what has one is complete.
     """
     found, broken = {}, []
-    for sidecar in sorted(build.glob("[0-9][0-9]_*/**/*.json")):
+    for sidecar in sorted(build.glob("[0-9][0-9]*_*/**/*.json")):
         if sidecar.with_suffix(".csv").is_file():
             try:
                 item = _found(build, sidecar)

@@ -44,7 +44,7 @@ MACHINE_PATH = r"(?<![\w.:/])/(home|root|tmp|Users|mnt|opt|work|var|usr)/\w+"
 SKIPPING = {"nbval-skip", "skip-execution"}
 SEEN = "What you should see"
 FOLDED = re.compile(r"<details><summary>[^<]+</summary>\n\n.*\n\n</details>$", re.S)
-EXERCISE = r"\bEx (\d+)\.(\d+)\b"
+EXERCISE = r"\bEx (\d+[a-z]?)\.(\d+)\b"
 
 
 def check(path: Path) -> list[str]:

@@ -16,6 +16,7 @@ from mwlib.plots.keyframes import keyframe_samples, scheme_errors
 from mwlib.plots.look import CYCLE, STYLE, style, use_style
 from mwlib.plots.loops import Loop, loop
 from mwlib.plots.metric_picture import metric_picture
+from mwlib.plots.particles import density_map, particles
 from mwlib.plots.passages import broken_bodies, passages
 from mwlib.plots.phase import error_by_size, phase_circles, predicted_curves, windows_and_sinusoids
 from mwlib.plots.player import Player, player
@@ -57,6 +58,7 @@ __all__ = [
     "coupling_bars",
     "curves",
     "ddim_path",
+    "density_map",
     "dots",
     "emerging_way",
     "end_poses",
@@ -82,6 +84,7 @@ __all__ = [
     "overview",
     "padding_modes",
     "parallel_snr",
+    "particles",
     "passages",
     "phase_circles",
     "player",

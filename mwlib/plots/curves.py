@@ -74,7 +74,13 @@ def histograms(
 
 @style()
 def sampling_paths(
-    ts: Sequence[int], paths: Float[Array, "steps N"], *, density: Density | None = None, shown: int = 40, ylabel: str = "y"
+    ts: Sequence[int],
+    paths: Float[Array, "steps N"],
+    *,
+    density: Density | None = None,
+    shown: int = 40,
+    ylabel: str = "y",
+    parting: float = 0.0,
 ) -> tuple[Figure, np.ndarray]:
     """How single numbers travel from noise (left) to samples (right), and where all of them end.
 
@@ -83,13 +89,16 @@ def sampling_paths(
         paths: a column per sample.
         density: (values, density) of the true distribution, drawn beside the end points.
         shown: how many paths are drawn; the histogram counts all.
+        ylabel: what, and its unit.
+        parting: paths that end above it are coloured otherwise, and dashed.
     """
     paths, times = array(paths), np.asarray(ts)
     low, high = _range([paths[0], paths[-1]], density)
     fig, axes = canvas(1, 2, height=3.2, sharey=True, gridspec_kw={"width_ratios": (4, 1)})
     left, right = axes[0]
-    for i, path in enumerate(paths.T[:shown]):
-        left.plot(times, path, color=CYCLE[i % 2], alpha=0.25, linewidth=1.0)
+    for path in paths.T[:shown]:
+        side = int(path[-1] > parting)
+        left.plot(times, path, color=CYCLE[side], linestyle=DASHES[side], alpha=0.5, linewidth=1.5)
     left.set(xlim=(times[0], times[-1]), ylim=(low, high), xlabel="diffusion index t, falling", ylabel=ylabel)
     left.xaxis.set_major_locator(MaxNLocator(integer=True))
     left.axhline(0, color=OBSERVED, linewidth=0.8, zorder=1)

@@ -38,7 +38,7 @@ def schedules(curves: Mapping[str, Float[Array, " M"]]) -> tuple[Figure, np.ndar
     axes[0, 0].set(title="signal power left, ᾱ", xlabel="diffusion index t", ylim=(0, 1.02))
     axes[0, 0].legend()
     axes[0, 1].axhline(0, color=OBSERVED, linewidth=0.8)
-    axes[0, 1].set(title="signal to noise, ᾱ / (1 − ᾱ)", xlabel="diffusion index t", ylabel="dB", ylim=(-60, 45))
+    axes[0, 1].set(title="signal to noise, ᾱ / (1 − ᾱ)", xlabel="diffusion index t", ylabel="dB", ylim=(None, 45))
     return fig, axes[0]
 
 
@@ -63,7 +63,7 @@ def band_snr(deviations: Mapping[str, float], alpha_bar: Float[Array, " M"]) -> 
             label += f", under the noise from t = {drowned}"
         ax.plot(ratio, color=colour, linestyle=dashes, label=label)
     ax.set(xlabel="diffusion index t", ylabel="signal to noise (dB)", ylim=(-80, 50))
-    ax.legend(loc="lower left")
+    ax.legend(loc="upper right")
     return fig, ax
 
 

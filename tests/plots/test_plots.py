@@ -78,6 +78,7 @@ PICTURES = {
     "curves": partial(plots.curves, {"a": SCHEDULE, "b": 1 - SCHEDULE}, xlabel="t", ylabel="share", log="y"),
     "histograms": partial(plots.histograms, {"a": X, "b": X[:5]}, xlabel="position (m)"),
     "histograms and density": partial(plots.histograms, {"a": X}, density=NORMAL),
+    "density_map": partial(plots.density_map, [9, 5, 0], NORMAL[0], np.stack([NORMAL[1]] * 3), paths=X[:3, :20]),
     "sampling_paths": partial(plots.sampling_paths, [9, 5, 0], X[:3, :20], density=NORMAL, shown=3),
     "bars_per_action": partial(plots.bars_per_action, VALUES, xlabel="ADE (m)"),
 }
@@ -281,6 +282,7 @@ def test_histogram_has_area_one_and_paths_end_at_the_samples(generator):
     assert (heights * np.diff(edges)).sum() == pytest.approx(1, abs=0.01)
     _, (left, _) = plots.sampling_paths([3, 0], torch.stack([numbers, 2 * numbers]), density=NORMAL, shown=5)
     assert [line.get_ydata()[-1] for line in left.lines[:5]] == pytest.approx((2 * numbers[:5]).tolist())
+    assert [line.get_color() for line in left.lines[:5]] == [plots.CYCLE[int(number > 0)] for number in numbers[:5]]
 
 
 @pytest.mark.parametrize(
