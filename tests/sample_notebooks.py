@@ -81,7 +81,7 @@ def model_notebook() -> NotebookNode:
             code('warnings.warn("noise", stacklevel=1)'),
             code(PICTURE),
             new_markdown_cell("**What you should see.** Axes from 0 to 1."),
-            code("half = 4 / 2  # your turn: half of four"),
+            code("half = 4 / 2  # your turn: half of four\nthird = 6 / 3  # your turn: a third of six"),
             code('assert half == 2, f"half is {half}; expected half of four"'),
             new_markdown_cell("### Ex 1.1 Double it\nGive `twice` the double of `level`."),
             code("twice = 2 * level", "solution"),

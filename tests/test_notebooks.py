@@ -203,6 +203,8 @@ BREACHES = {
     "solution open to all eyes": (unfold("twice = 2"), "exercises: .*not folded"),
     "derivation open to all eyes": (edit("<details>", source="By hand."), "exercises: a solution in words begins 'By hand.'"),
     "hole that cannot be left open": (append("energy", "\nprint(1)  # your turn: one"), "holes: 'print"),
+    "no derivation": (drop("<details>"), "exercises: Ex 1.1 has no derivation"),
+    "one hole": (swap("  # your turn: a third of six", ""), "holes: 1 lines end in"),
     "hole without a check": (append("twice == level", "\nx = 1  # your turn: one"), "holes: no check with a message"),
 }
 

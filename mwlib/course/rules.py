@@ -260,6 +260,8 @@ def exercises(notebook: NotebookNode) -> Iterator[str]:
         cells = [cell for cell in notebook.cells[place:end] if cell.cell_type == "code"]
         if not any("solution" in tags(cell) for cell in cells):
             yield f"Ex {'.'.join(pair)} has no cell tagged 'solution'"
+        if not any("solution" in tags(cell) for cell in notebook.cells[place:end] if cell.cell_type == "markdown"):
+            yield f"Ex {'.'.join(pair)} has no derivation: a Markdown cell tagged 'solution'"
         if not any("assert" in cell.source and "solution" not in tags(cell) for cell in cells):
             yield f"Ex {'.'.join(pair)} has no self-check: a cell with an assert, not tagged 'solution'"
     solutions = [cell for cell in notebook.cells if "solution" in tags(cell)]
@@ -273,7 +275,11 @@ def exercises(notebook: NotebookNode) -> Iterator[str]:
 
 
 def holes(notebook: NotebookNode) -> Iterator[str]:
-    """A line that the learner's copy leaves open can be left open, and the next check says what is wrong."""
+    """The learner's copy leaves two lines open or more; each can be left open, and the next check says what is wrong."""
+    if any("solution" in tags(cell) for cell in notebook.cells):
+        found = sum(cell.source.count("# your turn: ") for cell in code_cells(notebook))
+        if found < 2:
+            yield f"{found} lines end in '# your turn: hint'; expected two or more"
     cells = [cell for cell in code_cells(notebook) if "solution" not in tags(cell)]
     for place, cell in enumerate(cells):
         lines = [line for line in cell.source.split("\n") if "# your turn" in line]
