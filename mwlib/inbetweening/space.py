@@ -61,7 +61,7 @@ class Space(ABC):
 
     @abstractmethod
     def rotations(self, x: Float[Tensor, "*lead T C"], offsets: Float[Tensor, "*#lead rig 3"]) -> Tensor | None:
-        """Turns of the joints against the world, (*lead, T, joints, 4); None if the state has none."""
+        """Turns of the joints against the world, (..., T, joints, 4); None if the state has none."""
 
     @abstractmethod
     def decode(self, x: Float[Tensor, "T C"], like: Motion) -> Motion:

@@ -24,7 +24,7 @@ _WORD = re.compile(r"\w+(?:'\w+)*")
 class EncodedText(NamedTuple):
     """Sentences as numbers.
 
-    Attributes:
+    Args:
         tokens: a vector for each token.
         mask: True = a token, False = padding; at least one token in each row.
         pooled: a vector for each sentence.

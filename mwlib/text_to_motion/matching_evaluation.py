@@ -34,7 +34,7 @@ DETAILS = {f"top{k}_of_{pool}": Column(f"R@{k} of {pool}", "higher") for pool in
 class NullChecks(NamedTuple):
     """What to read before any model's row.
 
-    Attributes:
+    Args:
         shuffled: R-precision of real motions with the captions of others; an evaluation that is sound gives `chance`.
         chance: k / pool.
         fid_halves: FID of one half of the real motions with the other: a model cannot be measured to be nearer than this

@@ -140,7 +140,7 @@ class Scaled:
     """Features that were scaled, and by what. There is no way to their numbers but to say which scale is expected.
 
     Args:
-        values: (*lead, D).
+        values: (..., D).
         by: the statistics.
 
     >>> layout = LAYOUTS[263]

@@ -123,7 +123,7 @@ LAYOUTS = {layout.width: layout for layout in (HUMANML3D, KIT)}
 
 
 def joints_of(features: Array, layout: FeatureLayout) -> Array:
-    """Joint positions (*lead, T, J, 3) that features (*lead, T, D) describe, y up, in the layout's units.
+    """Joint positions (..., T, J, 3) that features (..., T, D) describe, y up, in the layout's units.
 
     The root starts at x = z = 0 and faces +z; its path is the sum of its steps. Only yaw rate, root velocity, height and
     positions are used, as in the published decoder; rotations, velocities and contacts change nothing. Gradients pass.
