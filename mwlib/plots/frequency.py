@@ -9,13 +9,10 @@ import pywt
 import torch
 from jaxtyping import Float
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
-from PIL import Image
 
 from mwlib.plots.look import CYCLE, DASHES, FAINT, INK, OBSERVED, WIDTH, array, canvas, style
-from mwlib.plots.loops import COLOURS, REST, Loop
-from mwlib.plots.save import described
+from mwlib.plots.loops import Loop
 
 Array = np.ndarray | torch.Tensor
 TILES = {"samples": (16, 1), "Fourier": (1, 16), "short-time Fourier": (4, 4)}  # along time, along frequency
@@ -141,19 +138,15 @@ def sliding_filter(
     Raises:
         ValueError: the alternative text is empty.
     """
-    alt, taps = described(alt), np.asarray(pywt.Wavelet(wavelet).dec_lo)
+    taps = np.asarray(pywt.Wavelet(wavelet).dec_lo)
     longer = pywt.pad(array(signal), len(taps) - 1, mode)
     coefficients = pywt.dwt(array(signal), wavelet, mode)[0]
-    pictures = [_slid(longer, taps, coefficients, k, width) for k in range(len(coefficients))]
-    palette = pictures[-1].quantize(COLOURS, dither=Image.Dither.NONE)
-    colours = np.array(palette.getpalette())
-    palette.putpalette(np.where(colours >= 248, 255, colours).tolist())  # the page's white, not a mean that is nearly white
-    small = [picture.quantize(palette=palette, dither=Image.Dither.NONE) for picture in pictures]
-    return Loop(small, [milliseconds] * (len(small) - 1) + [round(1000 * REST)], alt)
+    figures = (_slid(longer, taps, coefficients, k, width) for k in range(len(coefficients)))
+    return Loop.of_figures(figures, milliseconds, alt)
 
 
 @style()
-def _slid(longer: np.ndarray, taps: np.ndarray, coefficients: np.ndarray, k: int, width: int) -> Image.Image:
+def _slid(longer: np.ndarray, taps: np.ndarray, coefficients: np.ndarray, k: int, width: int) -> Figure:
     """Coefficient k is made: tap n stands over frame 2k + 1 - n."""
     fig, axes = canvas(3, 1, height=4.2, sharex=True)
     fig.set_dpi(width / WIDTH)
@@ -179,9 +172,7 @@ def _slid(longer: np.ndarray, taps: np.ndarray, coefficients: np.ndarray, k: int
     bottom.set(
         title=f"their inner product: a[{k}] = {round(float(coefficients[k]), 2) + 0.0:.2f}", ylim=(-edge, edge), xlabel="frame"
     )
-    drawing = FigureCanvasAgg(fig)
-    drawing.draw()
-    return Image.fromarray(np.asarray(drawing.buffer_rgba())[..., :3].copy())
+    return fig
 
 
 def _tiles(ax: Axes, parts: Sequence[np.ndarray], seconds: float, dark: float) -> None:

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import base64
 import io
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import NamedTuple
+from typing import NamedTuple, Self
 
 import numpy as np
 from matplotlib.artist import Artist
@@ -48,6 +48,16 @@ class Loop:
 
     def __init__(self, pictures: Sequence[Image.Image], milliseconds: Sequence[int], alt: str) -> None:
         self._pictures, self.milliseconds, self.alt = [*pictures], [*milliseconds], alt
+
+    @classmethod
+    def of_figures(cls, figures: Iterable[Figure], milliseconds: int, alt: str) -> Self:
+        """Figures of one size as pictures of one palette; the last one stays a second.
+
+        Raises:
+            ValueError: the alternative text is empty.
+        """
+        alt, pictures = described(alt), _same_palette([_photographed(figure) for figure in figures])
+        return cls(pictures, [milliseconds] * (len(pictures) - 1) + [round(1000 * REST)], alt)
 
     def __len__(self) -> int:
         return len(self._pictures)
@@ -226,6 +236,12 @@ def _timeline(fig: Figure, history: int, frames: int) -> tuple[Line2D, Text]:
     fig.add_artist(line)
     text = fig.text(MARGIN, 0.99, "", va="top", animated=True)
     return line, text
+
+
+def _photographed(figure: Figure) -> Image.Image:
+    surface = FigureCanvasAgg(figure)
+    surface.draw()
+    return Image.fromarray(np.asarray(surface.buffer_rgba())[..., :3].copy())
 
 
 def _same_palette(pictures: Sequence[Image.Image]) -> list[Image.Image]:

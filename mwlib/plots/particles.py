@@ -8,14 +8,11 @@ import numpy as np
 import torch
 from jaxtyping import Float
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import PowerNorm
 from matplotlib.figure import Figure
-from PIL import Image
 
 from mwlib.plots.look import CYCLE, DASHES, FAINT, INK, WIDTH, array, canvas, style
-from mwlib.plots.loops import COLOURS, REST, Loop
-from mwlib.plots.save import described
+from mwlib.plots.loops import Loop
 
 Array = np.ndarray | torch.Tensor
 
@@ -77,12 +74,10 @@ def particles(
     Raises:
         ValueError: the alternative text is empty.
     """
-    alt, places, curve = described(alt), array(paths), array(density)
-    pictures = [_moment(int(t), places, places[i], array(values), curve[i], curve.max(), parting, xlabel, width)
-                for i, t in enumerate(ts)]  # fmt: skip
-    palette = pictures[-1].quantize(COLOURS, dither=Image.Dither.NONE)
-    same = [picture.quantize(palette=palette, dither=Image.Dither.NONE) for picture in pictures]
-    return Loop(same, [milliseconds] * (len(same) - 1) + [round(1000 * REST)], alt)
+    places, curve = array(paths), array(density)
+    figures = (_moment(int(t), places, places[i], array(values), curve[i], curve.max(), parting, xlabel, width)
+               for i, t in enumerate(ts))  # fmt: skip
+    return Loop.of_figures(figures, milliseconds, alt)
 
 
 @style()
@@ -96,7 +91,7 @@ def _moment(
     parting: float,
     xlabel: str,
     width: int,
-) -> Image.Image:
+) -> Figure:
     """One picture: the density above zero, the points in their lanes below."""
     fig, axes = canvas(height=2.6)
     fig.set_dpi(width / WIDTH)
@@ -109,6 +104,4 @@ def _moment(
     ax.set(xlim=(values[0], values[-1]), ylim=(-1.12 * top, 1.05 * top), yticks=[], xlabel=xlabel)
     ax.set_title(f"t = {t}")
     ax.spines["left"].set_visible(False)
-    surface = FigureCanvasAgg(fig)
-    surface.draw()
-    return Image.fromarray(np.asarray(surface.buffer_rgba())[..., :3].copy())
+    return fig
