@@ -185,7 +185,7 @@ def test_the_committed_tables_come_back_as_lines(tmp_path):
 
 
 def test_a_committed_motion_is_read_from_its_picture(tmp_path):
-    (tmp_path / "board.csv").write_text("truth_0,truth_1,sample_1_0,sample_1_1\n0.5,1,2,3\n4,5,6,7\n")
+    (tmp_path / "board.csv").write_text("truth_0,truth_1,sample_1_0,sample_1_1,sample_10_0\n0.5,1,2,3,9\n4,5,6,7,9\n")
     np.testing.assert_array_equal(tables.committed_motion("board", folder=tmp_path), [[0.5, 1], [4, 5]])
     np.testing.assert_array_equal(tables.committed_motion("board", "sample_1", tmp_path), [[2, 3], [6, 7]])
     with pytest.raises(ValueError, match="expected one of truth, sample_1"):

@@ -10,6 +10,7 @@ import pywt
 from PIL import Image
 
 from mwlib import plots
+from mwlib.plots.frequency import _slid
 from tests.plots.legible import legible
 
 SIGNAL = np.sin(np.arange(16) / 3)
@@ -68,3 +69,12 @@ def test_the_loop_has_a_picture_for_each_coefficient():
     assert len(content) < 300_000 and image.info["loop"] == 0 and image.convert("RGB").getpixel((599, 0)) == (255, 255, 255)
     with pytest.raises(ValueError, match="alt"):
         plots.sliding_filter(SIGNAL, "db2", alt=" ")
+
+
+def test_the_taps_stand_where_their_inner_product_is_the_coefficient():
+    signal, taps = np.random.default_rng(0).normal(size=20), np.asarray(pywt.Wavelet("db3").dec_lo)
+    longer, (coefficients, _) = pywt.pad(signal, 5, "zero"), pywt.dwt(signal, "db3", "zero")
+    top, middle, _ = _slid(longer, taps, coefficients, 4, 600).axes
+    shown = dict(zip(*top.lines[1].get_data(), strict=True))
+    points = next(line for line in middle.lines if line.get_marker() == "o")
+    assert sum(shown[frame] * tap for frame, tap in zip(*points.get_data(), strict=True)) == pytest.approx(coefficients[4])

@@ -7,6 +7,7 @@ import pytest
 
 from mwlib import plots
 from mwlib.plots.loops import MOST_BYTES
+from mwlib.plots.particles import _moment
 
 TS = [30, 20, 10, 0]
 VALUES = np.linspace(-3, 3, 61)
@@ -30,3 +31,10 @@ def test_points_move_in_a_small_loop():
     assert len(loop.encoded()) < MOST_BYTES / 10 and loop.size[0] == 480
     with pytest.raises(ValueError, match="alternative text is empty"):
         plots.particles(TS, PATHS, VALUES, DENSITY, alt=" ")
+
+
+def test_a_point_has_the_marker_of_the_side_on_which_it_ends():
+    paths = np.array([[-0.5, 0.4, 0.9], [-0.8, -1.0, 1.0]])  # the second begins on the right and ends on the left
+    fig = _moment(9, paths, paths[0], np.array([-2.0, 2.0]), np.ones(2), 1.0, 0.0, "y", 480)
+    places = {line.get_marker(): line.get_xdata().tolist() for line in fig.axes[0].lines if line.get_marker() in "o^"}
+    assert places == {"o": [-0.5, 0.4], "^": [0.9]}
