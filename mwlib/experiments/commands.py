@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from argparse import ArgumentParser, Namespace, _SubParsersAction
+from argparse import Action, ArgumentParser, Namespace, _SubParsersAction
 from pathlib import Path
 from typing import Any
 
@@ -22,9 +22,14 @@ from mwlib.settings import Settings, parse_changes
 def add_parser(subparsers: _SubParsersAction) -> None:
     """Register this module's commands."""
     text = "train a preset, or go on with a run that was stopped; prints the run's folder"
-    parser = subparsers.add_parser("train", help=text, description=f"{text.capitalize()}.", epilog=_names())
+    parser = subparsers.add_parser("train", help=text, description=f"{text.capitalize()}.", add_help=False)
     parser.add_argument(
-        "--system", default="prediction", help="prediction, inbetweening, text_to_motion or matching (default: prediction)"
+        "-h", "--help", action=_SettingsHelp, nargs=0, help="this list, and the settings of the system named before"
+    )
+    parser.add_argument(
+        "--system",
+        default="prediction",
+        help="prediction, rebuilding, inbetweening, text_to_motion or matching (default: prediction)",
     )
     parser.add_argument("--preset", default="laptop", help=f"one of {', '.join(Config.presets)} ... (default: laptop)")
     add_set(parser)
@@ -96,8 +101,20 @@ def configuration(grid: Grid, args: Namespace) -> Settings:
     return system(grid.system).Config.preset(args.preset, **given_changes(args))
 
 
-def _names() -> str:
-    return f"Settings of prediction: {', '.join(sorted(Config.owners()))}. Each system's config.py says what each means."
+class _SettingsHelp(Action):
+    """Shows the presets and settings of the system that ``--system`` names, so far as it stands before."""
+
+    def __call__(self, parser: ArgumentParser, namespace: Namespace, *_: Any) -> None:
+        try:
+            config = system(namespace.system).Config
+        except ValueError as error:
+            parser.error(str(error))
+        parser.epilog = (
+            f"Presets of {config.system}: {', '.join(config.presets)}. Its settings: {', '.join(sorted(config.owners()))}. "
+            "Each system's config.py says what each means."
+        )
+        parser.print_help()
+        parser.exit()
 
 
 def _train(args: Namespace) -> int:

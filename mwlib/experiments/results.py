@@ -10,18 +10,19 @@ from typing import Any
 import torch
 
 from mwlib.experiments.origins import file_hash, machine, models_used, package_hash
-from mwlib.experiments.runs import get_model, get_run
+from mwlib.experiments.runs import get_model, get_run, models_behind
 from mwlib.experiments.store import locked, read_result, runs_folder
 from mwlib.experiments.systems import Data, system_of
 from mwlib.files import write_json
-from mwlib.settings import Settings
+from mwlib.settings import Settings, digest
 from mwlib.training import MODEL
 from mwlib.version import __version__
 
 
 def result_file(cfg: Settings, data: Data) -> Path:
     """Where the result of this configuration on these data is kept."""
-    key = "-".join([cfg.hash(), *data.fingerprints(), __version__])
+    models = models_behind(cfg, "built_on") + models_behind(cfg, "judged_by")
+    key = "-".join([cfg.hash(), *data.fingerprints(), __version__, *([digest(models)] if models else [])])
     return runs_folder() / "results" / f"{key}.json"
 
 

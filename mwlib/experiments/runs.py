@@ -7,7 +7,7 @@ import sys
 from collections.abc import Iterator
 from contextlib import nullcontext
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 from accelerate.state import PartialState
 from accelerate.utils import broadcast_object_list
@@ -26,8 +26,15 @@ PATIENCE = 60.0  # seconds after which waiting processes tell each other that th
 
 
 def run_path(cfg: Settings, data: Data) -> Path:
-    """Folder of the training run with this configuration, these data and this version of mwlib."""
-    return runs_folder() / f"{digest([cfg.training_hash(), __version__])}-{data.fingerprints()[0]}"
+    """Folder of the training run with this configuration, these data, these models behind it and this version of mwlib."""
+    key = digest([cfg.training_hash(), __version__, *models_behind(cfg, "built_on")])
+    return runs_folder() / f"{key}-{data.fingerprints()[0]}"
+
+
+def models_behind(cfg: Settings, role: Literal["built_on", "judged_by"]) -> list[str]:
+    """SHA-256 of the other trained models that a training is built on, or that its results are judged by; see `System`."""
+    names = getattr(system_of(cfg), role, lambda _: [])(cfg)
+    return [file_hash(found / MODEL) for name in names if (found := run_folder(name)) and (found / MODEL).exists()]
 
 
 def get_run(cfg: Settings, data: Data | None = None, progress: bool = False) -> Path:

@@ -12,7 +12,7 @@ from mwlib.text_to_motion.evaluation import DETAILS, METRICS, evaluate
 from mwlib.text_to_motion.generator import TextToMotion
 from mwlib.text_to_motion.objective import TextObjective
 
-__all__ = ["DETAILS", "METRICS", "Config", "evaluate", "load_data", "make_objective", "open_model"]
+__all__ = ["DETAILS", "METRICS", "Config", "built_on", "evaluate", "judged_by", "load_data", "make_objective", "open_model"]
 
 
 def load_data(cfg: Config) -> Parts:
@@ -34,3 +34,14 @@ def open_model(
 ) -> TextToMotion:
     """The model that a training left; it samples as `cfg` says."""
     return TextToMotion.from_tensors(cfg, weights, learnt, about)
+
+
+def built_on(cfg: Config) -> list[str]:
+    """Names or folders of the trained models that a training begins with or asks."""
+    critic = [cfg.objective.critic] if cfg.objective.semantic_weight else []
+    return ([cfg.model.start] if cfg.model.start else []) + critic
+
+
+def judged_by(cfg: Config) -> list[str]:
+    """Names or folders of the trained models that score the motions."""
+    return [cfg.sampling.evaluator]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 from pathlib import Path
+from typing import NamedTuple
 
 import pytest
 
@@ -12,6 +13,8 @@ from mwlib.experiments import get_model, get_result, load_run, runs
 from mwlib.experiments.origins import data_fingerprint, file_hash, models_used, package_hash
 from mwlib.experiments.results import result_file
 from mwlib.experiments.store import result_of
+from mwlib.material import CONFIG
+from mwlib.text_to_motion.config import Config as SentencesConfig
 from mwlib.training import MODEL
 from tests.sample_settings import small, two_people
 
@@ -118,3 +121,33 @@ def test_a_broken_result_is_measured_again(monkeypatch, tmp_path, broken):
     file.parent.mkdir()
     file.write_text(broken)
     assert get_result(cfg, data)["windows"] == 3 and json.loads(file.read_text())["windows"] == 3
+
+
+class Given(NamedTuple):
+    """Data that only have names."""
+
+    def fingerprints(self):
+        return "a", "b"
+
+
+def test_another_model_behind_a_run_makes_it_another_run(monkeypatch, tmp_path):
+    monkeypatch.setenv("MWLIB_RUNS", str(tmp_path))
+    for name in ("critic", "evaluator", "start"):
+        (tmp_path / name).mkdir()
+        (tmp_path / name / CONFIG).write_text("system: matching")
+        (tmp_path / name / MODEL).write_bytes(b"first")
+    behind = {name: str(tmp_path / name) for name in ("critic", "evaluator", "start")}
+    cfg = SentencesConfig.preset("tiny", semantic_weight=0.5, **behind)
+
+    def places(changed=cfg):
+        return runs.run_path(changed, Given()), result_file(changed, Given())
+
+    found = places()
+    plain = places(cfg.override(start="", semantic_weight=0.0))
+    for name, trains in (("critic", True), ("start", True), ("evaluator", False)):
+        (tmp_path / name / MODEL).write_bytes(b"second")
+        run, result = places()
+        assert (run != found[0]) == trains and result != found[1], name
+        assert places(cfg.override(start="", semantic_weight=0.0))[0] == plain[0], "which no other model stands behind"
+        (tmp_path / name / MODEL).write_bytes(b"first")
+    assert places() == found

@@ -506,6 +506,15 @@ MUTANTS = [
          "fingerprint(self.test), fingerprint(self.test)"),
     ),
     *of(
+        "experiments/runs.py", "experiments/test_origins.py",
+        ("one-run-for-every-critic", '__version__, *models_behind(cfg, "built_on")]', "__version__]"),
+    ),
+    *of(
+        "text_to_motion/system.py", "experiments/test_origins.py",
+        ("critic-without-a-hash", "+ critic", "+ []"),
+        ("evaluator-without-a-hash", "return [cfg.sampling.evaluator]", "return []"),
+    ),
+    *of(
         "experiments/grids.py", "experiments/test_tables.py",
         ("warm-up-not-shortened", '("train_steps", "lr_period", "warmup", "ema_start")',
          '("train_steps", "lr_period", "ema_start")'),
