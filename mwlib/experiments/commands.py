@@ -8,13 +8,15 @@ from typing import Any
 
 from mwlib import plots
 from mwlib.experiments.grids import Grid, grids_file, read_grids
-from mwlib.experiments.report import write_curves, write_storyboards
-from mwlib.experiments.runs import get_run
+from mwlib.experiments.report import write_curves, write_ends, write_storyboards
+from mwlib.experiments.runs import get_model, get_run, load_run
 from mwlib.experiments.shipped import CARD, RECIPES, recipe, ship
 from mwlib.experiments.systems import system
 from mwlib.experiments.tables import details, differences, lines, measure, provenance
 from mwlib.files import write_atomic
+from mwlib.material import CONFIG, run_folder
 from mwlib.prediction.config import Config
+from mwlib.prediction.predictor import Predictor
 from mwlib.prediction.system import load_data
 from mwlib.settings import Settings, parse_changes
 
@@ -49,10 +51,12 @@ def add_parser(subparsers: _SubParsersAction) -> None:
     )
     parser.set_defaults(run=_ship)
 
-    text = "draw predictions of people never seen, and the loss curves; trains the model if it is missing"
+    text = "draw predictions of people never seen, their end poses, and the loss curves; trains the model if it is missing"
     parser = subparsers.add_parser("storyboards", help=text, description=f"{text.capitalize()}.")
     parser.add_argument("--preset", default="laptop", help=f"one of {', '.join(Config.presets)} (default: laptop)")
     add_set(parser)
+    text = "a finished run, or the name of a model that comes with the package, instead of a preset; draws no loss curves"
+    parser.add_argument("--run", dest="run_folder", default="", metavar="RUN", help=text)
     parser.add_argument("--clips", nargs="+", default=[], metavar="NAME", help="test clips; default: three windows")
     parser.add_argument("--out", type=Path, default=Path("build/storyboards"), help="default: build/storyboards")
     parser.set_defaults(run=_storyboards)
@@ -152,9 +156,22 @@ def _grid_table(args: Namespace) -> int:
 
 
 def _storyboards(args: Namespace) -> int:
-    cfg = Config.preset(args.preset, **parse_changes(args.set))
+    cfg, predictor = _of_a_run(args) if args.run_folder else (Config.preset(args.preset, **parse_changes(args.set)), None)
     split = load_data(cfg)
-    write_curves(cfg, split, args.out)
-    write_storyboards(cfg, split, args.out, args.clips)
+    if predictor is None:
+        predictor = get_model(cfg, split, progress=True)
+        write_curves(cfg, split, args.out)
+    for write in (write_storyboards, write_ends):
+        write(cfg, split, predictor, args.out, args.clips)
     print(args.out)
     return 0
+
+
+def _of_a_run(args: Namespace) -> tuple[Config, Predictor]:
+    """Settings and model of the finished run that a command names."""
+    if args.set:
+        raise ValueError("both --run and --set are given; expected one of them: a finished run has its settings")
+    predictor, folder = load_run(args.run_folder), run_folder(args.run_folder)
+    if not isinstance(predictor, Predictor) or folder is None:
+        raise ValueError(f"{args.run_folder} is a run of another system; expected one of prediction")
+    return Config.from_yaml(folder / CONFIG), predictor

@@ -1,4 +1,4 @@
-"""Pictures of a predictor on people never seen: storyboards beside the truth, and its loss curves."""
+"""Pictures of a predictor on people never seen: storyboards beside the truth, end poses, and its loss curves."""
 
 from __future__ import annotations
 
@@ -15,9 +15,10 @@ from mwlib import plots
 from mwlib.data.known import acknowledgement
 from mwlib.data.sources import Split
 from mwlib.data.windowing import Windows
-from mwlib.experiments.runs import get_model, get_run
+from mwlib.experiments.runs import get_run
 from mwlib.prediction.config import Config
 from mwlib.prediction.evaluation import baseline, test_windows
+from mwlib.prediction.predictor import Predictor
 from mwlib.training import CURVES
 from mwlib.version import __version__
 
@@ -49,11 +50,13 @@ def _picked(every: Windows, clips: Sequence[str], count: int) -> dict[str, int]:
     return {name: windows[len(windows) // 2] for name, windows in inside.items()}
 
 
-def write_storyboards(cfg: Config, split: Split, out: Path, clips: Sequence[str] = (), count: int = 3) -> None:
+def write_storyboards(
+    cfg: Config, split: Split, predictor: Predictor, out: Path, clips: Sequence[str] = (), count: int = 3
+) -> None:
     """Truth above predictions for a few test windows.
 
     Args:
-        cfg, split: the model, trained if it is missing, and its people.
+        cfg, split, predictor: settings, people, and the model that was trained with them.
         out: folder.
         clips: names of test clips, of each of which the middle window is drawn.
         count: without them, how many windows, spread evenly over the test set.
@@ -62,7 +65,6 @@ def write_storyboards(cfg: Config, split: Split, out: Path, clips: Sequence[str]
         ValueError: no test window is of a clip of that name; the message lists those there are.
     """
     cut, about, every = cfg.windows, provenance(cfg, split), test_windows(split, cfg.windows)
-    predictor = get_model(cfg, split)
     looked_up, still = (baseline(cfg.override(method=name), split) for name in ("nearest_history", "zero_velocity"))
     for picture, i in _picked(every, clips, count).items():
         past, truth = every.x_history[i : i + 1], every.x_future[i]
@@ -81,6 +83,41 @@ def write_storyboards(cfg: Config, split: Split, out: Path, clips: Sequence[str]
         where = about | {"clip": clip.name, "start_frame": int(every.start[i]), "window": i}
         data = {name.replace(" ", "_"): row.numpy() for name, row in board.items()}
         plots.save(fig, out, f"storyboard_{picture}", data=data, alt=alt, provenance=where)
+
+
+def write_ends(cfg: Config, split: Split, predictor: Predictor, out: Path, clips: Sequence[str] = (), count: int = 4) -> None:
+    """Where the sampled futures of a few test windows end: laid over each other, and ten of one window side by side.
+
+    Source: MotionWavelet, Fig. 10 and Fig. 5.
+
+    Args:
+        cfg, split, predictor, out, clips: as in `write_storyboards`; the ten are of the first window.
+        count: without clips, how many windows.
+
+    Raises:
+        ValueError: as `write_storyboards`.
+    """
+    about, every = provenance(cfg, split), test_windows(split, cfg.windows)
+    picked = _picked(every, clips, count)
+    chosen = [*picked.values()]
+    futures, truth = predictor.predict(every.x_history[chosen], window_ids=chosen), every.x_future[chosen]
+    named = [every.motions[int(every.clip[i])] for i in chosen]
+    titles = [f"{clip.action.replace('_', ' ')} ({clip.name})" for clip in named]
+    skeleton, drawn = split.test[0].skeleton, range(min(10, futures.shape[1]))
+    windows = about | {"clips": [clip.name for clip in named], "start_frames": [int(every.start[i]) for i in chosen]}
+
+    fig, _ = plots.end_poses({t: (f, x) for t, f, x in zip(titles, futures, truth, strict=True)}, skeleton)
+    shown = f"the last pose of {futures.shape[1]} futures sampled by MotionWavelet"
+    alt = f"One panel for each of {', '.join(titles)}: {shown}, laid over each other, and the true pose in black."
+    data = {f"truth_{n}": x[-1].numpy() for n, x in enumerate(truth, 1)}
+    data |= {f"samples_{n}": f[:, -1].T.numpy() for n, f in enumerate(futures, 1)}
+    plots.save(fig, out, "end_poses", data=data, alt=alt, provenance=windows)
+
+    places = {(f"{k // 5 * 5 + 1} to {k // 5 * 5 + 5}", f"{k % 5 + 1}."): futures[0, k : k + 1] for k in drawn}
+    fig, _ = plots.pose_grid(places, skeleton, truth=truth[0])
+    alt = f"{len(drawn)} panels: the last pose of one future each of {titles[0]} by MotionWavelet, and the true pose in black."
+    data = {"truth": truth[0, -1].numpy(), "samples": futures[0, : len(drawn), -1].T.numpy()}
+    plots.save(fig, out, "ten", data=data, alt=alt, provenance=windows | {"clip": named[0].name})
 
 
 def write_curves(cfg: Config, split: Split, out: Path) -> None:

@@ -163,11 +163,15 @@ class Board:
 
 
 def _extent(motions: Sequence[np.ndarray]) -> tuple[float, float, float]:
-    """Half width, bottom and top that hold every motion, or 1.8 times the smallest one where others are far larger."""
+    """Half width, bottom and top that hold every motion, or 1.8 times a small one where others are far larger.
+
+    Small is the first quarter: the smallest may be a person who crouches among people who stand.
+    """
     flat = [points.reshape(-1, 2) for points in motions]
     lows, highs = np.array([(points[:, 1].min(), points[:, 1].max()) for points in flat]).T
-    smallest = np.argmin(highs - lows)
-    spare = 0.4 * (highs - lows)[smallest]
-    bottom, top = max(lows.min(), lows[smallest] - spare), min(highs.max(), highs[smallest] + spare)
-    wide = [np.quantile(np.abs(points[:, 0]), 0.999) for points in flat]
-    return max(min(max(wide), 1.8 * min(wide)), 0.22 * (top - bottom)), bottom, top
+    quarter = (len(flat) - 1) // 4
+    small = np.argsort(highs - lows)[quarter]
+    spare = 0.4 * (highs - lows)[small]
+    bottom, top = max(lows.min(), lows[small] - spare), min(highs.max(), highs[small] + spare)
+    wide = sorted(np.quantile(np.abs(points[:, 0]), 0.999) for points in flat)
+    return max(min(wide[-1], 1.8 * wide[quarter]), 0.22 * (top - bottom)), bottom, top

@@ -506,6 +506,10 @@ MUTANTS = [
          "fingerprint(self.test), fingerprint(self.test)"),
     ),
     *of(
+        "plots/bodies.py", "plots/test_guidance.py",
+        ("the-smallest-body-sets-the-scale", "quarter = (len(flat) - 1) // 4", "quarter = 0"),
+    ),
+    *of(
         "experiments/runs.py", "experiments/test_origins.py",
         ("one-run-for-every-critic", '__version__, *models_behind(cfg, "built_on")]', "__version__]"),
     ),

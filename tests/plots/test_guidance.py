@@ -9,6 +9,7 @@ import torch
 
 from mwlib import plots
 from mwlib.body.skeleton import H36M17
+from mwlib.plots.bodies import _extent
 
 METRICS = ("apd", "ade", "fde", "mmade", "mmfde")
 
@@ -66,3 +67,12 @@ def test_arrows_end_where_they_are_told_to():
     styles = [line.get_linestyle() for line in axes[1].lines if line.get_label() in ("right", "back")]
     assert len({*styles}) == 2 and [text.get_text() for text in axes[0].texts] == ["walk"]
     fig.draw_without_rendering()
+
+
+def test_people_who_stand_are_whole_beside_one_who_crouches():
+    standing = [np.array([[[0.0, -0.9], [0.1, 0.8]]])] * 5
+    crouching, burst = np.array([[[0.0, -0.4], [0.1, 0.2]]]), np.array([[[-40.0, -50.0], [30.0, 60.0]]])
+    half, bottom, top = _extent([*standing, crouching])
+    assert bottom <= -0.9 and top >= 0.8
+    half, bottom, top = _extent([*standing, crouching, burst])
+    assert bottom > -2 and top < 2 and half < 1, "a motion that explodes does not shrink the others"
