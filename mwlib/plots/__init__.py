@@ -23,7 +23,7 @@ from mwlib.plots.player import Player, player
 from mwlib.plots.save import save, save_table, show
 from mwlib.plots.sentences import emerging_way, free_overview, ways
 from mwlib.plots.signals import filters, padding_modes, scaling_and_wavelet, signal_and_coefficients
-from mwlib.plots.skeletons import animate, end_poses, film, overlay_futures, storyboard
+from mwlib.plots.skeletons import end_poses, overlay_futures, storyboard
 from mwlib.plots.spectra_of_motion import (
     coupling_bars,
     energy_by_coefficient,
@@ -40,7 +40,6 @@ __all__ = [
     "Player",
     "STYLE",
     "Table",
-    "animate",
     "arrows",
     "attention_heads",
     "attention_over_steps",
@@ -65,7 +64,6 @@ __all__ = [
     "energy_bars",
     "energy_by_coefficient",
     "error_by_size",
-    "film",
     "filmstrip",
     "filters",
     "free_overview",

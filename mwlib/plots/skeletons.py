@@ -1,27 +1,17 @@
-"""Bodies over time: storyboards, overlaid futures, films. Z points up; `Motion.with_up("z")` turns other motions."""
+"""Bodies over time: storyboards, overlaid futures. Z points up; `Motion.with_up("z")` turns other motions."""
 
 from __future__ import annotations
 
-import hashlib
-import re
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING
 
-import matplotlib as mpl
 import numpy as np
 from jaxtyping import Float
-from matplotlib.animation import FuncAnimation
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from mwlib.body.skeleton import Skeleton
 from mwlib.plots.bodies import THREE_QUARTER, AnyMotion, Array, Board, facing, poses, project
 from mwlib.plots.look import named, style
-
-if TYPE_CHECKING:
-    from IPython.display import HTML
-
-FILM_DPI = 72
 
 
 @style()
@@ -124,59 +114,6 @@ def end_poses(
         board.draw(0, column, points, "predicted", max(0.15, 1 / len(points)), 1.5)
         board.draw(0, column, true, "truth", width=2.4)
     return board.fig, board.ax
-
-
-@style()
-def animate(
-    rows: Mapping[str, AnyMotion] | AnyMotion,
-    skeleton: Skeleton,
-    *,
-    fps: float,
-    history: int = 0,
-    azimuth: float | None = None,
-    most: int = 50,
-) -> tuple[Figure, FuncAnimation]:
-    """A film of motions side by side, at true speed; `film` turns it into HTML, its own `.save("x.gif")` into a file.
-
-    Args:
-        rows: name -> motion, as in `storyboard`; bodies stay on their spot.
-        most: largest number of pictures in the film; every k-th frame is kept and stands k times as long.
-        fps, history, azimuth: as in `storyboard`.
-
-    Raises:
-        ValueError: a motion does not fit the skeleton.
-    """
-    flat, total = _flat(rows, skeleton, azimuth)
-    step = -(-total // most)
-    board = Board(skeleton, list(flat.values()), [""], list(flat))
-    board.fig.set_dpi(FILM_DPI)
-    clock = board.fig.text(0.02, 0.99, "", va="top")
-    shown: list = []
-
-    def draw(frame: int) -> list:
-        while shown:
-            shown.pop().remove()
-        for column, (name, points) in enumerate(flat.items()):
-            at = frame - (total - len(points))
-            if at >= 0:
-                shown.extend(board.draw(0, column, points[at : at + 1], body_kind(name, frame, history)))
-        clock.set_text(seconds_text(frame, history, fps) + "  observed" * (frame < history))
-        return shown
-
-    return board.fig, FuncAnimation(board.fig, draw, frames=range(0, total, step), interval=1000 * step / fps, init_func=list)
-
-
-def film(animation: FuncAnimation) -> HTML:
-    """The animation as HTML with buttons; it waits for the reader to press play. The same film gives the same text."""
-    from IPython.display import HTML  # at hand in every notebook; the library itself does without
-
-    with style(), mpl.rc_context({"savefig.dpi": FILM_DPI}):
-        html = animation.to_jshtml(default_mode="once")
-    found = re.search("_anim_img([0-9a-f]{32})", html)  # a random identity per call
-    if found is None:
-        raise RuntimeError("matplotlib's film holds no identity _anim_img...; expected one to make the text repeatable")
-    name = found[1]
-    return HTML(html.replace(name, hashlib.sha256(html.replace(name, "").encode()).hexdigest()[:32]))
 
 
 def _flat(rows, skeleton: Skeleton, azimuth: float | None) -> tuple[dict[str, np.ndarray], int]:

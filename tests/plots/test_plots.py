@@ -173,18 +173,6 @@ def test_camera_shows_the_left_hand_side_on_the_right_from_the_front():
     assert left == pytest.approx([1, 0]) and up == pytest.approx([0, np.cos(np.radians(15))])
 
 
-def test_film_waits_for_the_reader_and_repeats_itself():
-    def text(most: int) -> str:
-        fig, animation = plots.animate(STILL, H36M17, fps=FPS, history=HISTORY, most=most)
-        assert fig.get_dpi() == 72
-        return plots.film(animation).data
-
-    html = text(4)
-    assert html == text(4)
-    assert html.count("data:image/png") == 4
-    assert "once" in html and "anim.play" not in html.split("setTimeout")[-1]
-
-
 def test_fan_holds_the_median_and_the_middle_of_the_samples():
     _, ax = plots.trajectories(X[:, 8], FUTURE[:, :, 8], fps=FPS)
     median = next(line for line in ax.lines if line.get_label() == "predicted")
