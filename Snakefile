@@ -12,7 +12,7 @@ from pathlib import Path
 
 from snakemake.exceptions import WorkflowError
 
-from mwlib.course.files import EXPERIMENT, course, source_hash, write_hashes
+from mwlib.course.files import EXPERIMENT, LONGEST, course, source_hash, write_hashes
 from mwlib.course.manifest import MANIFEST
 from mwlib.experiments import read_grids, system
 from mwlib.experiments.grids import grids_file, row_config, row_parameters
@@ -37,6 +37,7 @@ TABLES = read_grids(GRID_FILE)
 NAMES = [path.stem for path in course(FOLDER)]
 RESULTS = [f"{name}/metrics.json" for name in NAMES]
 TRAINING = "06_training"
+LONG = rf"(?:{'|'.join(LONGEST)})_[^/]+"
 MW = f"cd {shlex.quote(str(HERE))} && {shlex.quote(sys.executable)} -m mwlib"
 NOTEBOOK = ["--set", f"preset={PRESET}", "--set", f"data={DATA}"]
 ROW = ["--preset", PRESET, "--data", DATA, *(word for change in SET for word in ("--set", change)), "--grids", str(GRID_FILE)]
@@ -151,13 +152,19 @@ rule notebook:
     log:
         "{name}/notebook.ipynb",
     wildcard_constraints:
-        name=r"\d\d[a-z]?_[^/]+",
+        name=rf"(?!{LONG})\d\d[a-z]?_[^/]+",
     params:
         given=lambda wildcards: NOTEBOOK,
         file=lambda wildcards: str(FOLDER / f"{wildcards.name}.ipynb"),
         out=lambda wildcards: str(OUT / wildcards.name),
     shell:
         "{MW} run-notebook {params.file:q} --out {params.out:q} {params.given:q}"
+
+
+use rule notebook as long_notebook with:
+    wildcard_constraints:
+        name=LONG,
+    priority: 1  # a long one that is begun last leaves the other jobs' cores idle
 
 
 rule grids:

@@ -13,7 +13,7 @@ import pytest
 from nbformat import NotebookNode
 
 from mwlib.course.execute import PICTURES, filter_notebook
-from mwlib.course.files import chapter_number, course
+from mwlib.course.files import LONGEST, chapter_number, course
 from mwlib.course.manifest import read_manifest
 from mwlib.course.parameters import read_parameters, tags
 from mwlib.course.worker import EXECUTED, run_notebook
@@ -22,8 +22,8 @@ COMPARED = "nbval-check-output"  # nbval's own tag, so that it can compare these
 
 
 def first_long() -> list[Path]:
-    """First the one whose model others wait for, beside a long one that does not; then the long ones."""
-    order = ["06", "03", "08", "04", "10", "07", "05b", "09", "05"]
+    """First the one whose model others wait for, beside a long one that does not; then those that are shorter."""
+    order = [*LONGEST, "04", "10", "07", "05b", "09", "05"]
     places = {number: place for place, number in enumerate(order)}
     return sorted(course(), key=lambda path: places.get(chapter_number(path), len(order)))
 

@@ -13,7 +13,7 @@ from nbformat import NotebookNode
 from nbformat.v4 import new_markdown_cell, new_output
 
 from mwlib.course.execute import execute_notebook, filter_notebook
-from mwlib.course.files import EXPERIMENT, chapter_number, course, find_notebook, source_hash
+from mwlib.course.files import EXPERIMENT, LONGEST, chapter_number, course, find_notebook, source_hash
 from mwlib.course.learner import learner_copy, write_learner_copies
 from mwlib.course.parameters import ParameterError, from_text, read_parameters, resolve
 from mwlib.course.rules import check, pictures
@@ -27,7 +27,7 @@ def test_notebook_keeps_the_rules(path):
 
 def test_there_is_a_course_and_no_number_is_taken_twice():
     numbers = [chapter_number(path) for path in course()]
-    assert numbers and len(set(numbers)) == len(numbers)
+    assert len(set(numbers)) == len(numbers) and {*LONGEST} < {*numbers}
 
 
 @pytest.fixture(scope="module")

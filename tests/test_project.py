@@ -254,6 +254,11 @@ def snakemake(folder: Path, *words: str, preset: str = "tiny") -> str:
     return done.stdout + done.stderr
 
 
+def jobs(todo: str) -> dict[str, int]:
+    """How many runs of notebooks a dry run plans, by rule."""
+    return {rule: int(count) for rule, count in re.findall(r"^(\w*notebook) +(\d+)$", todo, re.M)}
+
+
 def test_snakemake_runs_again_what_changed_and_nothing_else(tmp_path):
     """Neither an executed notebook nor a touched file schedules anything; a source, a preset or the data do."""
     for stem in ("01_first", "06_training", "07_prediction"):
@@ -271,13 +276,14 @@ def test_snakemake_runs_again_what_changed_and_nothing_else(tmp_path):
     assert "Nothing to be done" in snakemake(tmp_path, "--dry-run")
 
     todo = snakemake(tmp_path, "--dry-run", preset="laptop")
-    assert re.search(r"notebook +3\n", todo) and "before: ['--set', 'preset=tiny'" in todo
+    assert jobs(todo) == {"notebook": 2, "long_notebook": 1} and "before: ['--set', 'preset=tiny'" in todo
+    assert re.search(r"output: 06_training/metrics.json\n(?: .*\n)*? +priority: 1\n", todo)  # the long one comes first
 
     executed.cells.append(code("print('changed')"))
     save(executed, tmp_path / "notebooks", "01_first")
     todo = snakemake(tmp_path, "--dry-run")
-    assert "Updated input files: .sources/01_first.sha256" in todo and re.search(r"notebook +1\n", todo)
+    assert "Updated input files: .sources/01_first.sha256" in todo and jobs(todo) == {"notebook": 1}
 
     (tmp_path / "data" / "b.bvh").write_text("b")
     todo = snakemake(tmp_path, "--dry-run")
-    assert ".sources/data.sha256" in todo and re.search(r"notebook +3\n", todo)
+    assert ".sources/data.sha256" in todo and jobs(todo) == {"notebook": 2, "long_notebook": 1}

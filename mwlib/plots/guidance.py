@@ -142,8 +142,17 @@ def claimed_and_measured(
         bars = [row["seed_deviation"][metric] or 0.0 for row in found]
         ax.errorbar(changes, places + 0.16, xerr=bars, fmt="o", color=CYCLE[0], elinewidth=1.2, label="measured here")
         ax.set(title=HEADS[metric], xlabel="change (m)")
+        ax.set_xticks(_three_ticks(*ax.get_xlim()))
         ax.grid(axis="y")
     axes[0, 0].set(yticks=places, yticklabels=[row["name"] for row in found])
     axes[0, 0].invert_yaxis()
     fig.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside upper right", ncols=2)
     return fig, axes[0]
+
+
+def _three_ticks(low: float, high: float) -> list[float]:
+    """Zero and the largest round number on either side that lies inside; more would run into each other in narrow panels."""
+    reach = max(-low, high)
+    unit = 10.0 ** np.floor(np.log10(reach))
+    step = unit * np.floor(reach / unit)
+    return [tick for tick in (-step, 0.0, step) if low <= tick <= high]

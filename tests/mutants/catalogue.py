@@ -541,6 +541,10 @@ MUTANTS = [
         ("numbers-of-the-first-seed", "m: mean(v) for", "m: v[0] for"),
     ),
     *of(
+        "plots/guidance.py", "plots/test_guidance.py::test_numbers_of_an_axis_do_not_run_into_each_other",
+        ("ticks-of-changes-are-left-to-matplotlib", "ax.set_xticks(_three_ticks(*ax.get_xlim()))", "pass"),
+    ),
+    *of(
         "plots/passages.py", "plots/test_passages.py",
         ("way-runs-to-the-left", "onward >= 0 else", "onward < 0 else"),
         ("camera-in-front-of-the-way", "float(np.degrees(angle)) - 90", "float(np.degrees(angle))"),

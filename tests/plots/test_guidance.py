@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
+
 import matplotlib.pyplot as plt
 import numpy as np
 import pytest
@@ -34,6 +36,19 @@ def test_claimed_and_measured_are_changes_from_the_reference():
     np.testing.assert_allclose(np.array(bars[0].get_xdata(), float), [0, 0.2, -0.1], atol=1e-12)
     with pytest.raises(ValueError, match="expected some of"):
         plots.claimed_and_measured(found, ("rmse",))
+
+
+@pytest.mark.parametrize("metrics", [METRICS[:3], METRICS[3:]], ids=["three panels", "two panels"])
+@pytest.mark.parametrize("error", [0.0039, 0.0054, 0.012, 0.03, 0.054, 0.37, 0.9])
+def test_numbers_of_an_axis_do_not_run_into_each_other(metrics, error):
+    row = _row("s 1.5, sigma 2.5, WMSG", 1.0, 1.0) | {"standard_error": dict.fromkeys(METRICS, error)}
+    fig, axes = plots.claimed_and_measured([row | {"seed_deviation": dict.fromkeys(METRICS, 0.0)}], metrics)
+    with plots.style():
+        fig.draw_without_rendering()
+    for ax in axes:
+        low, high = ax.get_xlim()
+        labels = [label.get_window_extent() for label in ax.get_xticklabels() if low <= label.get_position()[0] <= high]
+        assert len(labels) == 3 and all(left.x1 + 2 < right.x0 for left, right in itertools.pairwise(labels))
 
 
 def test_noised_rows_marks_the_mask_in_every_panel(generator):
