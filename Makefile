@@ -30,12 +30,17 @@ BLENDER = $(call quoted,$(BLENDER_ENV))
 OPTIONS = --cores $(call quoted,$(value JOBS)) --keep-going --rerun-incomplete --quiet progress rules \
 	--config $(call setting,preset,PRESET) $(call setting,data,DATA) $(call setting,out,OUT)
 
+define BROWSING
+$(RUN) -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[notebooks,dev,site]'
+MWLIB_CHROMIUM=$(call quoted,$(value CHROMIUM)) $(RUN) -m pytest
+endef
+
 unexport PYTHON PRESET DATA OUT JOBS NB GRIDS SET CHROMIUM # to export one is to expand it
 export OMP_NUM_THREADS ?= 1
 export MWLIB_RUNS ?= $(CURDIR)/runs
 
 .DEFAULT_GOAL := help
-.PHONY: help figures grids test types test-workflow mutants fuzz test-blender site test-site player test-player lab notebooks learner wheel
+.PHONY: help figures grids test types test-workflow mutants fuzz test-blender site test-site player test-player test-lab lab notebooks learner wheel
 
 help: ## show this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-12s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -90,11 +95,13 @@ player: $(READY) ## build the 3-D player's bundle of its sources anew, the same 
 	cp build/player/node_modules/three/LICENSE $(ASSETS)/LICENSE.three
 
 test-player: $(READY) ## open players in headless Chromium: CHROMIUM=chromium
-	$(RUN) -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[notebooks,dev,site]'
-	MWLIB_CHROMIUM=$(call quoted,$(value CHROMIUM)) $(RUN) -m pytest tests/browser
+	$(BROWSING) tests/browser/test_player.py
+
+test-lab: $(READY) ## open the course in JupyterLab in headless Chromium, and ask for a motion: CHROMIUM=chromium
+	$(BROWSING) tests/browser/test_lab.py
 
 lab: $(READY) ## open JupyterLab on the first notebook
-	$(RUN) -m jupyterlab notebooks/00_start_here.ipynb
+	$(RUN) -m jupyterlab --ServerApp.root_dir=. notebooks/00_start_here.ipynb
 
 notebooks: $(READY) ## execute the committed notebooks in place and filter their outputs: NB="02 07" for some only
 	$(RUN) -m mwlib execute-notebooks $(foreach name,$(value NB),$(call quoted,$(name)))

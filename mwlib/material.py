@@ -13,7 +13,8 @@ PACKAGED = Path(__file__).resolve().with_name("_material")  # hatch_build.py put
 CONFIG = "config.yaml"  # in a run's folder: its settings
 MODELS = Path(__file__).resolve().with_name("models")  # a run's folder for each model that comes with the package
 MARKS = ("notebooks", "figures/manifest.yaml", "Snakefile")
-CARRIED = ("LICENSE", "Snakefile", "notebooks/*.ipynb", "figures/*.yaml", "figures/*/*")  # what a working copy consists of
+# What a working copy consists of.
+CARRIED = ("LICENSE", "Snakefile", "notebooks/*.ipynb", "notebooks/*.md", "figures/*.yaml", "figures/*/*")
 
 
 def is_course(folder: Path) -> bool:

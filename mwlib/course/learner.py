@@ -12,14 +12,15 @@ from mwlib.course.parameters import tags
 from mwlib.files import write_atomic
 
 BLANK = "# Your turn: write your answer here, then run the check below."
-HOLE = re.compile(r"^(\s*(?:return|[\w, .\[\]]+ =) )(\S.*?)(  # your turn: \S.*)$", re.M)
+HOLE = re.compile(r"^( *)(return|[\w, .\[\]]+ =) (\S.*?)  # your turn: (\S.*)$", re.M)
 
 
 def learner_copy(notebook: NotebookNode) -> NotebookNode:
     """A copy of a notebook with empty solution cells, open holes and no outputs; the self-checks stay.
 
     The committed notebook is the only source: a cell tagged `solution` keeps its place and loses its content. A line
-    `name = expression  # your turn: hint`, or one with `return`, loses its expression.
+    `name = expression  # your turn: hint`, or one with `return`, loses its expression. Run as it is, it stops there and says so:
+    further down it would fail in the middle of the library.
     """
     copy = NotebookNode(notebook.copy())
     copy.cells = [_emptied(cell) for cell in notebook.cells]
@@ -44,8 +45,18 @@ def _emptied(cell: NotebookNode) -> NotebookNode:
     cell = NotebookNode(cell.copy())
     if cell.cell_type == "code":
         cell.outputs, cell.execution_count = [], None
-        cell.source = HOLE.sub(r"\1...\3", cell.source)
+        cell.source = HOLE.sub(_left_open, cell.source)
     if "solution" in tags(cell):
         cell.source = BLANK if cell.cell_type == "code" else "*Your turn.*"
         cell.metadata = NotebookNode(tags=["exercise"])
     return cell
+
+
+def _left_open(line: re.Match[str]) -> str:
+    indent, head, _, hint = line.groups()
+    target = head.removesuffix(" =")
+    name = target if target.isidentifier() and target != "return" else "answer"
+    lines = [f"{name} = ...  # your turn: {hint}", f"assert {name} is not ..., {f'fill in the line {name} = ...: {hint}'!r}"]
+    if name != target:
+        lines.append(f"{head} {name}")
+    return "\n".join(indent + text for text in lines)

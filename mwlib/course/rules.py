@@ -275,7 +275,7 @@ def exercises(notebook: NotebookNode) -> Iterator[str]:
 
 
 def holes(notebook: NotebookNode) -> Iterator[str]:
-    """The learner's copy leaves two lines open or more; each can be left open, and the next check says what is wrong."""
+    """The learner's copy leaves two lines open or more; each can be left open, and a check close by says whether it is right."""
     if any("solution" in tags(cell) for cell in notebook.cells):
         found = sum(cell.source.count("# your turn: ") for cell in code_cells(notebook))
         if found < 2:

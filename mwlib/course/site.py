@@ -19,7 +19,7 @@ from mwlib.course.site_api import api_pages
 from mwlib.course.site_exhibits import committed_page, exhibit_pages
 from mwlib.files import write_atomic
 
-TEXTS = ("REPRODUCTION.md", "RESULTS.md", "CONTRIBUTING.md")
+TEXTS = ("REPRODUCTION.md", "RESULTS.md", "CONTRIBUTING.md", "notebooks/glossary.md")
 SOURCES = ("index.md", "chapters.md", "howto", "_static")  # of docs/
 EXAMPLES = {"howto/curves_system.py": "tests/experiments/curves_system.py"}  # shown on a page, and tested where it lies
 PROMPTS = {"code_prompt_show": "Show a solution", "code_prompt_hide": "Hide the solution"}

@@ -9,13 +9,14 @@ import torch
 from jaxtyping import Float
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 from matplotlib.ticker import LogLocator, NullFormatter
 from torch import Tensor
 
 from mwlib.body.skeleton import Skeleton
 from mwlib.diffusion.process import noised
 from mwlib.diffusion.samplers import Step
-from mwlib.plots.bodies import THREE_QUARTER, AnyMotion, Array, draw_bodies, facing, poses, project
+from mwlib.plots.bodies import COLOURS, THREE_QUARTER, AnyMotion, Array, draw_bodies, facing, poses, project
 from mwlib.plots.coefficients import DIVERGING
 from mwlib.plots.look import BAND_NAMES, CYCLE, DASHES, INK, OBSERVED, TRUTH, array, canvas, style
 from mwlib.plots.skeletons import storyboard
@@ -92,18 +93,21 @@ def noising(
     clean = tf(x)
     eps = torch.randn(clean.shape, generator=generator, dtype=clean.dtype)
     noisy = [noised(clean, eps, alpha_bar[t]) for t in ts]
-    fig, axes = canvas(3, len(ts), height=5.2, gridspec_kw={"height_ratios": (1.2, 0.8, 1.3)}, sharey="row")
+    fig, axes = canvas(3, len(ts), height=5.4, gridspec_kw={"height_ratios": (1.2, 0.8, 1.3)}, sharey="row")
     for column, t, y in zip(axes.T, ts, noisy, strict=True):
         column[0].imshow(array(y).T, cmap=DIVERGING, vmin=-2, vmax=2, aspect="auto")
         column[0].set(title=f"t = {t}", xlabel="row k")
         motion = tf.inverse(y)
-        column[1].plot(array(motion[:, channel]), color=CYCLE[0], linewidth=1.5)
-        column[1].plot(array(x[:, channel]), color=TRUTH, linestyle=(0, (3, 1)), linewidth=1.5)
+        column[1].plot(array(motion[:, channel]), color=CYCLE[0], linewidth=1.5, label="noised curve")
+        column[1].plot(array(x[:, channel]), color=TRUTH, linestyle=(0, (3, 1)), linewidth=1.5, label="clean curve")
         column[1].set(xlabel="frame")
         _pose(column[2], motion[frame], x[frame], skeleton)
     _name_bands(axes[0], tf, clean)
     axes[1, 0].set_ylabel(f"{skeleton.joints[1 + channel // 3].replace('_', ' ')}, {'xyz'[channel % 3]} (m)")
     axes[2, 0].set_ylabel(f"pose, frame {frame % len(x)}")
+    pose = [Line2D([], [], color=TRUTH, alpha=0.35, label="clean pose")]
+    pose += [Line2D([], [], color=COLOURS["predicted"][2], linestyle=(0, (2.2, 0.9)), label="right limbs")]
+    fig.legend(handles=[*axes[1, 0].lines, *pose], loc="outside upper left", ncols=4)
     return fig, axes
 
 

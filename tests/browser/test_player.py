@@ -1,40 +1,22 @@
-"""Players in a real browser, off the network. `make test-player` runs this; without MWLIB_CHROMIUM it is passed over.
-
-MWLIB_CHROMIUM is the command of a Chromium; it draws without a graphics card. Screenshots are left in build/browser.
-"""
+"""Players in a real browser, off the network. `make test-player` runs this. Screenshots are left in build/browser."""
 
 from __future__ import annotations
 
 import io
-import os
-import shutil
 from collections.abc import Iterator
-from pathlib import Path
 
 import numpy as np
 import pytest
 from PIL import Image
-from playwright.sync_api import Browser, Page, sync_playwright
+from playwright.sync_api import Page
 
 from mwlib import plots
 from mwlib.data.synthetic.script import synthetic_motions
+from tests.browser.chromium import PATIENCE, SHOTS, asked_for
 
-CHROMIUM = os.environ.get("MWLIB_CHROMIUM", "")
-pytestmark = pytest.mark.skipif(not CHROMIUM, reason="make test-player runs it")
-SOFTWARE = ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--ignore-gpu-blocklist"]
-SHOTS = Path(__file__).parents[2] / "build" / "browser"
-PATIENCE = 120_000  # milliseconds; drawing without a graphics card is slow
+pytestmark = asked_for
 WALK = synthetic_motions(1, seconds=3)[0].resample(25.0).cut(0, 60)
 ROWS = {"truth": WALK, "sample": WALK.cut(10, 60).mirror()}
-
-
-@pytest.fixture(scope="module")
-def browser() -> Iterator[Browser]:
-    SHOTS.mkdir(parents=True, exist_ok=True)
-    with sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=shutil.which(CHROMIUM), args=SOFTWARE)
-        yield browser
-        browser.close()
 
 
 @pytest.fixture

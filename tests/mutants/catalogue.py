@@ -568,6 +568,16 @@ MUTANTS = [
         ("a-loop-shows-call-after-call", "key=lambda one: one[:3]", "key=lambda one: (one[0], one[2], one[1])"),
     ),
     *of(
+        "course/learner.py", "course/test_learner.py::test_an_open_line_is_followed_by_one_that_says_so",
+        ("an-open-line-runs-on", "assert {name} is not ..., ", "assert {name} is ..., "),
+        ("the-target-of-an-open-line-is-lost", 'lines.append(f"{head} {name}")', "pass"),
+    ),
+    *of(
+        "plots/widgets.py", "plots/test_widgets.py",
+        ("a-box-and-its-button-ask-twice", "if values == shown:", "if False:"),
+        ("a-button-is-not-waited-for", '"manual": bool(button)', '"manual": False'),
+    ),
+    *of(
         "course/site.py", "course/test_site.py::test_solutions_are_folded_and_nothing_else_is",
         ("solutions-lie-open", '_folded(cell) if "solution" in tags(cell) else cell', "cell"),
         ("all-is-folded", '_folded(cell) if "solution" in tags(cell) else cell', "_folded(cell)"),

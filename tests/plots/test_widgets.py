@@ -5,9 +5,10 @@ from __future__ import annotations
 import re
 
 import pytest
-from ipywidgets import Dropdown, FloatSlider, IntSlider
+from ipywidgets import Dropdown, FloatSlider, IntSlider, Text
 
 from mwlib import plots
+from mwlib.data.synthetic.script import synthetic_motions
 from mwlib.plots import widgets
 
 
@@ -58,6 +59,25 @@ def test_errors_are_told_in_one_line_and_the_next_value_works(waveform, calls, c
 def _told(capsys) -> str:
     """What was printed, without the terminal's codes for clearing the output."""
     return re.sub(r"\x1b\[2K|\r", "", capsys.readouterr().out).strip()
+
+
+def test_a_button_draws_when_it_is_pressed(waveform, calls):
+    level, button, _ = widgets.explore(waveform, button="Draw", level=(1, 5)).children
+    assert not calls and button.description == "Draw"
+    level.value = 2
+    assert not calls
+    button.click()
+    assert calls == [{"level": 2}] and not button.disabled
+
+
+def test_a_box_asks_for_a_player(monkeypatch, calls):
+    shown = []
+    monkeypatch.setattr(widgets, "display", shown.append)
+    walk = synthetic_motions(1, seconds=1)[0]
+    box, button, _ = widgets.explore(lambda text: plots.player({text: walk}), button="Ask", text=Text("walk")).children
+    box.value = "go on"  # a return in the box asks, and so does leaving it
+    button.click()
+    assert [player.payload["bodies"][0]["name"] for player in shown] == ["go on"]
 
 
 def test_explore_refuses_what_is_no_control(waveform):

@@ -1,0 +1,160 @@
+"""The course in JupyterLab, as a person uses it, in a headless browser. `make test-lab` runs this.
+
+A server on a free port serves a temporary working copy of the course. Screenshots are left in build/browser.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import socket
+import subprocess
+import sys
+import time
+import urllib.request
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import nbformat
+import pytest
+from playwright.sync_api import Browser, Page
+
+from mwlib.course.files import find_notebook
+from mwlib.course.working_copy import lay_out
+from mwlib.files import write_atomic
+from tests.browser.chromium import PATIENCE, SHOTS, asked_for
+
+pytestmark = asked_for
+ROOT = Path(__file__).parents[2]
+BOX = "box.ipynb"  # chapter 13 as far as the sentence box
+SLOW = 5 * PATIENCE  # milliseconds; JupyterLab needs 20 s to open on an idle core, what comes before the box half a minute
+OF_NOBODY = ("JUPYTER_CONFIG_DIR", "JUPYTER_DATA_DIR", "JUPYTER_RUNTIME_DIR", "JUPYTERLAB_WORKSPACES_DIR", "IPYTHONDIR")
+NO_NEWS = '{"fetchNews": "false", "checkForUpdates": false}'  # what JupyterLab asks at its first start, answered with No
+TOKEN = "for-this-test"
+
+# A rendered text without its code and its formulae: there a dollar or a backslash is a formula that was not rendered.
+TEXTS = """() => [...document.querySelectorAll('.jp-MarkdownOutput')].map(part => {
+  const copy = part.cloneNode(true);
+  copy.querySelectorAll('code, pre, mjx-container, script').forEach(inner => inner.remove());
+  return copy.textContent;
+})"""
+RAW = re.compile(r"\$[^$\n]{1,80}\$|\$\$|\\(?:frac|sum|begin|mathbf|alpha|left|text)\b")
+# Sideways only tables and code may be longer than the window: they scroll in their own box.
+WIDE = """() => [...document.querySelectorAll('.jp-MarkdownOutput > :not(table), .jp-OutputArea-output img')]
+  .filter(part => { const cell = part.closest('.jp-Cell').getBoundingClientRect(), box = part.getBoundingClientRect();
+    return box.width && box.right > cell.right + 1; })
+  .map(part => part.outerHTML.slice(0, 100))"""
+BROKEN = "() => [...document.querySelectorAll('.jp-Notebook img')].filter(i => i.complete && !i.naturalWidth).length"
+PAGE_DOWN = """() => { const view = document.querySelector('.jp-WindowedPanel-outer'), before = view.scrollTop;
+  view.scrollTop += view.clientHeight - 60; return view.scrollTop > before; }"""
+
+
+@pytest.fixture(scope="module")
+def lab(tmp_path_factory) -> Iterator[str]:
+    """The address of a JupyterLab of its own, opened as `make lab` does."""
+    folder = tmp_path_factory.mktemp("lab")
+    lay_out(folder / "course")
+    write_box(folder / "course" / "notebooks" / BOX)
+    answered = folder / "settings" / "@jupyterlab" / "apputils-extension" / "notification.jupyterlab-settings"
+    write_atomic(answered, NO_NEWS)
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        port = free.getsockname()[1]
+    env = {name: value for name, value in os.environ.items() if name != "MW_STATIC"} | {"PYTHONPATH": str(ROOT)}
+    env |= {name: str(folder / name) for name in OF_NOBODY} | {"JUPYTERLAB_SETTINGS_DIR": str(folder / "settings")}
+    command = [sys.executable, "-m", "jupyterlab", "--no-browser", "--allow-root", f"--ServerApp.port={port}"]
+    command += ["--ServerApp.port_retries=0", f"--IdentityProvider.token={TOKEN}"]
+    command += ["--ServerApp.root_dir=.", "notebooks/00_start_here.ipynb"]  # as in the Makefile: links to texts beside notebooks/
+    with (folder / "log").open("w") as log:
+        server = subprocess.Popen(command, cwd=folder / "course", env=env, stdout=log, stderr=subprocess.STDOUT)
+    try:
+        wait_for(f"http://127.0.0.1:{port}/api", server, folder / "log")
+        yield f"http://127.0.0.1:{port}/"
+    finally:
+        server.terminate()
+        server.wait(PATIENCE / 1000)
+
+
+def write_box(path: Path) -> None:
+    """Chapter 13 up to its sentence box, cell by cell as it is."""
+    chapter = nbformat.read(find_notebook("13"), as_version=4)
+    box = next(place for place, cell in enumerate(chapter.cells) if "widgets.explore(ask" in cell.source)
+    chapter.cells = chapter.cells[: box + 1]
+    write_atomic(path, nbformat.writes(chapter))
+
+
+def wait_for(address: str, server: subprocess.Popen, log: Path) -> None:
+    deadline = time.monotonic() + PATIENCE / 1000
+    while server.poll() is None and time.monotonic() < deadline:
+        try:
+            urllib.request.urlopen(address, timeout=5).close()
+            return
+        except OSError:
+            time.sleep(0.2)
+    pytest.fail(f"JupyterLab does not answer:\n{log.read_text()[-2000:]}")
+
+
+@pytest.fixture
+def opened(browser: Browser, lab: str) -> Iterator[Callable[[str, int], Page]]:
+    """Opens a notebook, and in the end finds that the console told of no error and that no other host was asked."""
+    said, asked, pages = [], [], []
+
+    def open_notebook(name: str, width: int = 1400) -> Page:
+        page = browser.new_page(viewport={"width": width, "height": 1000})
+        pages.append(page)
+        page.set_default_timeout(PATIENCE)
+        page.on("console", lambda message: said.append(message.text) if message.type == "error" else None)
+        page.on("pageerror", lambda error: said.append(str(error)))
+        page.on("request", lambda request: asked.append(request.url))
+        page.goto(f"{lab}lab/tree/notebooks/{name}?token={TOKEN}&reset", timeout=SLOW)
+        page.locator(".jp-Notebook h1").first.wait_for(timeout=SLOW)
+        return page
+
+    yield open_notebook
+    for page in pages:
+        page.close()
+    assert said == []
+    assert [url for url in asked if not url.startswith((lab, lab.replace("http", "ws"), "data:", "blob:"))] == []
+
+
+def test_a_sentence_typed_into_the_box_becomes_a_moving_body(opened):
+    page = opened(BOX)
+    page.get_by_role("menuitem", name="Run", exact=True).click()
+    page.get_by_role("menuitem", name="Run All Cells", exact=True).click()
+    box = page.locator(".widget-text input")
+    box.wait_for(timeout=SLOW)
+    assert page.locator(".jp-OutputArea canvas").count() == 0  # it waits to be asked
+    box.fill("a man waves with the right hand")
+    page.get_by_role("button", name="Ask", exact=True).click()
+    body = page.locator(".jp-OutputArea canvas").first
+    body.wait_for(timeout=SLOW)
+    body.scroll_into_view_if_needed()
+    assert page.locator(".jp-OutputArea .label").first.inner_text() == "a man waves with the right hand"
+    clock = page.locator(".jp-OutputArea output").first
+    before, shot = clock.evaluate("node => node.value"), body.screenshot()
+    page.wait_for_function("([node, before]) => node.value !== before", arg=[clock.element_handle(), before])
+    page.screenshot(path=SHOTS / "lab_box.png")
+    assert body.screenshot() != shot
+    assert page.locator('.jp-OutputArea [data-mime-type="application/vnd.jupyter.stderr"]').count() == 0
+
+
+@pytest.mark.parametrize("width", [1400, 800])
+@pytest.mark.parametrize("number", ["00", "05", "13"])
+def test_a_chapter_is_whole(opened, number, width):
+    """Scrolled through as it is committed: formulae are set, pictures are there and fit, solutions are folded."""
+    chapter = nbformat.read(find_notebook(number), as_version=4)
+    solutions = [cell.source for cell in chapter.cells if "solution" in cell.metadata.get("tags", [])]
+    page, folded, words = opened(find_notebook(number).name, width), set(), 0
+    for screen in range(60):
+        page.wait_for_timeout(1000)
+        page.screenshot(path=SHOTS / f"lab_{number}_{width}_{screen:02d}.png")
+        assert [found for text in page.evaluate(TEXTS) for found in RAW.findall(text)] == []
+        assert page.locator("mjx-merror").count() == page.evaluate(BROKEN) == 0
+        assert page.evaluate(WIDE) == []
+        folded |= {text.strip() for text in page.locator(".jp-InputPlaceholder").all_inner_texts()}
+        words = max(words, page.locator(".jp-Notebook details").count())
+        assert page.locator(".jp-Notebook details[open]").count() == 0
+        if not page.evaluate(PAGE_DOWN):
+            break
+    assert folded - {""} == {text.split("\n")[0].strip() for text in solutions if not text.startswith("<details>")}
+    assert words > 0
