@@ -6,9 +6,9 @@ from mwlib.experiments.results import get_result
 from mwlib.experiments.runs import get_model, get_run, load_run, train_run
 from mwlib.experiments.sentences import generate
 from mwlib.experiments.systems import register, system, system_of
-from mwlib.experiments.tables import committed, lines, measure
+from mwlib.experiments.tables import committed, committed_pairs, lines, measure
 
 __all__ = [
-    "Grid", "committed", "generate", "get_model", "get_result", "get_run", "inbetween", "lines", "load_run", "measure",
-    "read_grids", "register", "system", "system_of", "train_run",
+    "Grid", "committed", "committed_pairs", "generate", "get_model", "get_result", "get_run", "inbetween", "lines", "load_run",
+    "measure", "read_grids", "register", "system", "system_of", "train_run",
 ]  # fmt: skip

@@ -170,6 +170,28 @@ def committed(name: str, metrics: Mapping[str, Column], folder: Path | None = No
     return out
 
 
+def committed_pairs(name: str, metrics: Mapping[str, Column], folder: Path | None = None) -> list[dict[str, object]]:
+    """A grid's differences of paired windows, read from the table that `mwlib grid-table` wrote.
+
+    Args:
+        name, metrics, folder: as for `committed`.
+
+    Returns:
+        Per row but that of reference: "row", "against" (the row of reference), and by heading (difference, its standard error
+        over clips).
+
+    Raises:
+        FileNotFoundError: there is no such table in the folder.
+    """
+    errors = {column.heading: f"{column.heading}, standard error" for column in metrics.values()}
+    columns = {heading: Column(heading) for pair in errors.items() for heading in pair}
+    out = []
+    for line in committed(f"{name}_paired", columns, folder):
+        row, _, against = str(line["row"]).rpartition(" - ")
+        out.append({"row": row, "against": against} | {h: (line[h], line[e]) for h, e in errors.items() if h in line})
+    return out
+
+
 def committed_motion(stem: str, name: str = "truth", folder: Path | None = None) -> np.ndarray:
     """One motion of a committed picture, read from the table that was saved beside it.
 

@@ -12,7 +12,7 @@ import yaml
 from mwlib import plots
 from mwlib.__main__ import main
 from mwlib.course.files import course
-from mwlib.experiments import committed, lines, measure, read_grids, results, tables
+from mwlib.experiments import committed, committed_pairs, lines, measure, read_grids, results, tables
 from mwlib.experiments.grids import changes, row_config
 from mwlib.experiments.systems import system
 from mwlib.material import course_folder
@@ -175,13 +175,23 @@ def test_the_committed_tables_come_back_as_lines(tmp_path):
         committed("table_9", METRICS)
     figures = course_folder() / "figures"
     places = dict.fromkeys(("bridges", "bridges_50", "bridges_100"), figures / "lafan1") | {"bridge_parts": figures / "synthetic"}
-    places |= {name: figures / "synthetic" for name in ("sentences_yardsticks", "free_t2m")}
+    places |= {
+        name: figures / "synthetic" for name in ("sentences_yardsticks", "free_t2m", "free_t2m_seeds", "free_t2m_readings")
+    }
     for name, grid in read_grids().items():
         columns = system(grid.system).METRICS
         assert len(committed(name, columns, places.get(name, figures / "cmu"))) == len(grid.rows)
     assert len(committed("bridges", system("inbetweening").METRICS, figures / "bandai_namco")) == len(
         read_grids()["bridges"].rows
     )
+
+
+def test_the_committed_pairs_come_back_as_they_were_compared(tmp_path):
+    rows = [{"row": "one - two - b", "ADE": 0.5, "ADE, standard error": 0.1, "FDE": 2.0, "FDE, standard error": 0.2, "seeds": 3}]
+    plots.save_table(rows, tmp_path, "bases_paired", provenance={"data": "synthetic"})
+    some = {name: METRICS[name] for name in ("ade", "fde", "apd")}
+    expected = {"row": "one - two", "against": "b", METRICS["ade"].heading: (0.5, 0.1), METRICS["fde"].heading: (2.0, 0.2)}
+    assert committed_pairs("bases", some, tmp_path) == [expected]
 
 
 def test_a_committed_motion_is_read_from_its_picture(tmp_path):
