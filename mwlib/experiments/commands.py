@@ -148,8 +148,9 @@ def _grid_table(args: Namespace) -> int:
     actions = [{"row": row["name"], "action": action, **means} for row in found for action, means in row["actions"].items()]
     if actions:
         plots.save_table(actions, args.out, f"{grid.id}_actions", provenance=about)
-    best = {column.heading: column.better for column in columns.values() if column.better}
-    table = plots.results_table(lines(found, columns), better=best)
+    shown = lines(found, columns)
+    best = {column.heading: column.better for column in columns.values() if column.better and column.heading in shown[0]}
+    table = plots.results_table(shown, better=best)
     write_atomic(args.out / f"{grid.id}.md", f"{table}\n")
     print(table)
     return 0

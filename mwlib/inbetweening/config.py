@@ -70,6 +70,7 @@ class ObjectiveConfig:
     smoothness: Smoothness = "step"  # see smoothness_loss
     length_weight: NotNegative = 0.0  # lambda_l, of bone lengths
     angle_weight: NotNegative = 0.0  # lambda_a, of angles between bones
+    contact_weight: NotNegative = 0.0  # of the speed of feet where the truth's stand, see contact_loss
 
 
 @dataclass(frozen=True)

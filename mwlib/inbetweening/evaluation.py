@@ -10,12 +10,11 @@ from jaxtyping import Float
 from torch import Tensor
 from tqdm import tqdm
 
-from mwlib.body.skeleton import Skeleton
 from mwlib.data.sources import Split
 from mwlib.inbetweening.baselines import PACES, GaussianBetween, between
 from mwlib.inbetweening.bridge import Bridge, ends
 from mwlib.inbetweening.config import Config
-from mwlib.inbetweening.losses import bone_lengths
+from mwlib.inbetweening.losses import bone_lengths, feet, floor_of
 from mwlib.inbetweening.space import Space
 from mwlib.inbetweening.windows import Clips, Cut, make_space
 from mwlib.metrics import (
@@ -127,7 +126,7 @@ class Score:
             "keyframe_error": keyframe_error(p, g, keyframes=(0, -1)).amax(1),
             "nearer": nearer_share(inner, true[:, 0], straight[:, 1:-1]),
             "bone_error": bone_length_error(p, lengths, self.skeleton).mean(1),
-            **self._motion(p, self._floor(g)),
+            **self._motion(p, floor_of(g[:, 0].unflatten(-1, (-1, 3)), self.feet or [0])),
         }
         turns, truth = self.space.rotations(x, offsets), self.space.rotations(cut.x[:, None], offsets)
         if turns is None or truth is None:
@@ -139,10 +138,6 @@ class Score:
             self.npss.update(continued(turns, start).flatten(-2), continued(truth, start).flatten(-2))
         return found
 
-    def _floor(self, g: Float[Tensor, "n 1 T C"]) -> Float[Tensor, " n"]:
-        """Height of the lowest foot of the true window."""
-        return g.unflatten(-1, (-1, 3))[..., self.feet or [0], 2].flatten(1).amin(1)
-
     def _motion(self, p: Float[Tensor, "n S T C"], floor: Float[Tensor, " n"]) -> dict[str, Float[Tensor, " n"]]:
         joints = p.unflatten(-1, (-1, 3)).clone()
         joints[..., 2] -= floor[:, None, None, None]
@@ -152,14 +147,6 @@ class Score:
             "path": path_length(joints[..., 0, :2]).mean(1),
             "jerk": jerk(p, self.fps),
         } | ({"skate": foot_skate(joints.flatten(-2), self.feet, self.fps).nanmean(1)} if self.feet else {})
-
-
-def feet(skeleton: Skeleton) -> list[int]:
-    """The joints that touch the floor, by their names: toes, else feet, else ankles; none where nothing is called so."""
-    for word in ("toe", "foot", "ankle"):
-        if found := [i for i, name in enumerate(skeleton.joints) if word in name.lower()]:
-            return found
-    return []
 
 
 def evaluate(cfg: Config, get_model: Callable[[], Bridge], split: Split, progress: bool = False) -> dict[str, Any]:

@@ -1,4 +1,4 @@
-"""What FreqDiffusionBridge trains: the loss of diffusion and four others, on random windows from keyframe to keyframe."""
+"""What FreqDiffusionBridge trains: the loss of diffusion and others, on random windows from keyframe to keyframe."""
 
 from __future__ import annotations
 
@@ -17,7 +17,9 @@ from mwlib.inbetweening.losses import (
     bone_angles,
     bone_length_loss,
     bone_lengths,
+    contact_loss,
     diversity_loss,
+    feet,
     smoothness_loss,
 )
 from mwlib.inbetweening.network import KeyframeNetwork, WienerNetwork
@@ -27,6 +29,7 @@ from mwlib.training import Objective, seeded
 
 SNR_BOUNDS = 0.05, 5.0  # Hang et al. 2023 above; own choice below: errors where all is noise must count for something
 FITTED_ON = 4000  # windows
+ON_BODIES = "diversity_weight", "smoothness_weight", "length_weight", "angle_weight", "contact_weight"
 LIMIT = 0.995  # quantile of the training data's angles that is their limit: own choice, the paper's limits are not given
 
 
@@ -46,12 +49,19 @@ class InbetweeningObjective(Objective):
         learnt: what was learnt in an earlier part of the same training; empty: it is fitted now.
 
     Raises:
-        ValueError: the clips do not match each other, or are all shorter than a window, those for validation too.
+        ValueError: the clips do not match each other, or are all shorter than a window, those for validation too; or contacts
+            are asked of a body without feet.
     """
 
     def __init__(self, cfg: Config, split: Split, learnt: Mapping[str, Tensor] | None = None) -> None:
         self.cfg, self.task = cfg, cfg.task
         self.space = make_space(split.train, cfg.task.state)
+        self.feet = feet(self.space.bodies.skeleton)
+        if cfg.objective.contact_weight and not self.feet:
+            found = ", ".join(self.space.bodies.skeleton.joints)
+            raise ValueError(
+                f"contact_weight is {cfg.objective.contact_weight}, but joints are {found}; expected toes, feet or ankles"
+            )
         self.clips = Clips(split.train, self.space, cfg.task.mirror)
         self.held_out = Clips(split.validation, self.space) if split.validation else None
         if self.held_out is not None:
@@ -84,7 +94,7 @@ class InbetweeningObjective(Objective):
         return Batch(self.clips.draw(batch, frames, generator), mask.to(self.clips.flat.device))
 
     def loss(self, network: nn.Module, batch: Batch, generator: torch.Generator) -> Float[Tensor, ""]:
-        """L = L_noise + lambda_d L_div + lambda_s L_smooth + lambda_l L_len + lambda_a L_ang; t uniform in 1..M-1."""
+        """L = L_noise + lambda_d L_div + lambda_s L_smooth + lambda_l L_len + lambda_a L_ang + the contacts; t in 1..M-1."""
         cut, mask = batch
         options, told = self.cfg.objective, self.cfg.model.keyframes == "told"
         draws = options.draws if options.diversity_weight else 1
@@ -103,13 +113,13 @@ class InbetweeningObjective(Objective):
             error = error / self.network.share(y_t, steps)  # pyright: ignore[reportCallIssue]  (Config.check: it is Wiener's)
         error = error.square().mean((-2, -1))
         total = (error if self.level is None else error * self.level.to(y.device)[steps]).mean()
-        if any((options.diversity_weight, options.smoothness_weight, options.length_weight, options.angle_weight)):
+        if any(getattr(options, name) for name in ON_BODIES):
             y0_hat = y0_hat_of(y_t, to_eps(self.cfg.diffusion.prediction, output, y_t, a), a)
             total = total + self._of_bodies(tf.inverse(y0_hat), cut, hint, t, draws)
         return total
 
     def _of_bodies(self, z: Tensor, cut: Cut, hint: Tensor, t: Int[Tensor, " B"], draws: int) -> Float[Tensor, ""]:
-        """The four losses on clean estimates, metres, times alpha_bar: an error in eps is divided by it in the estimate."""
+        """The losses on clean estimates, metres, times alpha_bar: an error in eps is divided by it in the estimate."""
         o, skeleton = self.cfg.objective, self.space.bodies.skeleton
         x = self.representation.states(z.unflatten(0, (-1, draws)), hint[:, None])  # (B, M, T, C)
         places = self.space.positions(x, cut.offsets[:, None])
@@ -123,6 +133,8 @@ class InbetweeningObjective(Objective):
             total = total + o.length_weight * bone_length_loss(places, lengths, skeleton)
         if o.angle_weight:
             total = total + o.angle_weight * bone_angle_loss(places, self.limits.to(x), skeleton)
+        if o.contact_weight:
+            total = total + o.contact_weight * contact_loss(places, truth, self.feet, self.space.bodies.fps)
         if o.diversity_weight:
             total = total + o.diversity_weight * diversity_loss(flat, o.diversity, o.diversity_scale)[:, None]
         return (total.mean(1) * self.alpha_bar[t].to(x)).mean()

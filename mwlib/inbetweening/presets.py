@@ -26,7 +26,7 @@ PRESETS: dict[str, dict[str, Any]] = {
     # Half a minute on two cores; synthetic people.
     "tiny": _TOLD | dict(
         data="synthetic", fps=25.0, between=22, test_stride=12, test_windows=48, validation_subjects=("P6",),
-        test_subjects=("P7", "P8"), width=64, layers=4, heads=4, feedforward=128, dropout=0.0, steps=200, train_steps=600,
+        test_subjects=("P7", "P8"), width=64, layers=4, heads=4, feedforward=128, dropout=0.0, steps=200, train_steps=400,
         batch=32, lr=2e-3, warmup=50, ema=0.99, ema_start=100, checkpoint_every=200, ddim_steps=10,
     ),
     # A quarter of an hour on two cores; synthetic people.

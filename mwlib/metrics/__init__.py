@@ -24,7 +24,15 @@ from mwlib.metrics.prediction import (
 from mwlib.metrics.realism import coverage, error_at, jerk, pose_change, speed
 from mwlib.metrics.table import MetricTable
 from mwlib.metrics.text import confidence, diversity, fid, mm_dist, multimodality, r_precision
-from mwlib.metrics.transition import bone_length_error, foot_skate, keyframe_error, nearer_share, path_length, seam_ratio
+from mwlib.metrics.transition import (
+    bone_length_error,
+    foot_contacts,
+    foot_skate,
+    keyframe_error,
+    nearer_share,
+    path_length,
+    seam_ratio,
+)
 from mwlib.metrics.uncertainty import clustered_error
 
 __all__ = [
@@ -46,6 +54,7 @@ __all__ = [
     "error_at",
     "fde",
     "fid",
+    "foot_contacts",
     "foot_skate",
     "jerk",
     "keyframe_error",

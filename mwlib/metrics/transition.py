@@ -6,10 +6,11 @@ are free. Each number is to be read beside the same number of the truth.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 import torch
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 from torch import Tensor
 
 from mwlib.body.kinematics import bones_of, horizontal
@@ -82,6 +83,40 @@ def path_length(path: Float[Tensor, "*lead T axes"]) -> Float[Tensor, "*lead"]:
     return path.diff(dim=-2).norm(dim=-1).sum(-1)
 
 
+def foot_contacts(
+    joints: Float[Tensor, "*lead T J 3"],
+    feet: Sequence[int],
+    fps: float,
+    *,
+    up: str = "z",
+    floor: float | Float[Tensor, "*#lead"] = 0.0,
+    height: float = CONTACT_HEIGHT,
+    fastest: float = math.inf,
+) -> Bool[Tensor, "*lead steps feet"]:
+    """Which feet stand from one frame to the next: those lower than `height` in both frames, and not faster than `fastest`.
+
+    Source: height as in `foot_skate`; speed as in the foot contact loss of MDM (Tevet et al. 2023), which looks at it alone.
+
+    Args:
+        joints: metres.
+        feet: joints that touch the floor.
+        fps: frames per second.
+        up: the axis that points up, "y" or "z".
+        floor: metres along that axis, one for all or each its own.
+        height: metres above the floor.
+        fastest: m/s, in any direction. A foot that swings past the floor is low, and does not stand.
+
+    >>> toe = torch.tensor([[0.0, 0.0, 0.01], [0.0, 0.0, 0.02], [0.5, 0.0, 0.03], [0.5, 0.0, 0.2]])[:, None]
+    >>> foot_contacts(toe, [0], fps=10.0).flatten().tolist(), foot_contacts(toe, [0], fps=10.0, fastest=0.2).flatten().tolist()
+    ([True, True, False], [True, False, False])
+    """
+    *_, vertical = horizontal(up)
+    places = joints[..., list(feet), :]
+    is_low = places[..., vertical] - torch.as_tensor(floor).to(joints)[..., None, None] < height
+    is_slow = places.diff(dim=-3).norm(dim=-1) * fps <= fastest
+    return is_low[..., 1:, :] & is_low[..., :-1, :] & is_slow
+
+
 def foot_skate(
     x: Float[Tensor, "*lead T C"],
     feet: Sequence[int],
@@ -93,9 +128,9 @@ def foot_skate(
 ) -> Float[Tensor, "*lead"]:
     """How fast feet slide while they stand, m/s: mean horizontal speed of those in contact, NaN if none ever is.
 
-    A foot is in contact from one frame to the next if it is lower than `height` in both. A speed in m/s does not depend on the
-    frame rate. Source: contact as in the foot-skating ratio of GMD (Karunratanakul et al., Guided Motion Diffusion, 2023: toes
-    below 5 cm in both frames); own choice: the mean speed instead of the share of frames in which it exceeds 0.5 m/s, because
+    A foot is in contact as `foot_contacts` has it, however fast it is. A speed in m/s does not depend on the frame rate.
+    Source: contact as in the foot-skating ratio of GMD (Karunratanakul et al., Guided Motion Diffusion, 2023: toes below 5 cm
+    in both frames); own choice: the mean speed instead of the share of frames in which it exceeds 0.5 m/s, because
     a share hides how fast, and no threshold on speed, because a foot that slides is fast.
 
     Args:
@@ -116,11 +151,9 @@ def foot_skate(
     joints = _joints(x)
     if not feet or not all(0 <= foot < joints.shape[-2] for foot in feet):
         raise ValueError(f"feet are {list(feet)}; expected at least one of joints 0 to {joints.shape[-2] - 1}")
-    a, b, vertical = horizontal(up)
-    places = joints[..., list(feet), :]
-    is_low = places[..., vertical] - floor < height
-    stands = is_low[..., 1:, :] & is_low[..., :-1, :]
-    speed = places[..., [a, b]].diff(dim=-3).norm(dim=-1) * fps
+    a, b, _ = horizontal(up)
+    stands = foot_contacts(joints, feet, fps, up=up, floor=floor, height=height)
+    speed = joints[..., list(feet), :][..., [a, b]].diff(dim=-3).norm(dim=-1) * fps
     return (speed * stands).sum((-2, -1)) / stands.sum((-2, -1))
 
 

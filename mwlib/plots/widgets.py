@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 import os
+import time
 from collections.abc import Callable
 
 from IPython.display import display
-from ipywidgets import HBox, IntSlider, Play, Text, VBox, interactive, interactive_output, jslink
+from ipywidgets import Box, Checkbox, HBox, IntRangeSlider, IntSlider, Label, Text, VBox, interactive
 from ipywidgets.widgets.widget_description import DescriptionWidget
 from matplotlib.figure import Figure
 
-from mwlib.plots import show
-from mwlib.plots.player import Player
+from mwlib.plots import Player, show
 
 FigureFunction = Callable[..., tuple[Figure, object] | Player]
+PlayerFunction = Callable[[int, int, int], Player]
 
 
 def explore(figure_function: FigureFunction, *, button: str = "", **controls: object) -> VBox | None:
@@ -46,23 +47,50 @@ def explore(figure_function: FigureFunction, *, button: str = "", **controls: ob
     return box
 
 
-def player(figure_function: FigureFunction, frames: int, *, pictures_per_second: float = 5.0) -> VBox | None:
-    """A play button and a slider over the frames of a motion; it waits for the reader to press play.
+def keyframes(look: PlayerFunction, frames: int, between: tuple[int, int], start: tuple[int, int]) -> VBox | None:
+    """Two keyframes to drag along the frames of a clip, and above them the player of what lies between, made anew each time.
+
+    As many frames lie between as in the clip, or within `between` the nearest number to that; untick the box to choose it.
 
     Args:
-        figure_function: takes `frame`, from 0 to frames - 1, and returns (fig, ax).
-        frames: how many there are.
-        pictures_per_second: speed of the play button.
+        look: takes the numbers of two frames and N, the frames between, and returns a `Player`. What it raises is told in a line,
+            and the last player stays.
+        frames: of the clip.
+        between: the least and the most N.
+        start: the keyframes at first.
 
     Returns:
-        As `explore`.
+        As `explore`; the children are the player's box, the two handles, a row of box and slider for N, and a line of text.
     """
     if _static():
         return None
-    play = Play(min=0, max=frames - 1, interval=round(1000 / pictures_per_second))
-    slider = IntSlider(min=0, max=frames - 1, description="frame", continuous_update=False)
-    jslink((play, "value"), (slider, "value"))
-    return VBox([HBox([play, slider]), interactive_output(_redrawing(figure_function), {"frame": slider})])
+    stage, told, wide = Box(), Label(), {"width": "100%"}
+    pair = IntRangeSlider(value=start, min=0, max=frames - 1, description="keyframes", continuous_update=False, layout=wide)
+    follows = Checkbox(True, description="N as in the clip", indent=False)
+    number = IntSlider(min=between[0], max=between[1], description="N", continuous_update=False)
+
+    def redraw(_: object = None) -> None:
+        first, last = pair.value
+        wanted = min(max(last - first - 1, between[0]), between[1])
+        number.disabled = follows.value
+        if follows.value and number.value != wanted:
+            number.value = wanted  # which comes back here
+            return
+        began = time.perf_counter()
+        try:
+            made = look(first, last, number.value).widget()
+        except Exception as error:
+            told.value = f"{type(error).__name__}: {error}"
+            return
+        told.value = f"frames {first} and {last}, {number.value} between: made in {time.perf_counter() - began:.1f} s"
+        old, stage.children = stage.children, (made,)
+        for each in old:
+            each.close()
+
+    for control in (pair, follows, number):
+        control.observe(redraw, "value")
+    redraw()
+    return VBox([stage, pair, HBox([follows, number]), told])
 
 
 def _static() -> bool:

@@ -148,6 +148,16 @@ def test_a_grid_is_measured_once(tmp_path, monkeypatch):
     assert actions[0].startswith("row,action,") and len(actions) > len(found)
 
 
+def test_a_metric_that_no_row_has_is_left_out_of_the_table(tmp_path, monkeypatch):
+    """A state of places has no rotations to score."""
+    monkeypatch.setenv("MWLIB_RUNS", str(tmp_path / "runs"))
+    rows = [{"name": "straight", "set": {"method": "interpolation"}}, {"name": "still", "set": {"method": "zero_velocity"}}]
+    file = write(tmp_path, system="inbetweening", base={"test_windows": 3}, rows=rows, trains=False)
+    assert main(["grid-table", "bases", "--grids", str(file), "--out", str(tmp_path)]) == 0
+    text = (tmp_path / "bases.md").read_text()
+    assert "L2P" in text and "L2Q" not in text
+
+
 def test_one_window_part_is_measured_again_where_it_is_missing(tmp_path, monkeypatch):
     """Each row and seed is kept apart: what is deleted is computed anew, and nothing else."""
     monkeypatch.setenv("MWLIB_RUNS", str(tmp_path / "runs"))
@@ -174,7 +184,8 @@ def test_the_committed_tables_come_back_as_lines(tmp_path):
     with pytest.raises(FileNotFoundError, match="table_9"):
         committed("table_9", METRICS)
     figures = course_folder() / "figures"
-    places = dict.fromkeys(("bridges", "bridges_50", "bridges_100"), figures / "lafan1") | {"bridge_parts": figures / "synthetic"}
+    places = dict.fromkeys(("bridges", "bridges_50", "bridges_100", "bridge_longer"), figures / "lafan1")
+    places |= {"bridge_parts": figures / "synthetic", "bridge_feet": figures / "bandai_namco"}
     places |= {
         name: figures / "synthetic" for name in ("sentences_yardsticks", "free_t2m", "free_t2m_seeds", "free_t2m_readings")
     }

@@ -25,7 +25,7 @@ SMALL = dict(
     fps=10.0, between=6, shortest=0, state="positions", mirror=False, test_stride=8, test_windows=0,
     tokens="cosines", rows=0, target="departure", keyframes="told", output="direct", prediction="y0", more_keyframes=0,
     width=16, layers=2, heads=2, feedforward=16, dropout=0.1, attention_dropout=0.0, steps=50,
-    level_weight="snr", diversity_weight=0.0, smoothness_weight=0.0, length_weight=0.0, angle_weight=0.0,
+    level_weight="snr", diversity_weight=0.0, smoothness_weight=0.0, length_weight=0.0, angle_weight=0.0, contact_weight=0.0,
     train_steps=6, batch=4, checkpoint_every=3, ema=0.9, ema_start=2, warmup=0, lr=1e-3, lr_schedule="constant", seed=0,
     samples=2, ddim_steps=5, temperature=1.0, spacing="leading", scheme="none", method="diffusion", sampling_seed=0,
 )  # fmt: skip

@@ -9,7 +9,8 @@ import torch
 
 from mwlib.body.skeleton import BANDAI21, CMU, H36M17, HUMANEVA15, HUMANML22, LAFAN1, Skeleton
 from mwlib.inbetweening.baselines import PACES, between
-from mwlib.inbetweening.evaluation import DETAILS, METRICS, Score, evaluate, feet
+from mwlib.inbetweening.evaluation import DETAILS, METRICS, Score, evaluate
+from mwlib.inbetweening.losses import feet
 from mwlib.inbetweening.windows import Clips, make_space
 from tests.inbetweening.sample import data_of, small, untrained
 

@@ -1,4 +1,4 @@
-"""The four losses: the facts' worked numbers, batches, gradients where formulae are singular."""
+"""The losses on bodies: the facts' worked numbers, batches, gradients where formulae are singular."""
 
 from __future__ import annotations
 
@@ -15,7 +15,9 @@ from mwlib.inbetweening.losses import (
     bone_angles,
     bone_length_loss,
     bone_lengths,
+    contact_loss,
     diversity_loss,
+    floor_of,
     smoothness_loss,
 )
 from mwlib.inbetweening.space import RotationSpace
@@ -41,6 +43,7 @@ LOSSES = {
     "velocity": lambda x: smoothness_loss(x.flatten(-2), 0.5 * x.flatten(-2), "velocity").mean(-1),
     "acceleration": lambda x: smoothness_loss(x.flatten(-2), None, "acceleration").mean(-1),
     "length": lambda x: bone_length_loss(x, torch.full((16,), 0.7, dtype=x.dtype), H36M17).mean(-1),
+    "contact": lambda x: contact_loss(x, 0.02 * x, [3, 6], 5.0).mean(-1),
     "angle": lambda x: bone_angle_loss(x, torch.full((15,), 0.7, dtype=x.dtype)[: _angles()], H36M17).mean(-1),
 }
 
@@ -129,6 +132,24 @@ def test_lengths_are_the_kinematics_in_the_same_order():
     for i in range(4):
         by_hand = (kinematics.bone_lengths(x[i].numpy(), LAFAN1) - lengths[i].numpy()) ** 2
         assert float(bone_length_loss(x, lengths, LAFAN1)[i]) == pytest.approx(by_hand.mean())
+
+
+def test_feet_are_to_stand_where_those_of_the_truth_do():
+    """Two feet over three steps: one low and slow in the first, low and fast in the second, high in the third; one never low."""
+    truth = torch.zeros(4, 2, 3, dtype=torch.float64)
+    truth[2:, 0, 0] = 1.0
+    truth[3, 0, 2] = truth[:, 1, 2] = 0.3
+    truth += torch.tensor([5.0, 6.0, 7.0])  # the floor is where the lowest foot is
+    x = random(4, 2, 3)
+    by_hand = float(np.square(10 * (x[1, 0] - x[0, 0]).numpy()).sum() / 6)
+    assert float(contact_loss(x, truth, [0, 1], 10.0)) == pytest.approx(by_hand)
+    assert float(contact_loss(x, truth, [1], 10.0)) > by_hand  # alone it is the lowest, and stands
+    assert float(contact_loss(truth, truth, [0, 1], 10.0)) == 0
+    both = torch.stack([truth, truth + torch.tensor([0.0, 0.0, 1.0])])
+    assert contact_loss(x.expand(2, 4, 2, 3), both, [0, 1], 10.0).tolist() == pytest.approx(
+        [by_hand, by_hand]
+    )  # each on its own floor
+    assert floor_of(both, [0, 1]).tolist() == [7.0, 8.0]
 
 
 def test_forward_kinematics_has_no_length_loss():

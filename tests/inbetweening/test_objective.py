@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import pytest
@@ -9,6 +10,7 @@ import torch
 
 from mwlib.data.sources import Split
 from mwlib.files import load_tensors
+from mwlib.inbetweening import losses
 from mwlib.inbetweening.losses import bone_angles
 from mwlib.inbetweening.objective import Batch, InbetweeningObjective
 from mwlib.inbetweening.space import PositionSpace, space_from_json
@@ -25,7 +27,7 @@ KINDS = {
 each_kind = pytest.mark.parametrize("changes", KINDS.values(), ids=KINDS)
 WEIGHTS = {
     "diversity_weight": dict(diversity="exponential"), "smoothness_weight": dict(smoothness="velocity"), "length_weight": {},
-    "angle_weight": {},
+    "angle_weight": {}, "contact_weight": {},
 }  # fmt: skip
 
 
@@ -77,11 +79,12 @@ def test_the_paper_loss_by_hand():
 
 @pytest.mark.parametrize("weight", WEIGHTS)
 @pytest.mark.parametrize("state", ["positions", "rotations"])
-def test_every_weight_has_an_effect(weight, state):
+def test_every_weight_has_an_effect(weight, state, monkeypatch):
     """But that bones of forward kinematics have their lengths whatever the network says."""
     plain = objective(state=state)
     made = objective(state=state, **{weight: 3.0}, **WEIGHTS[weight])
     made.limits = 0.3 * made.limits
+    monkeypatch.setattr(losses, "STANDING", math.inf)  # of the bodies with rotations no foot ever stands
     for each in (plain, made):
         shaken(each.network)
     given = batch(plain)
@@ -104,7 +107,7 @@ def gradient_norm(made: InbetweeningObjective, given: Batch) -> float:
     return float(sum(p.grad.square().sum() for p in made.network.parameters() if p.grad is not None) ** 0.5)
 
 
-@pytest.mark.parametrize("weight", ["smoothness_weight", "length_weight", "angle_weight"])
+@pytest.mark.parametrize("weight", ["smoothness_weight", "length_weight", "angle_weight", "contact_weight"])
 def test_where_all_is_noise_the_losses_on_bodies_hardly_count(weight, monkeypatch):
     """Doubling a weight at the last steps changes the gradient little, though errors in eps are blown up there."""
     made = [objective(**PAPER, steps=1000, **{weight: w}) for w in (0.002, 0.004)]
@@ -156,6 +159,13 @@ def test_what_was_learnt_goes_on_with_the_training():
     assert isinstance(space_from_json(made.about()["space"]), PositionSpace)
     parents = made.space.bodies.skeleton.parents
     assert [*made.about()] == ["space"] and made.limits.shape == (sum(parent > 0 for parent in parents),)
+
+
+def test_contacts_of_a_body_without_feet_are_refused():
+    motions = [replace(m, skeleton=replace(m.skeleton, joints=tuple("abcdefghijklmnopq"))) for m in people().train]
+    with pytest.raises(ValueError, match="contact_weight is 0.5, but joints are a, b, .*expected toes, feet or ankles"):
+        InbetweeningObjective(small(contact_weight=0.5), Split(motions, [], []))
+    InbetweeningObjective(small(), Split(motions, [], []))
 
 
 def test_validation_is_the_same_every_time_and_leaves_the_network_evaluating():

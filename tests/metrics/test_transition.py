@@ -112,6 +112,18 @@ def test_a_foot_that_stands_does_not_skate_and_one_that_lands_counts_from_then_o
     assert metrics.foot_skate(x, [0], 30.0).item() == pytest.approx(0.2)
 
 
+def test_contacts_are_low_in_both_frames_and_slow():
+    feet = torch.zeros(2, 5, 2, 3)
+    feet[:, 2:, 0, 0] = 0.4  # a jump along the floor
+    feet[1] += 1.0
+    feet[1, 4, 1, 2] += 0.06
+    low = metrics.foot_contacts(feet, [0, 1], 10.0, floor=torch.tensor([0.0, 1.0]))
+    assert low.shape == (2, 4, 2) and low[0].all() and low[1].sum() == 7 and not low[1, 3, 1]
+    slow = metrics.foot_contacts(feet, [0, 1], 10.0, floor=torch.tensor([0.0, 1.0]), fastest=3.9)
+    assert not slow[:, 1, 0].any() and int(low.sum() - slow.sum()) == 2
+    assert metrics.foot_contacts(feet, [1], 10.0, floor=1.0)[0].all()  # below the floor is low, too
+
+
 def test_bone_length_error():
     draws = torch.Generator().manual_seed(0)
     q = torch.nn.functional.normalize(torch.randn(N, T, 22, 4, generator=draws, dtype=torch.float64), dim=-1)

@@ -357,9 +357,13 @@ MUTANTS = [
         ("seam-of-the-start-alone", "(step[..., 0] + step[..., -1]) / 2", "step[..., 0]"),
         ("seam-among-the-steps", "step[..., 1:-1].mean(-1)", "step.mean(-1)"),
         ("keyframes-on-average", ".norm(dim=-1).amax((-2, -1))", ".norm(dim=-1).mean((-2, -1))"),
-        ("skating-per-frame", ".norm(dim=-1) * fps", ".norm(dim=-1)"),
+        ("skating-per-frame", "speed = joints[..., list(feet), :][..., [a, b]].diff(dim=-3).norm(dim=-1) * fps",
+         "speed = joints[..., list(feet), :][..., [a, b]].diff(dim=-3).norm(dim=-1)"),
         ("skating-from-the-landing-on", "is_low[..., 1:, :] & is_low[..., :-1, :]", "is_low[..., 1:, :]"),
-        ("skating-upwards", "places[..., [a, b]]", "places"),
+        ("skating-upwards", "list(feet), :][..., [a, b]]", "list(feet), :]"),
+        ("contacts-however-fast", "& is_low[..., :-1, :] & is_slow", "& is_low[..., :-1, :]"),
+        ("contacts-on-one-floor", "torch.as_tensor(floor).to(joints)[..., None, None]",
+         "torch.as_tensor(floor).to(joints).mean()"),
         ("ties-are-nearer", "sample_ade(p, g) < sample_ade", "sample_ade(p, g) <= sample_ade"),
     ),
     *of(
@@ -640,6 +644,12 @@ MUTANTS = [
         "inbetweening/network.py", "inbetweening/test_network.py",
         ("linear-denoiser-shrinks-too-little", "(a.sqrt() * s**2 / v) * y_t", "(a.sqrt() * s / v) * y_t"),
         ("share-without-the-power", "return s * ((1 - a) / v).sqrt()", "return ((1 - a) / v).sqrt()"),
+    ),
+    *of(
+        "inbetweening/losses.py", "inbetweening/test_losses.py",
+        ("contacts-of-the-estimate", "stand = foot_contacts(truth, feet", "stand = foot_contacts(positions, feet"),
+        ("contacts-per-frame", "diff(dim=-3) * fps", "diff(dim=-3)"),
+        ("floor-at-the-highest-foot", "2].amin((-2, -1))", "2].amax((-2, -1))"),
     ),
     *of(
         "inbetweening/objective.py", "inbetweening/test_objective.py",

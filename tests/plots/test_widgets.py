@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import re
 
+import numpy as np
 import pytest
 from ipywidgets import Dropdown, FloatSlider, IntSlider, Text
 
 from mwlib import plots
+from mwlib.body.skeleton import H36M17
 from mwlib.data.synthetic.script import synthetic_motions
 from mwlib.plots import widgets
 
@@ -85,16 +87,52 @@ def test_explore_refuses_what_is_no_control(waveform):
         widgets.explore(waveform, level=object())
 
 
-def test_player_steps_through_the_frames(waveform, calls):
-    controls, _ = widgets.player(waveform, 10, pictures_per_second=4).children
-    play, slider = controls.children
-    assert (play.max, play.interval, slider.max, play.playing) == (9, 250, 9, False)
-    slider.value = 7
-    assert calls == [{"frame": 0}, {"frame": 7}]
+@pytest.fixture
+def still(calls):
+    """A function that makes players of a body that stands, and keeps account."""
+
+    def still(first, last, between):
+        calls.append((first, last, between))
+        if first == 0:
+            raise ValueError("first is 0; expected at least 1")
+        return plots.player(np.ones((between + 2, 17, 3)), H36M17, fps=10.0)
+
+    return still
+
+
+def test_keyframes_are_dragged_and_the_player_is_made_anew(still, calls):
+    box = widgets.keyframes(still, frames=60, between=(8, 20), start=(10, 21))
+    stage, pair, row, told = box.children
+    follows, number = row.children
+    assert calls == [(10, 21, 10)] and (pair.min, pair.max, number.min, number.max) == (0, 59, 8, 20)
+    [first] = stage.children
+    assert first.payload["frames"] == 12 and told.value.startswith("frames 10 and 21, 10 between: made in ")
+    pair.value = (10, 25)
+    [second] = stage.children
+    assert second.payload["frames"] == 16 and first.comm is None and second.comm is not None  # the old one is closed
+    pair.value = (10, 55)  # farther apart than the model can
+    pair.value = (10, 56)  # whose number is the same
+    assert calls[1:] == [(10, 25, 14), (10, 55, 20), (10, 56, 20)] and number.disabled
+    follows.value = False
+    number.value = 9
+    assert calls[-1] == (10, 56, 9) and not number.disabled
+    pair.value = (12, 30)
+    assert calls[-1] == (12, 30, 9)
+    follows.value = True
+    assert calls[-1] == (12, 30, 17) and len(calls) == 8
+
+
+def test_keyframes_that_do_not_fit_are_told_and_the_last_player_stays(still, calls):
+    stage, pair, _, told = widgets.keyframes(still, frames=60, between=(8, 20), start=(10, 21)).children
+    [before] = stage.children
+    pair.value = (0, 11)
+    assert told.value == "ValueError: first is 0; expected at least 1" and stage.children == (before,)
+    pair.value = (1, 12)
+    assert told.value.startswith("frames 1 and 12, 10 between") and stage.children != (before,)
 
 
 def test_static_mode_shows_nothing_and_draws_nothing(waveform, calls, monkeypatch):
     monkeypatch.setenv("MW_STATIC", "1")
     assert widgets.explore(waveform, level=(1, 5)) is None
-    assert widgets.player(waveform, 10) is None
+    assert widgets.keyframes(waveform, 60, (8, 20), (10, 21)) is None
     assert not calls
