@@ -34,7 +34,8 @@ def run_path(cfg: Settings, data: Data) -> Path:
 def models_behind(cfg: Settings, role: Literal["built_on", "judged_by"]) -> list[str]:
     """SHA-256 of the other trained models that a training is built on, or that its results are judged by; see `System`."""
     names = getattr(system_of(cfg), role, lambda _: [])(cfg)
-    return [file_hash(found / MODEL) for name in names if (found := run_folder(name)) and (found / MODEL).exists()]
+    files = [Path(name) if Path(name).is_file() else (run_folder(name) or Path(name)) / MODEL for name in names]
+    return [file_hash(file) for file in files if file.exists()]
 
 
 def get_run(cfg: Settings, data: Data | None = None, progress: bool = False) -> Path:

@@ -28,7 +28,8 @@ class System(Protocol):
     A system of motions may also have ``preview(cfg, get_model, data)``: arguments of `plots.storyboard` that show a true motion
     of the test set and what the experiment makes of it; and ``DETAILS``, columns of a second table. What ``evaluate`` gives may
     hold "values" of each window by metric, and the "clips" that the windows come from: rows are then compared in pairs.
-    ``built_on(cfg)`` and ``judged_by(cfg)`` name other trained models, which training and scoring depend on.
+    ``built_on(cfg)`` and ``judged_by(cfg)`` name other trained models, which training and scoring depend on: by the name that
+    comes with the package, by a run's folder, or by files that other programs wrote.
     """
 
     Config: type[Any]  # a subclass of Settings with a group `training: TrainingConfig` and a field `sampling_seed`

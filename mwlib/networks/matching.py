@@ -7,6 +7,7 @@ embeddings are not normalised. Modules and parameters are named as in the publis
 from __future__ import annotations
 
 from pathlib import Path
+from pickle import UnpicklingError
 from typing import NamedTuple
 
 import torch
@@ -35,6 +36,7 @@ class MovementEncoder(nn.Module):
 
     def __init__(self, features: int, hidden: int = 512, codes: int = 512, dropout: float = 0.2) -> None:
         super().__init__()
+        self.features = features
         self.main = nn.Sequential(
             nn.Conv1d(features - CONTACTS, hidden, 4, 2, 1), nn.Dropout(dropout), nn.LeakyReLU(SLOPE),
             nn.Conv1d(hidden, codes, 4, 2, 1), nn.Dropout(dropout), nn.LeakyReLU(SLOPE),
@@ -159,6 +161,7 @@ class SentenceEncoder(_Reader):
 
     def __init__(self, words: int = 300, hidden: int = 512, embedding: int = 512, parts_of_speech: int = 0) -> None:
         super().__init__(words, hidden, embedding)
+        self.parts_of_speech = parts_of_speech
         self.pos_emb = nn.Linear(parts_of_speech, words).apply(_xavier) if parts_of_speech else None
 
     def forward(
@@ -209,8 +212,7 @@ def published_weights(file: str | Path) -> PublishedEvaluator:
     if file.suffix == ".safetensors":
         flat = load_file(file)
     else:
-        tree = torch.load(file, map_location="cpu", weights_only=True)
-        found = {part: state for part, state in tree.items() if isinstance(state, dict)}
+        found = {part: state for part, state in _checkpoint(file).items() if isinstance(state, dict)}
         flat = {f"{part}.{name}": value for part, state in found.items() for name, value in state.items()}
     states = {part: _below(flat, f"{part}_encoder.") for part in ("text", "motion", "movement")}
     try:
@@ -228,6 +230,15 @@ def published_weights(file: str | Path) -> PublishedEvaluator:
         wanted = "text_encoder, motion_encoder and movement_encoder of Guo et al."
         raise ValueError(f"{file} has {sorted(flat)[:3]} and more, but {error}; expected {wanted}") from None
     return made
+
+
+def _checkpoint(file: Path) -> dict[str, object]:
+    try:
+        tree = torch.load(file, map_location="cpu", weights_only=True)
+    except (UnpicklingError, RuntimeError, EOFError) as error:
+        found = f"{file} is refused ({str(error).partition(chr(10))[0][:120]})"
+        raise ValueError(f"{found}; expected a checkpoint of tensors and numbers alone") from None
+    return tree if isinstance(tree, dict) else {}
 
 
 def _sizes(shapes: dict[str, tuple[int, ...]]) -> tuple[int, int, int]:

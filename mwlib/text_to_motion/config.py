@@ -65,7 +65,7 @@ class ObjectiveConfig:
     stage: Stage = "prose"  # at which noise each loss counts, see stage_weights
     semantic: Semantic = "cos_gt"  # see semantic_loss
     s_th: Share = 0.5  # S_th of "reward" and "hinge"
-    critic: str = "critic"  # matching network of the semantic loss: comes with the package, or a run's folder
+    critic: str = "critic"  # of the semantic loss: comes with the package, or the folder of a run or of the published evaluator
     drop_text: BelowOne = 0.1  # share of samples that are trained without their sentence, for guidance
 
 
@@ -77,7 +77,7 @@ class SamplingConfig:
     sampler: Literal["ddpm", "ddim", "sde_dpm"] = "ddpm"  # ancestral, deterministic, or SDE-DPM-Solver++ with Karras' levels
     sampling_steps: Natural = 0  # denoising steps; 0 = all
     guidance: NotNegative = 2.5  # s of classifier-free guidance; 1 = none
-    evaluator: str = "evaluator"  # matching network of the metrics: comes with the package, or a run's folder
+    evaluator: str = "evaluator"  # of the metrics: comes with the package, or the folder of a run or of the published evaluator
     test_clips: Natural = 0  # evaluate so many, spread evenly; 0 = all
     pool: Count = 32  # of R-precision
     replicates: Count = 1  # how often all is drawn again; confidence intervals need several

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from mwlib.data.captioned_cmu import captioned_cmu
-from mwlib.data.captions import CaptionedClip
+from mwlib.data.captions import CaptionedClip, TaggedCaption
 from mwlib.data.formats.humanml import LAYOUTS, FeatureLayout
 from mwlib.data.formats.humanml_folder import read_folder
 from mwlib.data.load import data_folder, find_source
@@ -102,9 +102,10 @@ def _cut(clip: CaptionedClip, longest: int) -> CaptionedClip:
 
 
 def fingerprint(clips: Sequence[CaptionedClip]) -> str:
-    """Eight hex digits over names, captions and features."""
+    """Eight hex digits over names, captions, their parts of speech where these are told, and features."""
     digest = hashlib.sha256()
     for clip in clips:
-        digest.update(f"{clip.name}/{clip.captions}/{clip.features.shape}".encode())
+        tagged = [caption.tagged for caption in clip.captions if isinstance(caption, TaggedCaption)]
+        digest.update(f"{clip.name}/{clip.captions}/{clip.features.shape}{tagged or ''}".encode())
         digest.update(np.ascontiguousarray(clip.features, dtype=np.float32).tobytes())
     return digest.hexdigest()[:8]

@@ -15,7 +15,6 @@ from mwlib.data.captions import CaptionedClip
 from mwlib.data.formats.humanml import FeatureLayout
 from mwlib.metrics import Column, clustered_error, diversity, fid, mm_dist, multimodality, r_precision
 from mwlib.networks.matching import UNIT
-from mwlib.networks.text import words_of
 from mwlib.text_to_motion.baselines import any_clip, mean_pose, nearest_caption
 from mwlib.text_to_motion.config import RANKS, Config
 from mwlib.text_to_motion.dataset import Parts
@@ -98,7 +97,8 @@ def evaluate(cfg: Config, get_model: Callable[[], TextToMotion], parts: Parts, p
     Warns where the evaluator does not know many words of the captions, as the one that comes with the package on other data.
 
     Raises:
-        ValueError: there are fewer than three test clips.
+        ValueError: there are fewer than three test clips; or the evaluator needs parts of speech, and a caption has none.
+        FileNotFoundError, MotionFormatError: as `open_matcher`.
     """
     test = thinned(parts.test, cfg.sampling.test_clips)
     if len(test) < RANKS:
@@ -128,7 +128,7 @@ def thinned(clips: Sequence[CaptionedClip], count: int) -> list[CaptionedClip]:
 
 
 def _warn_of_strange_words(name: str, judge: Matcher, test: Sequence[CaptionedClip]) -> None:
-    words = [word for clip in test for caption in clip.captions for word in words_of(caption)]
+    words = [word for clip in test for caption in clip.captions for word in judge.vocabulary.words_of(caption)]
     known = {*judge.vocabulary.words}
     strange = [word for word in words if word not in known]
     if len(strange) > STRANGE * len(words):

@@ -13,6 +13,7 @@ from mwlib.networks.matching import UNIT, MotionEncoder, MovementEncoder, Senten
 from mwlib.text_to_motion.matching_clips import Vocabulary
 from mwlib.text_to_motion.matching_config import Config, MatchingConfig
 from mwlib.text_to_motion.statistics import Statistics
+from mwlib.text_to_motion.tagged_words import TaggedVocabulary
 
 CHUNK = 256  # clips or sentences embedded together
 
@@ -21,15 +22,21 @@ class MatchingNetwork(nn.Module):
     """The two encoders that are trained to match, and the vectors of the words.
 
     Args:
-        model: sizes.
-        words: numbers that a word may have.
+        words: vectors.
+        text: embeds sentences.
+        motion: embeds codes of motions.
     """
 
-    def __init__(self, model: MatchingConfig, words: int) -> None:
+    def __init__(self, words: nn.Embedding, text: SentenceEncoder, motion: MotionEncoder) -> None:
         super().__init__()
-        self.words = nn.Embedding(words, model.word_width)
-        self.text = SentenceEncoder(model.word_width, model.text_width, model.embedding)
-        self.motion = MotionEncoder(model.code_width, model.motion_width, model.embedding)
+        self.words, self.text, self.motion = words, text, motion
+
+    @classmethod
+    def untrained(cls, model: MatchingConfig, words: int) -> MatchingNetwork:
+        """The network that a configuration names, for so many words."""
+        vectors = nn.Embedding(words, model.word_width)
+        text = SentenceEncoder(model.word_width, model.text_width, model.embedding)
+        return cls(vectors, text, MotionEncoder(model.code_width, model.motion_width, model.embedding))
 
     def forward(
         self, words: Int[Tensor, "B L"], counts: Int[Tensor, " B"], codes: Float[Tensor, "B U C"], units: Int[Tensor, " B"]
@@ -53,15 +60,18 @@ class Matcher:
         network: of sentences and motions.
         movement: codes of motions.
         statistics: scales features.
-        vocabulary: numbers words.
-        cfg: of the training.
+        vocabulary: numbers words; a `TaggedVocabulary` tells their parts of speech, too.
     """
 
     def __init__(
-        self, network: MatchingNetwork, movement: MovementEncoder, statistics: Statistics, vocabulary: Vocabulary, cfg: Config
+        self,
+        network: MatchingNetwork,
+        movement: MovementEncoder,
+        statistics: Statistics,
+        vocabulary: Vocabulary | TaggedVocabulary,
     ) -> None:
         self.network, self.movement = network.eval().requires_grad_(False), movement.eval().requires_grad_(False)
-        self.statistics, self.vocabulary, self.cfg = statistics, vocabulary, cfg
+        self.statistics, self.vocabulary = statistics, vocabulary
 
     @classmethod
     def from_tensors(
@@ -71,11 +81,11 @@ class Matcher:
         statistics = Statistics.from_tensors(cfg.model.statistics, learnt)
         vocabulary = Vocabulary(json.loads(about["vocabulary"]), cfg.model.words)
         with torch.random.fork_rng([]):  # initial weights are drawn and thrown away
-            network = MatchingNetwork(cfg.model, len(vocabulary))
+            network = MatchingNetwork.untrained(cfg.model, len(vocabulary))
             movement = make_movement(cfg.model, statistics.layout.width)
         network.load_state_dict(weights)
         movement.load_state_dict({name: learnt[f"movement.{name}"] for name in movement.state_dict()})
-        return cls(network, movement, statistics, vocabulary, cfg)
+        return cls(network, movement, statistics, vocabulary)
 
     @property
     def device(self) -> torch.device:
@@ -112,12 +122,16 @@ class Matcher:
         """Embeddings of sentences, on the matcher's device. Words that it never saw count as one unknown word.
 
         Raises:
-            ValueError: there is no sentence.
+            ValueError: there is no sentence; or one without parts of speech, where the vocabulary tells these.
         """
         if isinstance(texts, str) or not texts:
             raise ValueError(f"texts is {texts!r}; expected a list of sentences")
-        chunks = (self.vocabulary.ids(texts[first : first + CHUNK]) for first in range(0, len(texts), CHUNK))
-        return torch.cat([self.network.text(self.network.words(words.to(self.device)), counts) for words, counts in chunks])
+        found = []
+        for first in range(0, len(texts), CHUNK):
+            words, counts, *parts = self.vocabulary.ids(texts[first : first + CHUNK])
+            told = (part.to(self.device) for part in parts)
+            found.append(self.network.text(self.network.words(words.to(self.device)), counts, *told))
+        return torch.cat(found)
 
     @torch.no_grad()
     def embed_motions(self, motions: Sequence[Float[Tensor, "_ D"]]) -> Float[Tensor, "N E"]:

@@ -76,9 +76,13 @@ class Vocabulary:
     def __len__(self) -> int:
         return FIRST_WORD + len(self.words)
 
+    def words_of(self, sentence: str) -> list[str]:
+        """The words that are looked up."""
+        return words_of(sentence)
+
     def ids(self, sentences: Sequence[str]) -> tuple[Int[Tensor, "B L"], Int[Tensor, " B"]]:
         """Numbers of the words of each sentence, with start and end, and how many these are."""
-        known = [[self._number.get(word, UNKNOWN) for word in words_of(sentence)[: self.longest]] for sentence in sentences]
+        known = [[self._number.get(word, UNKNOWN) for word in self.words_of(text)[: self.longest]] for text in sentences]
         rows = [torch.tensor([START, *row, END]) for row in known]
         return torch.nn.utils.rnn.pad_sequence(rows, batch_first=True), torch.tensor([len(row) for row in rows])
 

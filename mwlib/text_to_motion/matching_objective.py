@@ -136,7 +136,7 @@ class MatchingObjective(Objective):
         else:
             self.movement, _ = train_movements(self.clips, cfg, width)
         with seeded(cfg.training.seed, 0):
-            self.network = MatchingNetwork(cfg.model, len(self.vocabulary))
+            self.network = MatchingNetwork.untrained(cfg.model, len(self.vocabulary))
 
     def to(self, device: torch.device) -> None:
         """Move the movement encoder; batches follow it."""

@@ -34,7 +34,8 @@ PRESETS: dict[str, dict[str, Any]] = {
     # The CMU clips at hand with their captions: far too few for more than a demonstration.
     "cmu": _TEACHING | dict(data="cmu", longest=196, train_steps=4000, batch=64, checkpoint_every=500, pool=16),
     # The published sizes, for a graphics card and a folder of HumanML3D or KIT that you give as `data`. CLIP, which both were
-    # published with, is a folder of yours: text=clip clip_folder=FOLDER; and the evaluator is to be trained on these data.
+    # published with, is a folder of yours: text=clip clip_folder=FOLDER. The evaluator is to be trained on these data, or is a
+    # folder with the published one.
     "mdm": _MDM | dict(data="HumanML3D"),
     "stablemofusion": _STABLEMOFUSION | dict(data="HumanML3D"),
 }  # fmt: skip

@@ -90,12 +90,25 @@ class Statistics:
         Raises:
             MotionFormatError: no such file, or no 263 or 251 finite numbers, or deviations that are not positive.
         """
-        mean, deviation = (_numbers(folder / name) for name in ("Mean.npy", "Std.npy"))
+        return cls.of_files(folder / "Mean.npy", folder / "Std.npy", "mdm").of_kind(kind)
+
+    @classmethod
+    def of_files(cls, means: Path, deviations: Path, kind: Kind) -> Statistics:
+        """Two .npy files as they are.
+
+        Args:
+            means, deviations: the files.
+            kind: for which model they were made.
+
+        Raises:
+            MotionFormatError: as `read`.
+        """
+        mean, deviation = _numbers(means), _numbers(deviations)
         if len(mean) not in LAYOUTS or len(mean) != len(deviation) or not (deviation > 0).all():
             found = f"{len(mean)} means, {len(deviation)} deviations from {deviation.min(initial=0):g}"
             expected = f"{' or '.join(map(str, LAYOUTS))} of each, deviations above 0"
-            raise MotionFormatError(folder, "Mean.npy, Std.npy", found, expected)
-        return cls("mdm", torch.from_numpy(mean), torch.from_numpy(deviation), LAYOUTS[len(mean)]).of_kind(kind)
+            raise MotionFormatError(means.parent, f"{means.name}, {deviations.name}", found, expected)
+        return cls(kind, torch.from_numpy(mean), torch.from_numpy(deviation), LAYOUTS[len(mean)])
 
     @classmethod
     def from_tensors(cls, kind: Kind, tensors: Mapping[str, Tensor]) -> Statistics:
@@ -109,8 +122,8 @@ class Statistics:
     def of_kind(self, kind: Kind) -> Statistics:
         """The same measured numbers as another model scales them.
 
-        The evaluators published with HumanML3D have a mean of their own for the root's height (0.9176 m, not 0.9386 m); who
-        uses those has to read it.
+        The evaluators published with HumanML3D have a mean of their own for the root's height (0.9176 m, not 0.9386 m);
+        `of_files` reads it.
         """
         if kind not in get_args(Kind):
             raise ValueError(f"kind is {kind!r}; expected one of {', '.join(get_args(Kind))}")

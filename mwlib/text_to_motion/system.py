@@ -10,6 +10,7 @@ from mwlib.text_to_motion.config import Config
 from mwlib.text_to_motion.dataset import Parts, load_clips
 from mwlib.text_to_motion.evaluation import DETAILS, METRICS, evaluate
 from mwlib.text_to_motion.generator import TextToMotion
+from mwlib.text_to_motion.judges import stands_on
 from mwlib.text_to_motion.objective import TextObjective
 
 __all__ = ["DETAILS", "METRICS", "Config", "built_on", "evaluate", "judged_by", "load_data", "make_objective", "open_model"]
@@ -37,11 +38,11 @@ def open_model(
 
 
 def built_on(cfg: Config) -> list[str]:
-    """Names or folders of the trained models that a training begins with or asks."""
-    critic = [cfg.objective.critic] if cfg.objective.semantic_weight else []
+    """Names, folders or files of the trained models that a training begins with or asks."""
+    critic = stands_on(cfg.objective.critic) if cfg.objective.semantic_weight else []
     return ([cfg.model.start] if cfg.model.start else []) + critic
 
 
 def judged_by(cfg: Config) -> list[str]:
-    """Names or folders of the trained models that score the motions."""
-    return [cfg.sampling.evaluator]
+    """Names, folders or files of the trained models that score the motions."""
+    return stands_on(cfg.sampling.evaluator)

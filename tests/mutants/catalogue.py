@@ -520,7 +520,35 @@ MUTANTS = [
     *of(
         "text_to_motion/system.py", "experiments/test_origins.py",
         ("critic-without-a-hash", "+ critic", "+ []"),
-        ("evaluator-without-a-hash", "return [cfg.sampling.evaluator]", "return []"),
+        ("evaluator-without-a-hash", "return stands_on(cfg.sampling.evaluator)", "return []"),
+    ),
+    *of(
+        "text_to_motion/tagged_words.py", "text_to_motion/test_published.py",
+        ("tag-wins-over-the-lists", "_KIND.get(word, tag)", "tag if tag in PARTS else _KIND.get(word, tag)"),
+        ("unknown-words-keep-their-tag", "word, tag = UNKNOWN, OTHER", "word = UNKNOWN"),
+        ("padding-counted-as-words", "torch.tensor([len(row) for row in rows])", "torch.tensor([table.shape[1]] * len(rows))"),
+        ("captions-not-cut", "LONGEST = 20", "LONGEST = 200"),
+        ("ends-not-marked", ", (END, OTHER)]", "]"),
+        ("plain-captions-have-no-words", "    if not isinstance(sentence, TaggedCaption) or not sentence.tagged:\n",
+         "    if not isinstance(sentence, TaggedCaption):\n        return ()\n    if not sentence.tagged:\n"),
+    ),
+    *of(
+        "text_to_motion/published.py", "text_to_motion/test_published.py",
+        ("vectors-in-the-order-of-the-list", "vectors[[rows[word] for word in words]]", "vectors[: len(words)]"),
+        ("any-deviation-will-do", "if not 0.5 < weight", "if not 0.01 < weight"),
+        ("places-not-all-looked-at", "place for place in wanted.places", "place for place in wanted.places[:1]"),
+    ),
+    *of(
+        "text_to_motion/judges.py", "text_to_motion/test_published.py",
+        ("published-files-without-a-hash", "[str(file) for file in published_files(Path(name)).values()] or [name]", "[name]"),
+        ("a-name-comes-before-published-files", "if published_files(Path(name)):",
+         "if published_files(Path(name)) and name != \"evaluator\":"),
+    ),
+    *of(
+        "data/formats/pickles.py", "data/formats/test_pickles.py",
+        ("lists-of-anything", "all(isinstance(item, str) for item in (*made[:1], *items))", "True"),
+        ("any-dictionary-is-one-of-words", "if isinstance(tree, dict) and all(type(number) is int for number in tree.values()):",
+         "if isinstance(tree, dict):"),
     ),
     *of(
         "experiments/grids.py", "experiments/test_tables.py",
@@ -717,6 +745,7 @@ MUTANTS = [
         ("longest-clip-one-frame-longer", "if frames >= TOO_LONG", "if frames > TOO_LONG"),
         ("stamps-at-the-rate-of-kit", "STAMP_FPS = 20.0", "STAMP_FPS = 12.5"),
         ("whole-clips-with-captions-of-stretches", "if caption.start == caption.end == 0)", ")"),
+        ("words-parted-at-the-first-slash", 'token.rpartition("/")', 'token.partition("/")'),
     ),
     *of(
         "text_to_motion/statistics.py", "text_to_motion/test_statistics.py",
@@ -889,6 +918,7 @@ MUTANTS = [
     ),
     *of(
         "text_to_motion/dataset.py", "text_to_motion/test_evaluation.py",
+        ("parts-of-speech-without-a-hash", "{tagged or ''}", "", "data/formats/test_humanml_folder.py"),
         ("few-from-the-beginning", "np.linspace(0, len(train) - 1, min(source.few, len(train)))", "np.arange(source.few)"),
     ),
 ]  # fmt: skip

@@ -51,7 +51,7 @@ def test_sentences_do_not_depend_on_their_company():
     found = matcher.embed_text(texts)
     torch.testing.assert_close(torch.cat([matcher.embed_text([text]) for text in texts]), found)
     torch.testing.assert_close(matcher.embed_text(texts * 100)[-3:], found)
-    assert torch.equal(*matcher.embed_text(["the elephant moves", "the rhinoceros moves"]))
+    torch.testing.assert_close(*matcher.embed_text(["the elephant moves", "the rhinoceros moves"]))
     assert not torch.allclose(*matcher.embed_text(["the arm moves", "the rhinoceros moves"]))
 
 

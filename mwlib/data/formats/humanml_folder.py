@@ -17,7 +17,7 @@ from jaxtyping import Float, Shaped
 
 from mwlib.body.motion import Motion
 from mwlib.data.archives import read_array
-from mwlib.data.captions import CaptionedClip
+from mwlib.data.captions import CaptionedClip, TaggedCaption
 from mwlib.data.errors import BrokenFilesWarning, MotionFormatError
 from mwlib.data.formats.humanml import LAYOUTS, FeatureLayout, joints_of
 from mwlib.data.hints import Hints
@@ -73,6 +73,7 @@ def folder_contents(path: Path, layout: FeatureLayout | None = None, splits: Seq
     A clip has at least 40 frames (KIT: 24) and fewer than 200; others are left out with all their captions. Captions of a
     whole clip belong to one entry. A caption with times is an entry of its own, cut out at 20 frames per second. That is
     the published rule for KIT too, whose 12.5 frames per second make it cut later and longer stretches than were meant.
+    Captions keep their words with parts of speech, see `TaggedCaption`.
 
     Args:
         path: of the folder.
@@ -185,10 +186,16 @@ def _captions(file: Path) -> list[_Caption]:
         if len(fields) != FIELDS or not fields[0].strip():
             raise MotionFormatError(file, f"line {n}", repr(line[:80]), "caption#word/POS word/POS ...#start#end")
         start, end = (0.0 if f.strip().lower() == "nan" else number(f, file, f"line {n}") for f in fields[2:])
-        found.append(_Caption(n, fields[0].strip(), start, end))
+        found.append(_Caption(n, _tagged(fields[0].strip(), fields[1]), start, end))
     if not found:
         raise MotionFormatError(file, "text", "no line", "at least one caption")
     return found
+
+
+def _tagged(text: str, words: str) -> str:
+    """The caption with its "word/POS word/POS"; the caption alone where these are not all so."""
+    pairs = [(word, part) for word, _, part in (token.rpartition("/") for token in words.split())]
+    return TaggedCaption(text, pairs) if pairs and all(word and part for word, part in pairs) else text
 
 
 def _entries(features: Float[np.ndarray, "T D"], captions: Sequence[_Caption], name: str, split: str) -> Iterator[CaptionedClip]:

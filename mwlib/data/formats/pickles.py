@@ -1,4 +1,4 @@
-"""Nested dictionaries of arrays out of a pickle, and nothing else: no code of the file's choosing runs.
+"""Nested dictionaries of arrays, or lists of words, out of a pickle, and nothing else: no code of the file's choosing runs.
 
 A pickle is a program. This is an interpreter of the few instructions that NumPy needs for dictionaries of arrays, protocols 2 to
 5, from Python 2 or 3: it calls nothing that a file names, and every other instruction is refused.
@@ -13,7 +13,7 @@ import warnings
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 
@@ -22,6 +22,7 @@ from mwlib.data.errors import MotionFormatError
 from mwlib.data.opening import MOST_VALUES, allowed
 
 EXPECTED = "a pickle of dictionaries and NumPy arrays of numbers"
+WORDS = "a pickle of a list of words, or of a dictionary from words to whole numbers"
 MOST_STEPS = 250_000  # instructions in a file of up to 10 MB; an array takes about 25, all of Human3.6M about 6000
 LONGEST_TUPLE = 9  # what NumPy says about a dtype
 NUMBER = re.compile(r"(f[248]|[iu][1248]|b1)")
@@ -34,6 +35,8 @@ TEXTS = "SHORT_BINUNICODE BINUNICODE SHORT_BINSTRING BINSTRING SHORT_BINBYTES BI
 PUSHED = {*TEXTS, "BININT", "BININT1", "BININT2", "LONG1", "INT"}
 CONSTANTS = {"NONE": None, "NEWTRUE": True, "NEWFALSE": False}
 TUPLES = {"EMPTY_TUPLE": 0, "TUPLE1": 1, "TUPLE2": 2, "TUPLE3": 3}
+
+Read = TypeVar("Read")
 
 
 class _Refused(ValueError):
@@ -72,6 +75,20 @@ def unpickle(data: bytes, file: Path, place: str) -> object:
     Raises:
         MotionFormatError: anything else is in it, and nothing of it has run; or more than the file's size allows.
     """
+    return _read(data, file, place, EXPECTED, lambda tree: _plain(tree, depth=3))
+
+
+def unpickle_words(data: bytes, file: Path) -> list[str] | dict[str, int]:
+    """A pickled list of words, or dictionary from words to whole numbers.
+
+    Raises:
+        MotionFormatError: as `unpickle`.
+    """
+    return _read(data, file, "pickle", WORDS, _words)
+
+
+def _read(data: bytes, file: Path, place: str, expected: str, finish: Callable[[object], Read]) -> Read:
+    """What `finish` makes of the tree that the instructions build."""
     machine = _Machine(allowed(MOST_VALUES, file))
     most = allowed(MOST_STEPS, file)
     try:
@@ -81,9 +98,9 @@ def unpickle(data: bytes, file: Path, place: str) -> object:
                     raise _Refused(f"more than {most} instructions")
                 machine.step(opcode.name, argument)
         (tree,) = machine.stack
-        return _plain(tree, depth=3)
+        return finish(tree)
     except (ValueError, LookupError, TypeError, RecursionError) as error:  # any instruction may meet any operand
-        raise MotionFormatError(file, place, str(error)[:200] or type(error).__name__, EXPECTED) from error
+        raise MotionFormatError(file, place, str(error)[:200] or type(error).__name__, expected) from error
 
 
 def _plain(tree: object, depth: int) -> object:
@@ -95,6 +112,14 @@ def _plain(tree: object, depth: int) -> object:
     if not isinstance(tree, dict) or depth == 0:
         raise _Refused(f"{type(tree).__name__} among the dictionaries")
     return {key: _plain(value, depth - 1) for key, value in tree.items()}
+
+
+def _words(tree: object) -> list[str] | dict[str, int]:
+    if isinstance(tree, list) and all(isinstance(word, str) for word in tree):
+        return tree
+    if isinstance(tree, dict) and all(type(number) is int for number in tree.values()):
+        return tree
+    raise _Refused(f"{type(tree).__name__.strip('_')} with something else")
 
 
 class _Machine:
@@ -161,10 +186,13 @@ class _Machine:
         self.stack[-1].update(zip(keys, values, strict=True))
 
     def append(self, items: list[Any]) -> None:
-        """APPENDS: a list is only ever the one element of an object array."""
-        if not isinstance(self.stack[-1], list) or len(self.stack[-1]) + len(items) > 1:
+        """APPENDS: a list is the one element of an object array, or holds texts."""
+        made = self.stack[-1]
+        if not isinstance(made, list) or not (
+            len(made) + len(items) <= 1 or all(isinstance(item, str) for item in (*made[:1], *items))
+        ):
             raise _Refused("list among the dictionaries")
-        self.stack[-1] += items
+        made += items
 
     def name(self, module: object, name: object) -> None:
         """GLOBAL: one of the names that NumPy writes."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pickle
 from pathlib import Path
 
 import numpy as np
@@ -9,10 +10,12 @@ import pytest
 
 from mwlib import MotionFormatError, load_motions
 from mwlib.body.skeleton import HUMANML22, KIT21
+from mwlib.data.captions import CaptionedClip, TaggedCaption
 from mwlib.data.errors import BrokenFilesWarning
 from mwlib.data.formats.humanml import HUMANML3D, KIT, FeatureLayout, joints_of
 from mwlib.data.formats.humanml_encoding import features_of
 from mwlib.data.formats.humanml_folder import folder_contents, read_folder
+from mwlib.text_to_motion.dataset import fingerprint
 from tests.data.formats.sample_features import wandering
 
 WHOLE = "a person walks#a/DET person/NOUN walk/VERB#0.0#0.0\n"
@@ -55,6 +58,22 @@ def test_clips_have_their_captions_and_stretches_are_clips_of_their_own(folder):
         "000001 line 5, 3 to 4 s": "shorter than 40 frames", "000021": "no features", "000002": "shorter than 40 frames",
         "007975": "not finite", "000003": "200 frames or longer",
     }  # fmt: skip
+
+
+def test_captions_keep_their_words_with_parts_of_speech(folder):
+    text = "walks up/down #walk/VERB up/down/ADV#0#0\nruns#run#0#0\nfalls#fall/#0#0\nstops##0#0\nturns#turn/VERB#1.0#4.5\n"
+    (folder / "texts" / "000004.txt").write_text(text)
+    whole, piece = read_folder(folder, splits=["test"])
+    first, *others = whole.captions
+    assert whole.captions == ("walks up/down", "runs", "falls", "stops")
+    assert isinstance(first, TaggedCaption) and first.tagged == (("walk", "VERB"), ("up/down", "ADV"))
+    assert not any(isinstance(caption, TaggedCaption) for caption in others), "not all of their words have a tag"
+    assert isinstance(piece.captions[0], TaggedCaption) and piece.captions[0].tagged == (("turn", "VERB"),)
+    again = pickle.loads(pickle.dumps(first))
+    assert again == first and again.tagged == first.tagged
+    other = CaptionedClip(whole.features, (TaggedCaption(first, [("walk", "NOUN"), ("up/down", "ADV")]), *others), whole.name)
+    plain = CaptionedClip(whole.features, tuple(map(str, whole.captions)), whole.name)
+    assert len({fingerprint([clip]) for clip in (whole, other, plain)}) == 3, "what a score may depend on is part of the data"
 
 
 def test_the_report_says_what_was_left_out_and_why(folder):

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from mwlib import MotionFormatError, load_motions
-from mwlib.data.formats.pickles import unpickle
+from mwlib.data.formats.pickles import unpickle, unpickle_words
 from tests.sample_motions import mutate, python2_pickle, write_positions_3d
 
 ARRAY = np.arange(4 * 17 * 3, dtype=np.float32).reshape(4, 17, 3)
@@ -119,6 +119,27 @@ HEAD = b"\x80\x04"
 def test_instructions_that_arrays_do_not_need_are_refused(content, message):
     with pytest.raises(MotionFormatError, match=message):
         tree_of(content)
+
+
+@pytest.mark.parametrize("protocol", range(2, 6))
+def test_lists_and_numbers_of_words_are_read(protocol):
+    words = [f"word{number}" for number in range(3000)]
+    rows = {word: 40 * number for number, word in enumerate(words)}
+    for tree in (words, rows, [], ["one"]):
+        assert unpickle_words(pickle.dumps(tree, protocol=protocol), Path("words.pkl")) == tree
+
+
+@pytest.mark.parametrize(
+    ("tree", "message"),
+    [
+        ([1], "list with something else"), (["a", 1], "list among"), (["a", ["b"]], "list among"), ([["a"]], "list with"),
+        ({"a": True}, "dict with"), ({"a": {}}, "dict with"), ({1: 1}, "a key that is no text"), ("a", "str with"),
+        (np.arange(3), "Array with"), ([Call(exec, "1")], "the name builtins.exec"),
+    ],
+)  # fmt: skip
+def test_pickles_of_other_things_are_no_words(tree, message):
+    with pytest.raises(MotionFormatError, match=f"words.pkl, pickle: found .*{message}.*; expected a pickle of a list of words"):
+        unpickle_words(pickle.dumps(tree), Path("words.pkl"))
 
 
 def test_a_far_memo_slot_costs_nothing():

@@ -1,0 +1,269 @@
+"""The published evaluator from its files: embeddings by a slow transcription, what is refused, and a whole evaluation."""
+
+from __future__ import annotations
+
+import os
+import pickle
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+
+from mwlib import MotionFormatError
+from mwlib.data.captions import TaggedCaption
+from mwlib.data.formats.humanml import HUMANML3D, KIT
+from mwlib.experiments import get_result
+from mwlib.experiments.results import result_file
+from mwlib.experiments.runs import models_behind
+from mwlib.networks.matching import published_weights
+from mwlib.text_to_motion.draws import one_caption_each
+from mwlib.text_to_motion.evaluation import evaluate
+from mwlib.text_to_motion.judges import open_matcher
+from mwlib.text_to_motion.objective import TextObjective
+from mwlib.text_to_motion.published import FILES, open_published, published_files
+from mwlib.text_to_motion.tagged_words import KINDS, PARTS, TaggedVocabulary
+from tests.networks.test_matching import slowly
+from tests.text_to_motion.sample import small, toy
+from tests.text_to_motion.sample_published import ROWS, WORDS, Published, features, scored, write_collection, write_evaluator
+
+# The order in the published code, and what it makes of some words with tags.
+ORDER = "VERB NOUN DET ADP NUM AUX PRON ADJ ADV Loc_VIP Body_VIP Obj_VIP Act_VIP Desc_VIP OTHER".split()
+READ = {
+    ("a", "DET"): ("a", 2), ("man", "NOUN"): ("man", 1), ("to", "PART"): ("to", 14), ("then", "ADV"): ("then", 8),
+    ("left", "VERB"): ("left", 9), ("hand", "NOUN"): ("hand", 10), ("chair", "NOUN"): ("chair", 11),
+    ("walk", "NOUN"): ("walk", 12), ("slowly", "ADV"): ("slowly", 13), ("elephant", "NOUN"): ("unk", 14),
+    ("dumbbell", "NOUN"): ("unk", 14), ("walked", "VERB"): ("unk", 14),
+}  # fmt: skip
+
+ALSO = READ | {
+    ("an", "DET"): ("unk", 14), ("the", "DET"): ("the", 2), ("to", "ADP"): ("to", 3), ("and", "CCONJ"): ("and", 14),
+    ("kick", "VERB"): ("kick", 12), ("walk", "VERB"): ("walk", 12), ("turn", "VERB"): ("turn", 12), ("left", "ADV"): ("left", 9),
+}  # fmt: skip
+
+
+@pytest.fixture
+def published(tmp_path) -> Published:
+    return write_evaluator(tmp_path / "published")
+
+
+@pytest.fixture
+def collection(tmp_path) -> Path:
+    return write_collection(tmp_path / "HumanML3D")
+
+
+def slow_text(published: Published, caption: TaggedCaption) -> torch.Tensor:
+    """One caption, word by word."""
+    pairs = [("sos", 14), *(ALSO[pair] for pair in caption.tagged[:20]), ("eos", 14)]
+    x = []
+    for word, part in pairs:
+        one_hot = torch.zeros(15)
+        one_hot[part] = 1.0
+        vector = torch.from_numpy(published.vectors[ROWS[WORDS.index(word)]]).float()
+        x.append(vector + published.text.pos_emb.weight @ one_hot + published.text.pos_emb.bias)
+    return slowly(published.text, torch.stack(x))
+
+
+def slow_motion(published: Published, raw: np.ndarray) -> torch.Tensor:
+    """One motion, scaled by the evaluator's numbers and padded with zeros to 196 frames as published."""
+    x = torch.zeros(1, 196, 263)
+    frames = len(raw) // 4 * 4
+    x[0, :frames] = torch.from_numpy((raw[:frames] - published.mean) / published.deviation).float()
+    return slowly(published.motion, published.movement(x)[0, : frames // 4])
+
+
+def close(found: torch.Tensor, expected: torch.Tensor) -> None:
+    torch.testing.assert_close(found, expected, atol=1e-4, rtol=1e-4)
+
+
+def test_captions_are_read_as_published(published):
+    pairs = list(READ)
+    captions = [TaggedCaption("x", pairs[:n]) for n in (1, 3, 12)] + [TaggedCaption("long", pairs * 2 + pairs[:1])]
+    found = open_published(published.folder).embed_text(captions)
+    close(found, torch.stack([slow_text(published, caption) for caption in captions]))
+    alone = open_published(published.folder).embed_text(captions[:1])
+    close(alone, found[:1])
+    assert len(pairs * 2) > 20 and not torch.allclose(found[2], found[3], atol=1e-3)
+    cut = TaggedCaption("cut", (pairs * 2)[:20])
+    close(open_published(published.folder).embed_text([cut]), found[3:])
+
+
+def test_words_have_the_published_parts_of_speech():
+    assert list(PARTS) == ORDER
+    assert [len({*words.split()}) for words in KINDS.values()] == [12, 13, 10, 34, 12]
+    vocabulary = TaggedVocabulary(WORDS)
+    numbers, counts, parts = vocabulary.ids([TaggedCaption("x", list(READ)), TaggedCaption("y", [("a", "DET")])])
+    assert counts.tolist() == [14, 3] and (parts.sum(-1) == 1).all()
+    found = [(WORDS[number], int(part)) for number, part in zip(numbers[0], parts[0].argmax(-1), strict=True)]
+    assert found == [("sos", 14), *READ.values(), ("eos", 14)]
+    assert vocabulary.words_of(TaggedCaption("x", list(READ)))[-1] == "walked"
+    with pytest.raises(ValueError, match="'unk' is not among the 15 words"):
+        TaggedVocabulary(WORDS[1:])
+
+
+def test_motions_are_scaled_by_the_evaluators_own_statistics(published):
+    judge = open_published(published.folder)
+    motions = [features(seed, frames) for seed, frames in ((20, 43), (21, 7), (22, 64))]
+    found = judge.embed_motions([torch.from_numpy(x) for x in motions])
+    close(found, torch.stack([slow_motion(published, x) for x in motions]))
+    assert judge.statistics.layout == HUMANML3D and judge.device.type == "cpu" and judge.to("cpu") is judge
+
+
+def test_it_may_take_part_in_a_loss(published, collection):
+    judge = open_published(published.folder)
+    x = torch.from_numpy(features(1, 16))[None].requires_grad_()
+    judge.embed_motion(x, torch.tensor([16])).sum().backward()
+    assert x.grad is not None and (x.grad[..., :-4] != 0).any(1).all()
+    assert not any(p.requires_grad for p in [*judge.network.parameters(), *judge.movement.parameters()])
+    cfg, parts = scored(
+        published, collection, critic=str(published.folder), semantic_weight=1.0, semantic="cos_text", stage="none"
+    )
+    objective = TextObjective(cfg, parts)
+    batch = objective.draw(4, torch.Generator().manual_seed(0))
+    assert all(isinstance(caption, TaggedCaption) for caption in batch.captions)
+    objective.loss(objective.network, batch, torch.Generator().manual_seed(0)).backward()
+    assert any(p.grad is not None and p.grad.abs().sum() > 0 for p in objective.network.parameters())
+
+
+def test_real_motions_are_scored_from_one_end_to_the_other(published, collection, monkeypatch, tmp_path):
+    monkeypatch.setenv("MWLIB_RUNS", str(tmp_path / "runs"))
+    cfg, parts = scored(published, collection)
+    found = get_result(cfg, parts)
+    motion = torch.stack([slow_motion(published, clip.features) for clip in parts.test])
+    captions = one_caption_each(parts.test, cfg.sampling.sampling_seed)
+    text = torch.stack([slow_text(published, caption) for caption in captions])
+    assert found["values"]["mm_dist"] == pytest.approx((text - motion).norm(dim=1).tolist(), rel=1e-3)
+    assert found["mean"]["fid"] == pytest.approx(0, abs=1e-6) and found["windows"] == 6
+
+
+def test_captions_without_parts_of_speech_are_refused(published):
+    cfg = small(method="truth", evaluator=str(published.folder))
+    with pytest.raises(ValueError, match=r"'a person goes up' has no parts of speech; expected a caption of HumanML3D or KIT-ML"):
+        evaluate(cfg, lambda: None, toy())
+    with pytest.raises(ValueError, match="has no parts of speech"):
+        open_published(published.folder).embed_text(["a man walks"])
+
+
+def test_results_depend_on_every_file_of_it(published, collection, monkeypatch, tmp_path):
+    monkeypatch.setenv("MWLIB_RUNS", str(tmp_path / "runs"))
+    cfg, parts = scored(published, collection, critic=str(published.folder), semantic_weight=1.0)
+    assert len(models_behind(cfg, "judged_by")) == len(models_behind(cfg, "built_on")) == len(FILES) == 6
+    places = {result_file(cfg, parts)}
+    for file in published_files(published.folder).values():
+        file.write_bytes(file.read_bytes() + b"x")
+        places.add(result_file(cfg, parts))
+    assert len(places) == 7
+
+
+@pytest.mark.parametrize("part", FILES)
+def test_what_is_missing_is_named_with_its_place_and_its_origin(part, published):
+    published_files(published.folder)[part].unlink()
+    place, origin = FILES[part].places[0], FILES[part].origin
+    with pytest.raises(FileNotFoundError, match=f"is not whole; missing: .*published/{place} .from {origin}.$"):
+        open_matcher(str(published.folder), HUMANML3D)
+
+
+def test_a_folder_without_any_is_no_evaluator(tmp_path):
+    with pytest.raises(
+        FileNotFoundError, match="no finished run there; train one .* or name one with the files of the published"
+    ):
+        open_matcher(str(tmp_path), HUMANML3D)
+
+
+def test_other_layouts_of_the_same_files_will_do(published, monkeypatch):
+    texts, folder = [TaggedCaption("x", list(READ))], published.folder
+    expected = open_matcher(str(folder), HUMANML3D).embed_text(texts)
+    (folder / "glove").mkdir()
+    for name, other in (
+        ("text_mot_match/model/finest.tar", "finest.tar"), ("mean.npy", "t2m_mean.npy"), ("std.npy", "t2m_std.npy"),
+        ("our_vab_data.npy", "glove/our_vab_data.npy"), ("our_vab_idx.pkl", "glove/our_vab_idx.pkl"),
+        ("our_vab_words.pkl", "glove/our_vab_words.pkl"),
+    ):  # fmt: skip
+        shutil.move(folder / name, folder / other)
+    assert torch.equal(open_matcher(str(folder), HUMANML3D).embed_text(texts), expected)
+    (folder / "glove" / "our_vab_words.pkl").unlink()
+    (folder / "glove" / "our_vab_idx.pkl").unlink()
+    np.save(folder / "glove" / "our_vab_data.npy", published.vectors[ROWS])
+    (folder / "our_vab_words.txt").write_text("\n".join(WORDS) + "\n")
+    assert torch.equal(open_matcher(str(folder), HUMANML3D).embed_text(texts), expected)
+    monkeypatch.chdir(folder.parent)
+    shutil.move(folder, "evaluator")  # the name of one that comes with the package
+    assert torch.equal(open_matcher("evaluator", HUMANML3D).embed_text(texts), expected)
+
+
+class Call:
+    """Pickles as a call of any function."""
+
+    def __reduce__(self):
+        return os.system, ("touch trace",)
+
+
+def test_code_in_its_files_does_not_run(published, monkeypatch, tmp_path):
+    monkeypatch.chdir(tmp_path)
+    for name in ("our_vab_words.pkl", "our_vab_idx.pkl"):
+        file = published.folder / name
+        whole = file.read_bytes()
+        for content in (Call(), [Call()], {"a": Call()}):
+            file.write_bytes(pickle.dumps(content))
+            with pytest.raises(
+                MotionFormatError, match=f"{name}, pickle: found the name .*system; expected a pickle of a list of words"
+            ):
+                open_published(published.folder)
+        file.write_bytes(whole)
+    np.save(published.folder / "our_vab_data.npy", np.array([Call()], dtype=object), allow_pickle=True)
+    with pytest.raises(MotionFormatError, match="our_vab_data.npy, array: found an array of dtype object"):
+        open_published(published.folder)
+    weights = published_files(published.folder)["weights"]
+    for content in ({"text_encoder": Call()}, Call()):
+        torch.save(content, weights)
+        with pytest.raises(ValueError, match="finest.tar is refused .*; expected a checkpoint of tensors and numbers alone"):
+            published_weights(weights)
+    weights.write_bytes(b"")
+    with pytest.raises(ValueError, match="finest.tar is refused"):
+        published_weights(weights)
+    assert not (tmp_path / "trace").exists()
+
+
+def test_files_that_do_not_belong_together_are_refused(published):
+    folder = published.folder
+    with pytest.raises(ValueError, match="judges HumanML3D; expected KIT-ML"):
+        open_matcher(str(folder), KIT)
+    for name, content, message in (
+        (
+            "our_vab_words.pkl",
+            pickle.dumps([*WORDS, "more"]),
+            "no row for 1 of 17 words, such as 'more'; expected words with rows",
+        ),
+        ("our_vab_words.pkl", pickle.dumps([]), "no row for 0 of 0 words"),
+        ("our_vab_words.pkl", pickle.dumps({"a": 1}), "a dict, and a dict in .*; expected a list, and a dictionary"),
+        ("our_vab_idx.pkl", pickle.dumps({"a": 1.5}), "found an instruction BINFLOAT"),
+        ("our_vab_idx.pkl", pickle.dumps({"a": "b"}), "found dict with something else"),
+        ("our_vab_idx.pkl", pickle.dumps({word: 99 for word in WORDS}), "no row for 16 of 16 words"),
+    ):
+        whole = (folder / name).read_bytes()
+        (folder / name).write_bytes(content)
+        with pytest.raises(MotionFormatError, match=message):
+            open_published(folder)
+        (folder / name).write_bytes(whole)
+    for name, array, message in (
+        ("our_vab_data.npy", np.zeros((30, 7)), "finest.tar has 6 numbers of a word; expected 7, as the files beside it"),
+        ("our_vab_data.npy", np.zeros(30), r"float64 of shape \(30,\); expected numbers of shape \(words, 300\)"),
+        ("our_vab_data.npy", np.full((30, 6), np.nan), "found nan"),
+        ("mean.npy", np.zeros(251), "251 means, 263 deviations"),
+    ):
+        whole = (folder / name).read_bytes()
+        np.save(folder / name, array)
+        with pytest.raises(ValueError, match=message):
+            open_published(folder)
+        (folder / name).write_bytes(whole)
+
+
+def test_the_collections_own_deviations_are_doubted(published):
+    deviation = published.deviation.copy()
+    deviation[-4:] *= 25
+    np.save(published.folder / "std.npy", deviation)
+    with pytest.warns(
+        UserWarning, match="std.npy divides the deviation of contacts by 1; expected 25, as in the evaluator's own"
+    ):
+        open_published(published.folder)
