@@ -188,8 +188,14 @@ def committed_pairs(name: str, metrics: Mapping[str, Column], folder: Path | Non
     out = []
     for line in committed(f"{name}_paired", columns, folder):
         row, _, against = str(line["row"]).rpartition(" - ")
-        out.append({"row": row, "against": against} | {h: (line[h], line[e]) for h, e in errors.items() if h in line})
+        pairs = {h: (_whole(line[h]), line[e]) for h, e in errors.items() if h in line}
+        out.append({"row": row, "against": against} | pairs)
     return out
+
+
+def _whole(value: object) -> object:
+    """Without what rounding leaves of a difference that is none, such as 6e-19."""
+    return round(value, 12) if isinstance(value, float) else value
 
 
 def committed_motion(stem: str, name: str = "truth", folder: Path | None = None) -> np.ndarray:

@@ -198,10 +198,10 @@ def test_the_committed_tables_come_back_as_lines(tmp_path):
 
 
 def test_the_committed_pairs_come_back_as_they_were_compared(tmp_path):
-    rows = [{"row": "one - two - b", "ADE": 0.5, "ADE, standard error": 0.1, "FDE": 2.0, "FDE, standard error": 0.2, "seeds": 3}]
+    rows = [{"row": "one - two - b", "ADE": 6e-19, "ADE, standard error": 0.1, "FDE": 2.0, "FDE, standard error": 0.2}]
     plots.save_table(rows, tmp_path, "bases_paired", provenance={"data": "synthetic"})
     some = {name: METRICS[name] for name in ("ade", "fde", "apd")}
-    expected = {"row": "one - two", "against": "b", METRICS["ade"].heading: (0.5, 0.1), METRICS["fde"].heading: (2.0, 0.2)}
+    expected = {"row": "one - two", "against": "b", METRICS["ade"].heading: (0.0, 0.1), METRICS["fde"].heading: (2.0, 0.2)}
     assert committed_pairs("bases", some, tmp_path) == [expected]
 
 
