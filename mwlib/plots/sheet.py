@@ -35,7 +35,8 @@ def box(ax: Axes, place: Place, text: str, colour: str = INK) -> None:
     left, bottom, width, height = place
     look = {"boxstyle": "round,pad=0,rounding_size=0.08", "facecolor": FAINT, "edgecolor": colour, "linewidth": 1.4}
     ax.add_patch(FancyBboxPatch((left, bottom), width, height, **look))
-    ax.text(left + width / 2, bottom + height / 2, text, ha="center", va="center", fontsize=9, color=INK, linespacing=1.5)
+    spacing = 1.5 if "$" in text else 1.2  # hats and bars of a formula stand above its line
+    ax.text(left + width / 2, bottom + height / 2, text, ha="center", va="center", fontsize=9, color=INK, linespacing=spacing)
 
 
 def arrow(ax: Axes, start: tuple[float, float], end: tuple[float, float], text: str = "") -> None:
