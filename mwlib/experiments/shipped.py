@@ -25,8 +25,8 @@ KEPT = ("mean", "standard_error", "windows", "multimodal_apd")  # of what an eva
 
 
 RECIPES: dict[str, tuple[str, str, str, dict[str, Any]]] = {  # name -> title, system, preset, changes
-    "synthetic": ("Synthetic people", "prediction", "laptop_plus", {"train_steps": 14000}),
-    "cmu": ("People of the CMU motion capture database", "prediction", "cmu_plus", {}),
+    "synthetic": ("Synthetic people", "prediction", "laptop", {"train_steps": 14000}),
+    "cmu": ("People of the CMU motion capture database", "prediction", "cmu", {}),
     "inbetween": ("In-betweens of people of the CMU motion capture database", "inbetweening", "cmu", {}),
     "evaluator": ("Judge of motions made from sentences, for synthetic people", "matching", "laptop", {}),
     "critic": ("Critic for the semantic loss, for synthetic people", "matching", "laptop", {"half": "critic", "seed": 1}),

@@ -56,4 +56,4 @@ PRESETS: dict[str, dict[str, Any]] = {
         test_subjects=("Validate/S1", "Validate/S2", "Validate/S3"),
     ),
 }  # fmt: skip
-PRESETS |= {"laptop_plus": PRESETS["laptop"], "cmu_plus": PRESETS["cmu"]}  # one name builds the figures of all systems
+PRESETS |= {"laptop_paper": PRESETS["laptop"], "cmu_paper": PRESETS["cmu"]}  # one name builds the figures of all systems

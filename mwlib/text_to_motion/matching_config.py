@@ -80,7 +80,7 @@ PRESETS: dict[str, dict[str, Any]] = {
 }  # fmt: skip
 PRESETS["cmu"] = PRESETS["laptop"] | dict(data="cmu", half="all")  # too few clips to halve
 # One name builds the figures of all systems.
-PRESETS |= {"laptop_plus": PRESETS["laptop"], "cmu_plus": PRESETS["cmu"]}
+PRESETS |= {"laptop_paper": PRESETS["laptop"], "cmu_paper": PRESETS["cmu"]}
 PRESETS |= {name: PRESETS["humanml3d"] for name in ("mdm", "stablemofusion", "h36m", "humaneva")}
 
 

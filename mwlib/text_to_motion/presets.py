@@ -40,4 +40,4 @@ PRESETS: dict[str, dict[str, Any]] = {
     "stablemofusion": _STABLEMOFUSION | dict(data="HumanML3D"),
 }  # fmt: skip
 # One name builds the figures of all systems; where the others have big data, so has this one.
-PRESETS |= {"laptop_plus": PRESETS["laptop"], "cmu_plus": PRESETS["cmu"], "h36m": PRESETS["mdm"], "humaneva": PRESETS["mdm"]}
+PRESETS |= {"laptop_paper": PRESETS["laptop"], "cmu_paper": PRESETS["cmu"], "h36m": PRESETS["mdm"], "humaneva": PRESETS["mdm"]}

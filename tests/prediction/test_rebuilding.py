@@ -124,6 +124,6 @@ def test_what_is_not_rebuilt_is_refused(changes):
 def test_the_grid_chooses_on_the_validation_person():
     grid = read_grids()["phase_sweep"]
     assert system(grid.system) is rebuilding
-    parts = {row.name: row_config(grid, row, Config.preset("cmu")).get("rebuilt") for row in grid.rows}
+    parts = {row.name: row_config(grid, row, Config.preset("cmu_paper")).get("rebuilt") for row in grid.rows}
     assert {*parts.values()} == {"validation", "test"}
     assert all((part == "test") == name.startswith("test people: ") for name, part in parts.items())

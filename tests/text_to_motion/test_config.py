@@ -59,7 +59,7 @@ def test_the_embedded_data_go_by_the_name_that_they_have_in_other_systems():
 
 def test_one_preset_name_builds_the_figures_of_all_systems():
     shared = (set(PREDICTION) & set(INBETWEENING)) - {"lafan1"}
-    assert {"h36m", "humaneva", "cmu_plus", "laptop_plus"} <= shared
+    assert {"h36m", "humaneva", "cmu_paper", "laptop_paper"} <= shared
     for kind in (Config, matching_config.Config):
         assert shared <= set(kind.presets)
         for name in kind.presets:

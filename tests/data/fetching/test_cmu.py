@@ -205,7 +205,7 @@ def test_the_pause_between_files_is_kept(publisher, clips, tmp_path, monkeypatch
 
 
 def test_the_preset_reads_where_it_is_brought():
-    assert PRESETS["cmu"]["data"] == PRESETS["cmu_plus"]["data"] == named_source("cmu")[0] == FOLDER
+    assert PRESETS["cmu"]["data"] == PRESETS["cmu_paper"]["data"] == named_source("cmu")[0] == FOLDER
     assert {c.fps for c in listed("cmu")} == {120.0} and len({c.motion for c in listed("cmu")}) == len(listed("cmu")) == 134
     people = {c.subject for c in listed("cmu")}
     assert people == {"1", "2", "5", "7", "9", "14", "16", "29", "49"}
