@@ -1,6 +1,6 @@
 """Time of sampling that is not spent inside the network, at a preset, with all of Algorithm 1 switched on.
 
-    python benchmarks/sampling_overhead.py [--preset laptop] [--windows 2] [--rounds 5] [--threads 2]
+    python benchmarks/sampling_overhead.py [--preset laptop_paper] [--windows 2] [--rounds 5] [--threads 2]
 
 Times the network's own evaluations with a wrapper around them; what is left is noise, guidance, projection and inverse
 transform. The goal is at most 5 % of the network's time. Other programs disturb single steps, so the verdict adds up the
@@ -60,7 +60,7 @@ def sample(predictor: Predictor, x_history: torch.Tensor, clock: Clock) -> list[
 def main() -> None:
     """Sample with an untrained network of the preset's size; its time does not depend on its weights."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--preset", default="laptop")
+    parser.add_argument("--preset", default="laptop_paper")
     parser.add_argument("--windows", type=int, default=2)
     parser.add_argument("--rounds", type=int, default=5)
     parser.add_argument("--threads", type=int, default=2)

@@ -1,6 +1,6 @@
-"""Training steps per second at the laptop preset beside a plain reference loop, in turn, in one process.
+"""Training steps per second at the preset `laptop_paper` beside a plain reference loop, in turn, in one process.
 
-    python benchmarks/training_speed.py [--preset laptop] [--rounds 5] [--threads 2]
+    python benchmarks/training_speed.py [--preset laptop_paper] [--rounds 5] [--threads 2]
 
 The reference is the same model and objective as one writes them first, after HumanMAC's code: separate q, k, v, each with
 its own layer norm, materialised attention, torch's dropout, windows drawn one by one in NumPy and transformed by PyWavelets.
@@ -124,7 +124,7 @@ def reference_steps(cfg: Config, motions, attention_dropout: float):
 def main() -> None:
     """Time blocks of steps, ours and the reference's in turn."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--preset", default="laptop")
+    parser.add_argument("--preset", default="laptop_paper")
     parser.add_argument("--rounds", type=int, default=5)
     parser.add_argument("--steps", type=int, default=4, help="steps per round")
     parser.add_argument("--threads", type=int, default=2)

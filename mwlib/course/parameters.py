@@ -98,7 +98,7 @@ def read_values(file: Path) -> dict[str, Any]:
     except (yaml.YAMLError, UnicodeDecodeError) as error:
         raise ParameterError(f"{file} is not YAML: {' '.join(str(error).split())}") from None
     if not isinstance(tree, dict | None) or not all(isinstance(name, str) for name in tree or {}):
-        raise ParameterError(f"{file} holds {str(tree)[:40]!r}; expected a mapping of parameters, e.g. preset: laptop")
+        raise ParameterError(f"{file} holds {str(tree)[:40]!r}; expected a mapping of parameters, e.g. preset: tiny")
     return tree or {}
 
 

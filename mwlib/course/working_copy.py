@@ -61,6 +61,6 @@ def _next(folder: Path) -> list[tuple[str, str]]:
         (f"cd {place}", "the commands below find the course there"),
         ('pip install "motion-wavelet-notebooks[notebooks]"', "Jupyter, papermill and Snakemake, if they are missing"),
         ("jupyter lab notebooks/00_start_here.ipynb", "the course, step by step"),
-        ("mwlib run-notebook 03 --set preset=laptop", "one notebook with other parameters"),
+        ("mwlib run-notebook 03 --set preset=laptop_paper", "one notebook with other parameters"),
         ("snakemake --cores 2 --config preset=tiny data=synthetic", "every notebook, figure and table"),
     ]

@@ -30,11 +30,11 @@ notebooks are looked up as well.
 root, 25 frames observed, 100 predicted. The models never saw the people who are tested. The paper's data are not here: the
 licence of Human3.6M does not allow us to pass them on. Notebooks show things on synthetic people unless they say otherwise.
 
-**Models.** The preset `cmu` has the paper's method at a smaller size: 4 blocks of width 128 instead of 12 of width 768, and
+**Models.** The preset `cmu_paper` has the paper's method at a smaller size: 4 blocks of width 128 instead of 12 of width 768, and
 4,000 training steps instead of about 390,000. Tables that train a network for each row give it a share of these steps: an
 eighth in the older ones, else as the evidence says. The preset predicts clean coefficients, scaled one by one, of displacements
 from the last observed pose. The paper predicts the noise of coefficients as they are; the table `as_published` has that. The
-preset `cmu_plus` has changes of our own, and a claim says so where it uses one of its tables. The machine of each table stands
+preset `cmu` has changes of our own, and a claim says so where it uses one of its tables. The machine of each table stands
 in the JSON file beside it; where none is named, it was a CPU of a shared x86-64 machine.
 
 **What is comparable.** Directions are: whether a change makes a number larger or smaller. Sizes are not, for data, network and
@@ -53,7 +53,7 @@ Other results, with more detail, stand in [RESULTS.md](RESULTS.md). {ACKNOWLEDGE
 ```sh
 mwlib reproduction                                                                  # writes this page again
 mwlib fetch cmu                                                                     # downloads the clips
-mwlib grid-table table_6 --preset cmu --out figures/cmu                             # measures one of its tables again
+mwlib grid-table table_6 --preset cmu_paper --out figures/cmu                       # measures one of its tables again
 ```
 """
 
@@ -157,5 +157,5 @@ def _table(name: str, tables: Tables) -> str:
     number = f"{many} seed{'s' if many > 1 else ''} of {about.get('seeds_of') or 'sampling'}"
     share = about.get("budget_share") or 1.0
     trained = f", {share:g} of the preset's training steps" if share != 1 else ""
-    parts = [f"{' or '.join(sorted(windows))} windows", number, f"preset `{about.get('preset') or 'cmu'}`{trained}"]
+    parts = [f"{' or '.join(sorted(windows))} windows", number, f"preset `{about.get('preset') or 'cmu_paper'}`{trained}"]
     return f"[{name}.csv](figures/cmu/{name}.csv) ({', '.join(parts)}, mwlib {about['mwlib']})"
