@@ -8,18 +8,7 @@ Tensors flow one way: `Motion`, windows x, coefficients y, network and sampler, 
 torch.Size([40, 48])
 """
 
-from mwlib import metrics, plots
-from mwlib.body.motion import Motion
-from mwlib.body.skeleton import Skeleton
-from mwlib.data import MotionFormatError, Windows, load_motions, windows
-from mwlib.data.formats.bvh_writing import write_bvh
-from mwlib.experiments import generate, get_model, get_run, inbetween, load_run
-from mwlib.prediction.config import Config
-from mwlib.transforms import DCTTransform, PhaseTransform, WaveletTransform
-from mwlib.version import __version__
+import lazy_loader
 
-__all__ = [
-    "Config", "DCTTransform", "Motion", "MotionFormatError", "PhaseTransform", "Skeleton", "WaveletTransform", "Windows",
-    "generate", "get_model", "get_run", "inbetween", "load_motions", "load_run", "metrics", "plots", "windows", "write_bvh",
-    "__version__",
-]  # fmt: skip
+# What is imported at its first use stands in __init__.pyi: a command line that asks for help waits for no torch.
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

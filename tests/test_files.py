@@ -9,7 +9,8 @@ import pytest
 import torch
 
 from mwlib import files
-from mwlib.files import DamagedFileError, load_metadata, load_tensors, save_tensors, sweep, write_atomic, write_together
+from mwlib.files import sweep, write_atomic, write_together
+from mwlib.tensor_files import DamagedFileError, load_metadata, load_tensors, save_tensors
 
 TENSORS = {
     "x": torch.arange(6.0).reshape(2, 3), "scalar": torch.tensor(3.0, dtype=torch.float64), "none": torch.zeros(0),

@@ -17,7 +17,7 @@ ROOT = Path(__file__).parents[1]
 LEAVES = ("settings", "files", "material", "version")
 SYSTEMS = ("prediction", "inbetweening", "text_to_motion")
 ROOMS = (
-    LEAVES, ("body",), ("transforms",), ("networks",), ("data",), ("diffusion",), ("metrics",), ("training",), SYSTEMS,
+    LEAVES, ("tensor_files",), ("body",), ("transforms",), ("networks",), ("data",), ("diffusion",), ("metrics",), ("training",), SYSTEMS,
     ("plots",), ("experiments",), ("course",), ("__main__", "__init__"),
 )  # fmt: skip
 FLOOR = {room: floor for floor, rooms in enumerate(ROOMS) for room in rooms}

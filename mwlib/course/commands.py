@@ -12,7 +12,7 @@ from mwlib.course.files import NOTEBOOKS, TIMEOUT, course, find_notebook, read_n
 from mwlib.course.manifest import MANIFEST
 from mwlib.course.parameters import from_text, read_parameters, read_values
 from mwlib.course.working_copy import lay_out, told
-from mwlib.experiments.commands import chosen_grid, given_changes, grid_options
+from mwlib.experiments.grid_options import chosen_grid, given_changes, grid_options
 from mwlib.material import CHECKOUT, PACKAGED, home
 from mwlib.version import __version__
 

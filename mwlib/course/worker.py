@@ -24,9 +24,8 @@ from mwlib.course.manifest import FILES
 from mwlib.course.parameters import ParameterError, read_parameters, resolve
 from mwlib.experiments import store
 from mwlib.experiments.grids import Grid, row_parameters
-from mwlib.experiments.origins import package_hash
 from mwlib.files import write_atomic, write_together
-from mwlib.material import home
+from mwlib.material import home, package_hash
 
 EXECUTED = "notebook.ipynb"
 PAGE = "notebook.html"

@@ -14,19 +14,13 @@ from mwlib.data.hints import LEVELS_UP
 from mwlib.data.known import named_source
 from mwlib.data.load import READERS, find_source
 from mwlib.data.opening import bare_suffix
-from mwlib.material import PACKAGED
+from mwlib.material import file_hash
 
 HINTS = ("clips.csv", "skeleton.json")  # read along with motions that lie beside or below them
 
 # Name of the run -> SHA-256 of its model: every one that this process has asked for. A notebook is a process of its own, so
 # its page can say which models stand behind its numbers.
 models_used: dict[str, str] = {}
-
-
-def file_hash(file: Path) -> str:
-    """SHA-256 of a file, in hex."""
-    with file.open("rb") as stream:
-        return hashlib.file_digest(stream, "sha256").hexdigest()
 
 
 def data_fingerprint(source: str) -> str:
@@ -59,16 +53,6 @@ def _files(source: str | Path) -> Iterator[tuple[str, Path]]:
         found = [path, *(file for file in path.parent.iterdir() if bare_suffix(file) == ".asf")]
     found += [folder / name for folder in path.absolute().parents[:LEVELS_UP] for name in HINTS]
     yield from sorted((os.path.relpath(file, path), file) for file in found if file.is_file())
-
-
-def package_hash(package: Path = PACKAGED.parent) -> str:
-    """Hash of the library's files; the course's tooling and its copy of the notebooks are left out, for they change no result."""
-    digest = hashlib.sha256()
-    for path in sorted(package.rglob("*")):
-        inside = path.relative_to(package)
-        if path.is_file() and "__pycache__" not in inside.parts and inside.parts[0] not in ("course", PACKAGED.name):
-            digest.update(inside.as_posix().encode() + b"\0" + path.read_bytes() + b"\0")
-    return digest.hexdigest()
 
 
 def machine() -> dict[str, str]:

@@ -13,11 +13,11 @@ from accelerate.state import PartialState
 from accelerate.utils import broadcast_object_list
 from tqdm import tqdm
 
-from mwlib.experiments.origins import file_hash, machine, models_used, package_hash
+from mwlib.experiments.origins import machine, models_used
 from mwlib.experiments.store import locked, read_result, runs_folder, write_result
 from mwlib.experiments.systems import Data, read_config, system_of
 from mwlib.files import sweep, write_atomic
-from mwlib.material import CONFIG, run_folder, shipped
+from mwlib.material import CONFIG, file_hash, package_hash, run_folder, shipped
 from mwlib.settings import Settings, digest
 from mwlib.training import MODEL, TrainingStep, read_model, read_outcome, train
 from mwlib.version import __version__

@@ -14,9 +14,10 @@ from mwlib.experiments.runs import get_run
 from mwlib.experiments.store import read_result
 from mwlib.experiments.systems import system, system_of
 from mwlib.experiments.tables import details
-from mwlib.files import load_tensors, save_tensors, write_together
+from mwlib.files import write_together
 from mwlib.material import CONFIG
 from mwlib.settings import Settings
+from mwlib.tensor_files import load_tensors, save_tensors
 from mwlib.training import MODEL
 from mwlib.version import __version__
 

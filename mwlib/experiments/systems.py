@@ -5,13 +5,15 @@ from __future__ import annotations
 import importlib
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
-from torch import Tensor
-
-from mwlib.metrics import Column
 from mwlib.settings import Settings, read_tree
-from mwlib.training import Objective
+
+if TYPE_CHECKING:  # names of types alone: listing the systems waits for no torch
+    from torch import Tensor
+
+    from mwlib.metrics import Column
+    from mwlib.training import Objective
 
 
 class Data(Protocol):

@@ -12,7 +12,8 @@ from typing import Any
 import torch
 from torch import Tensor, nn
 
-from mwlib.files import DamagedFileError, load_metadata, load_tensors, save_tensors, write_json
+from mwlib.files import write_json
+from mwlib.tensor_files import DamagedFileError, load_metadata, load_tensors, save_tensors
 from mwlib.training.average import MovingAverage
 
 CHECKPOINT, PREVIOUS, MODEL, CURVES = "checkpoint.safetensors", "previous.safetensors", "model.safetensors", "curves.json"

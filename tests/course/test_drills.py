@@ -23,8 +23,8 @@ from mwlib.course.manifest import FILES
 from mwlib.course.parameters import ParameterError
 from mwlib.course.worker import NotDone, run_notebook
 from mwlib.experiments import store
-from mwlib.experiments.origins import package_hash
 from mwlib.files import write_together
+from mwlib.material import package_hash
 from tests.sample_notebooks import NASTY, PARAMETERS, code, runnable, save
 
 ROOT = Path(__file__).parents[2]

@@ -17,7 +17,7 @@ import torch
 
 from mwlib import files
 from mwlib.experiments import get_run
-from mwlib.files import load_tensors
+from mwlib.tensor_files import load_tensors
 from mwlib.training import CHECKPOINT, MODEL
 from tests.sample_settings import small, two_people
 

@@ -93,7 +93,10 @@ def test_only_a_table_of_a_known_grid_may_be_missing():
 def test_numbers_come_out_of_the_table(tmp_path, tables):
     text = report(write(tmp_path, ONE), tables, ROOT / "notebooks")
     assert "**Verdict: holds.** Linear has 4.65 ± 0.23, cosine 6.30, over 273 windows; error 0.0407." in text
-    assert "[table_6.csv](figures/cmu/table_6.csv) (273 windows, 3 seeds of training and sampling, preset `cmu_paper`, 0.125 of" in text
+    assert (
+        "[table_6.csv](figures/cmu/table_6.csv) (273 windows, 3 seeds of training and sampling, preset `cmu_paper`, 0.125 of"
+        in text
+    )
 
 
 LOW = "{table_6|linear|APD} > {table_6|cosine|APD}"

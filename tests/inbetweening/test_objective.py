@@ -9,11 +9,11 @@ import pytest
 import torch
 
 from mwlib.data.sources import Split
-from mwlib.files import load_tensors
 from mwlib.inbetweening import losses
 from mwlib.inbetweening.losses import bone_angles
 from mwlib.inbetweening.objective import Batch, InbetweeningObjective
 from mwlib.inbetweening.space import PositionSpace, space_from_json
+from mwlib.tensor_files import load_tensors
 from mwlib.training import CHECKPOINT, MODEL, train
 from tests.inbetweening.sample import PAPER, data_of, objective, people, shaken, small
 

@@ -7,7 +7,7 @@ import pytest
 import torch
 from torch.nn import functional as F
 
-from mwlib.files import load_tensors
+from mwlib.tensor_files import load_tensors
 from mwlib.text_to_motion.dataset import Parts
 from mwlib.text_to_motion.matching_clips import Pairs, of_half
 from mwlib.text_to_motion.matching_config import Config

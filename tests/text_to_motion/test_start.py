@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 import torch
 
-from mwlib.files import save_tensors
+from mwlib.tensor_files import save_tensors
 from mwlib.text_to_motion.objective import TextObjective
 from tests.text_to_motion.sample import small, toy
 
