@@ -17,8 +17,8 @@ ROOT = Path(__file__).parents[1]
 LEAVES = ("settings", "files", "material", "version")
 SYSTEMS = ("prediction", "inbetweening", "text_to_motion")
 ROOMS = (
-    LEAVES, ("tensor_files",), ("body",), ("transforms",), ("networks",), ("data",), ("diffusion",), ("metrics",), ("training",), SYSTEMS,
-    ("plots",), ("experiments",), ("course",), ("__main__", "__init__"),
+    LEAVES, ("tensor_files",), ("body",), ("transforms",), ("networks",), ("data",), ("diffusion",), ("metrics",), ("training",),
+    SYSTEMS, ("plots",), ("experiments",), ("course",), ("__main__", "__init__"),
 )  # fmt: skip
 FLOOR = {room: floor for floor, rooms in enumerate(ROOMS) for room in rooms}
 MOST_LINES, MOST_LINES_OF_A_FUNCTION = 300, 45

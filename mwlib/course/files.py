@@ -16,7 +16,8 @@ ROOT = course_folder()  # of the folder that the process was started in
 NOTEBOOKS = ROOT / "notebooks"
 EXPERIMENT = NOTEBOOKS / "experiment.ipynb"  # one row of a grid
 TIMEOUT = 86400.0  # seconds for one cell: the paper's own presets train for hours in one
-LONGEST = ("06", "11", "08", "03", "13", "10", "07")  # chapters that take minutes; whoever runs several begins with them, 06 first
+# Chapters that take minutes: whoever runs several begins with them, with 06 first, whose model others wait for.
+LONGEST = ("06", "11", "08", "03", "13", "10", "07")
 CHAPTER = re.compile(r"\d\d[a-z]?")  # a chapter's number: 05, or 05b for its second half
 
 

@@ -10,6 +10,7 @@ from typing import Any
 import yaml
 
 from mwlib.experiments.checks import REFERENCE, NotMeasured, Tables, filled, holds
+from mwlib.experiments.grids import expect_fields
 from mwlib.material import course_folder
 
 KINDS = ("holds", "does not hold here", "depends on the reading", "cannot be tested here")
@@ -142,9 +143,7 @@ def _claim(where: str, body: Any) -> Claim:
 
 
 def _fields(where: str, found: Any, needed: set[str], allowed: set[str]) -> None:
-    if not isinstance(found, dict) or not needed <= {*found} <= needed | allowed:
-        raise ValueError(f"{where} has {sorted(map(str, found)) if isinstance(found, dict) else found}; expected "
-                         f"{sorted(needed)}, and any of {sorted(allowed)}")  # fmt: skip
+    expect_fields(where, found, needed, allowed)
     for name in {*found} - {"cases", "shown", "awaits"}:
         if not isinstance(found[name], str) or not found[name].strip():
             raise ValueError(f"{where}: {name} is {found[name]!r}; expected a text")

@@ -149,11 +149,20 @@ def _grid(where: str, name: str, body: dict[str, Any]) -> Grid:
     return grid
 
 
+def expect_fields(where: str, found: Any, needed: set[str], allowed: set[str]) -> None:
+    """Refuse what was read from YAML if it is no mapping, lacks a field or has an unknown one.
+
+    Raises:
+        ValueError: the message names the place, what was found and what was expected.
+    """
+    if not isinstance(found, dict) or not needed <= {*found} <= needed | allowed:
+        raise ValueError(f"{where} has {sorted(map(str, found)) if isinstance(found, dict) else found}; expected "
+                         f"{sorted(needed)}, and any of {sorted(allowed)}")  # fmt: skip
+
+
 def _check(where: str, found: Any, needed: set[str], fields: Mapping[str, tuple[str, tuple[type, ...]]]) -> None:
     """Refuse what lacks a field, has an unknown one, or one of the wrong kind."""
-    if not isinstance(found, dict) or not needed <= {*found} <= {*fields}:
-        raise ValueError(f"{where} has {sorted(map(str, found)) if isinstance(found, dict) else found}; expected "
-                         f"{sorted(needed)}, and any of {sorted({*fields} - needed)}")  # fmt: skip
+    expect_fields(where, found, needed, {*fields} - needed)
     for name, value in found.items():
         kind, types = fields[name]
         if not isinstance(value, types) or (isinstance(value, bool) and bool not in types):
