@@ -103,10 +103,11 @@ def bone_angles(positions: Float[Tensor, "*lead joints 3"], skeleton: Skeleton) 
     By the arc tangent of sine and cosine, whose gradient is finite at both ends.
     """
     above, joint, below = _meetings(skeleton, positions.device)
-    u = positions[..., joint, :] - positions[..., above, :]
-    v = positions[..., below, :] - positions[..., joint, :]
-    cross = torch.linalg.cross(u, v).square().sum(-1)
-    return torch.atan2((cross + 1e-12).sqrt(), (u * v).sum(-1))
+    rows = positions.movedim((-2, -1), (0, 1))  # a joint in one piece of memory: two thirds of the time
+    u = rows.index_select(0, joint) - rows.index_select(0, above)
+    v = rows.index_select(0, below) - rows.index_select(0, joint)
+    cross = torch.linalg.cross(u, v, dim=1).square().sum(1)
+    return torch.atan2((cross + 1e-12).sqrt(), (u * v).sum(1)).movedim(0, -1).contiguous()
 
 
 def bone_angle_loss(

@@ -123,12 +123,15 @@ class InbetweeningObjective(Objective):
         o, skeleton = self.cfg.objective, self.space.bodies.skeleton
         x = self.representation.states(z.unflatten(0, (-1, draws)), hint[:, None])  # (B, M, T, C)
         places = self.space.positions(x, cut.offsets[:, None])
-        truth = self.space.positions(cut.x, cut.offsets)[:, None]
-        flat, flat_truth = places.flatten(-2), truth.expand_as(places).flatten(-2)
+        is_compared = o.smoothness == "velocity"
+        frames = slice(None if is_compared or o.contact_weight else 1)  # of the truth, as many as are looked at
+        truth = self.space.positions(cut.x[:, frames], cut.offsets)[:, None]
+        flat = places.flatten(-2)
         total = x.new_zeros(len(x), draws)
         if o.smoothness_weight:
-            total = total + o.smoothness_weight * smoothness_loss(flat, flat_truth, o.smoothness)
-        if o.length_weight:
+            like = truth.expand_as(places).flatten(-2) if is_compared else None
+            total = total + o.smoothness_weight * smoothness_loss(flat, like, o.smoothness)
+        if o.length_weight and not self.space.rigid:  # else it is zero
             lengths = bone_lengths(truth[:, :, 0], skeleton)
             total = total + o.length_weight * bone_length_loss(places, lengths, skeleton)
         if o.angle_weight:

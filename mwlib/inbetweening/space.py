@@ -16,7 +16,7 @@ import torch
 from jaxtyping import Float, Int
 from torch import Tensor
 
-from mwlib.body.kinematics import bones_of, fk, heading, horizontal, scale_bones, turn_heading
+from mwlib.body.kinematics import bones_of, fk, heading, horizontal, places, scale_bones, turn_heading
 from mwlib.body.motion import Motion
 from mwlib.body.rig import ROTATION_DTYPE, Rig
 from mwlib.body.rotation import continuous, from_six, six
@@ -41,11 +41,13 @@ class Space(ABC):
         bodies: skeleton, frame rate and up-axis of the motions.
         channels: numbers in a state, C.
         turned: how many of its vectors turn with the body.
+        rigid: whether no state changes the length of a bone.
     """
 
     bodies: Bodies
     channels: int
     turned: int
+    rigid: bool
 
     @abstractmethod
     def encode(self, motion: Motion) -> Float[Tensor, "T C"]:
@@ -119,6 +121,11 @@ class PositionSpace(Space):
         """All."""
         return len(self.bodies.skeleton)
 
+    @property
+    def rigid(self) -> bool:  # pyright: ignore[reportIncompatibleVariableOverride]
+        """No: every joint may go anywhere."""
+        return False
+
     def encode(self, motion: Motion) -> Float[Tensor, "T C"]:
         """See `Space`."""
         return torch.from_numpy(np.concatenate([motion.positions[:, 0], motion.root_relative()], axis=1).astype(np.float32))
@@ -183,6 +190,19 @@ class RotationSpace(Space):
         """The root's place and the two vectors of its rotation; the others are against their parents."""
         return 3
 
+    @property
+    def rigid(self) -> bool:  # pyright: ignore[reportIncompatibleVariableOverride]
+        """Whether no joint that turns lies amid a bone of the skeleton."""
+        ends = ((self.points[parent], self.points[joint]) for parent, joint in self.bodies.skeleton.bones)
+        return not any(joint in self.turning for start, end in ends for joint in self._between(start, end))
+
+    def _between(self, start: int, end: int) -> list[int]:
+        """Joints of the rig on the way up from `end` to `start`, or to the root where it leads past."""
+        way = []
+        while (end := self.tree.parents[end]) not in (start, -1):
+            way.append(end)
+        return way
+
     def encode(self, motion: Motion) -> Float[Tensor, "T C"]:
         """See `Space`.
 
@@ -213,24 +233,25 @@ class RotationSpace(Space):
 
     def local(self, x: Float[Tensor, "*lead C"]) -> Float[Tensor, "*lead rig 4"]:
         """Rotations of all joints of the rig against their parents; those that do not turn have none."""
-        turns = from_six(x[..., 3:].unflatten(-1, (-1, 6)))
-        still = turns.new_tensor([1.0, 0.0, 0.0, 0.0]).expand(*turns.shape[:-2], 1, 4)
+        return from_six(self._numbers(x))
+
+    def _numbers(self, x: Float[Tensor, "*lead C"]) -> Float[Tensor, "*lead rig 6"]:
+        still = x.new_tensor([1.0, 0.0, 0.0, 0.0, 1.0, 0.0]).expand(*x.shape[:-1], 6)
         order = _places(self.turning, len(self.tree)).to(x.device)
-        return torch.cat([still, turns], dim=-2).index_select(-2, order)
+        return torch.cat([still, x[..., 3:]], dim=-1).unflatten(-1, (-1, 6)).index_select(-2, order)
 
     def positions(self, x: Float[Tensor, "*lead T C"], offsets: Float[Tensor, "*#lead rig 3"]) -> Float[Tensor, "*lead T J 3"]:
         """See `Space`: forward kinematics."""
-        return self._world(x, offsets)[0][..., list(self.points), :]
+        found = places(self._numbers(x), offsets.to(x)[..., None, :, :], x[..., :3], self.tree)
+        return found.movedim(-2, 0).index_select(0, torch.tensor(self.points, device=x.device)).movedim(0, -2)
 
     def rotations(
         self, x: Float[Tensor, "*lead T C"], offsets: Float[Tensor, "*#lead rig 3"]
     ) -> Float[Tensor, "*lead T joints 4"]:
         """See `Space`."""
-        return self._world(x, offsets)[1][..., list(self.turning), :]
-
-    def _world(self, x: Tensor, offsets: Tensor) -> tuple[Tensor, Tensor]:
         turns = self.local(x)
-        return fk(turns, offsets.to(x)[..., None, :, :].expand(*turns.shape[:-1], 3), x[..., :3], self.tree)
+        offsets = offsets.to(x)[..., None, :, :].expand(*turns.shape[:-1], 3)
+        return fk(turns, offsets, x[..., :3], self.tree)[1][..., list(self.turning), :]
 
     def decode(self, x: Float[Tensor, "T C"], like: Motion) -> Motion:
         """See `Space`."""

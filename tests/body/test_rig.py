@@ -10,10 +10,10 @@ import pytest
 import torch
 from scipy.spatial.transform import Rotation, Slerp
 
-from mwlib.body.kinematics import bone_lengths, fk, forward_kinematics, turn_heading
+from mwlib.body.kinematics import bone_lengths, fk, forward_kinematics, places, turn_heading
 from mwlib.body.motion import Motion
 from mwlib.body.rig import ANGLES, MOVES, Rig
-from mwlib.body.rotation import continuous, euler_quaternions
+from mwlib.body.rotation import continuous, euler_quaternions, from_six
 from mwlib.body.skeleton import H36M17, LAFAN1, Skeleton
 from tests.inbetweening.sample import lafan_motion
 
@@ -89,6 +89,29 @@ def test_fk_has_gradients():
     given = [torch.from_numpy(rng.normal(size=shape)).requires_grad_() for shape in shapes.values()]
     given[0].data = torch.nn.functional.normalize(given[0].data, dim=-1)
     assert torch.autograd.gradcheck(lambda q, offsets, root: fk(q, offsets, root, TREE), given)
+
+
+@pytest.mark.parametrize("skeleton", [LAFAN1, H36M17, TREE, Skeleton("bone", ("a", "b"), (-1, 0))])
+def test_places_of_six_numbers_are_those_of_fk_with_the_same_gradients(skeleton):
+    """Six numbers as a network gives them, of no rotation; one body for all frames of a window."""
+    rng, joints = np.random.default_rng(3), len(skeleton)
+    shapes = {"numbers": (2, 3, joints, 6), "offsets": (2, 1, joints, 3), "root": (2, 3, 3)}
+    numbers, offsets, root = (torch.from_numpy(rng.normal(size=shape)).requires_grad_() for shape in shapes.values())
+    found = places(numbers, offsets, root, skeleton)
+    expected, _ = fk(from_six(numbers), offsets.expand(2, 3, joints, 3), root, skeleton)
+    torch.testing.assert_close(found, expected, rtol=0, atol=1e-12)
+    weights = torch.from_numpy(rng.normal(size=found.shape))
+    ours, theirs = (torch.autograd.grad((x * weights).sum(), (numbers, offsets, root)) for x in (found, expected))
+    torch.testing.assert_close(ours, theirs, rtol=0, atol=1e-10)
+    torch.testing.assert_close(places(numbers[1, 2], offsets[1, 0], root[1, 2], skeleton), found[1, 2])
+    single = places(numbers.float(), offsets.float(), root.float(), skeleton)
+    torch.testing.assert_close(single.double(), found, rtol=0, atol=1e-5)
+
+
+def test_places_have_gradients():
+    rng = np.random.default_rng(2)
+    given = [torch.from_numpy(rng.normal(size=shape)).requires_grad_() for shape in ((2, 7, 6), (7, 3), (2, 3))]
+    assert torch.autograd.gradcheck(lambda numbers, offsets, root: places(numbers, offsets, root, TREE), given)
 
 
 @pytest.mark.parametrize("moving", [False, True])

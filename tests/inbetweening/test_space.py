@@ -183,6 +183,22 @@ def test_joints_that_turn_in_one_clip_alone_are_not_lost():
         space.encode(motion)
 
 
+def test_bones_are_rigid_unless_a_joint_amid_them_turns():
+    """A skeleton without knees: its thigh and shin are one bone, which bends."""
+    motion = lafan_motion()
+    space = RotationSpace.of(motion)
+    assert space.rigid and not PositionSpace(Bodies.of([motion])).rigid
+    knee = LAFAN1.joints.index("LeftLeg")
+    names = tuple(name for name in LAFAN1.joints if name != "LeftLeg")
+    parents = tuple(
+        LAFAN1.parents[j] if j <= knee else LAFAN1.parents[j] - (LAFAN1.parents[j] >= knee) for j in range(22) if j != knee
+    )
+    bent = replace(space.bodies, skeleton=Skeleton("bent", names, parents))
+    points = tuple(j for j in range(22) if j != knee)
+    assert not replace(space, bodies=bent, points=points).rigid
+    assert replace(space, bodies=bent, points=points, turning=points).rigid
+
+
 def test_a_body_without_sides_faces_nowhere():
     line = Skeleton("line", ("a", "b", "c"), (-1, 0, 1))
     space = PositionSpace(Bodies(line, 10.0, "z"))

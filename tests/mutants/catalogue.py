@@ -176,6 +176,9 @@ MUTANTS = [
         ("heading-from-left-to-right",
          "torch.atan2(across[..., b], across[..., a])", "torch.atan2(-across[..., b], -across[..., a])"),
         ("bones-not-added-up", "chain[joint] = chain[max(parent, 0)]", "pass"),
+        ("turns-in-the-wrong-order",
+         "_times(turns[-1].index_select(2, parents), turn)", "_times(turn, turns[-1].index_select(2, parents))",
+         "body/test_rig.py::test_places_of_six_numbers_are_those_of_fk_with_the_same_gradients"),
     ),
     *of(
         "prediction/representation.py", "prediction/test_representation.py",
@@ -648,6 +651,8 @@ MUTANTS = [
     ),
     *of(
         "body/rotation.py", "body/test_rotation.py::test_six_are_the_first_two_columns_and_lead_back",
+        ("columns-not-across", "_unit(across - (x * across).sum(0) * x)", "_unit(across)",
+         "body/test_rotation.py::test_six_numbers_of_no_rotation_become_gram_and_schmidts"),
         ("six-by-rows", "[..., :2].transpose(-1, -2).flatten(-2)", "[..., :2].flatten(-2)"),
         ("largest-part-of-a-quaternion-not-looked-for", "dim2=-1).argmax(dim=-1)", "dim2=-1).argmax(dim=-1) * 0",
          "body/test_rotation.py::test_quaternions_of_matrices_at_half_turns"),
@@ -659,6 +664,7 @@ MUTANTS = [
     *of(
         "inbetweening/space.py", "inbetweening/test_space.py",
         ("window-turned-wrongly", "return self._turn(moved, -placement.angle)", "return self._turn(moved, placement.angle)"),
+        ("bones-that-bend-are-rigid", "return not any(joint in self.turning", "return not all(joint in self.turning"),
         ("only-the-place-turns", "turned = turn_heading(x[..., : 3 * self.turned]", "turned = turn_heading(x[..., :3]"),
     ),
     *of(
@@ -683,6 +689,8 @@ MUTANTS = [
         "inbetweening/objective.py", "inbetweening/test_objective.py",
         ("losses-on-bodies-unweighted", "(total.mean(1) * self.alpha_bar[t].to(x)).mean()", "total.mean(1).mean()",
          "inbetweening/test_objective.py::test_where_all_is_noise_the_losses_on_bodies_hardly_count"),
+        ("lengths-where-there-are-none", "and not self.space.rigid:", "and self.space.rigid:",
+         "inbetweening/test_objective.py::test_every_weight_has_an_effect"),
         ("statistics-fitted-again", "        if learnt:\n", "        if not learnt:\n",
          "inbetweening/test_objective.py::test_what_was_learnt_goes_on_with_the_training"),
     ),
