@@ -60,7 +60,7 @@ def write_site_sources(folder: Path, root: Path) -> list[Path]:
             pages[file.relative_to(root).as_posix()] = file.read_bytes()
     trees = {path.stem: json.loads(path.read_text(encoding="utf-8")) for path in notebooks}
     pages |= exhibit_pages(root, trees)
-    pages["figures/cmu/index.md"] = committed_page(root / "figures" / "cmu")
+    pages["figures/cmu/index.md"] = committed_page(root)
     pages |= api_pages()
     return _written(folder, pages)
 

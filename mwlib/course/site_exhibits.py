@@ -12,6 +12,7 @@ from typing import Any
 
 from mwlib.course.manifest import Exhibit, read_manifest
 from mwlib.course.outputs import Kept, kept_outputs
+from mwlib.experiments.grids import read_grids
 
 FOLDER = "exhibits"
 INTRODUCTION = """# Tables and figures of {name}
@@ -74,11 +75,19 @@ def exhibit_pages(root: Path, notebooks: Mapping[str, Mapping[str, Any]]) -> dic
     return pages
 
 
-def committed_page(folder: Path) -> str:
-    """All committed tables and pictures of a folder, with links to their files."""
-    parts = [COMMITTED]
+def committed_page(root: Path) -> str:
+    """All committed tables and pictures of CMU: what each shows, in words, and links to its files.
+
+    Args:
+        root: a checkout. A table is named by its grid, a picture by its exhibit or else by its alternative text.
+    """
+    rows = read_manifest(root / "figures" / "manifest.yaml")
+    said = {name.removeprefix("cmu/"): row.caption for row in rows for name in row.committed}
+    said |= {name: grid.title for name, grid in read_grids(root / "figures" / "grids.yaml").items()}
+    parts, folder = [COMMITTED], root / "figures" / "cmu"
     for file in sorted([*folder.glob("*.md"), *folder.glob("*.png")]):
-        parts += [f"## {file.stem.replace('_', ' ').capitalize()}", _committed(file, ""), ""]
+        words = (said.get(file.stem) or _alt(file)).rstrip(".")
+        parts += [f"## {file.stem.replace('_', ' ').capitalize()}", f"{words}.", _committed(file, ""), ""]
     return "\n\n".join(parts)
 
 

@@ -7,7 +7,7 @@ import time
 from collections.abc import Callable
 
 from IPython.display import display
-from ipywidgets import Box, Checkbox, HBox, IntRangeSlider, IntSlider, Label, Text, VBox, interactive
+from ipywidgets import Checkbox, HBox, IntRangeSlider, IntSlider, Label, Text, VBox, interactive
 from ipywidgets.widgets.widget_description import DescriptionWidget
 from matplotlib.figure import Figure
 
@@ -64,7 +64,7 @@ def keyframes(look: PlayerFunction, frames: int, between: tuple[int, int], start
     """
     if _static():
         return None
-    stage, told, wide = Box(), Label(), {"width": "100%"}
+    stage, told, wide = VBox(), Label(), {"width": "100%"}
     pair = IntRangeSlider(value=start, min=0, max=frames - 1, description="keyframes", continuous_update=False, layout=wide)
     follows = Checkbox(True, description="N as in the clip", indent=False)
     number = IntSlider(min=between[0], max=between[1], description="N", continuous_update=False)

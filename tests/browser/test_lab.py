@@ -17,7 +17,7 @@ from pathlib import Path
 
 import nbformat
 import pytest
-from playwright.sync_api import Browser, Page
+from playwright.sync_api import Browser, Locator, Page
 
 from mwlib.course.files import find_notebook
 from mwlib.course.working_copy import lay_out
@@ -26,8 +26,9 @@ from tests.browser.chromium import PATIENCE, SHOTS, asked_for
 
 pytestmark = asked_for
 ROOT = Path(__file__).parents[2]
-BOX = "box.ipynb"  # chapter 13 as far as the sentence box
-SLOW = 5 * PATIENCE  # milliseconds; JupyterLab needs 20 s to open on an idle core, what comes before the box half a minute
+SENTENCES, KEYFRAMES = "sentences.ipynb", "keyframes.ipynb"  # chapters 13 and 11 as far as their boxes
+SLOW = 5 * PATIENCE  # milliseconds; JupyterLab needs 20 s to open on an idle core, what comes before a box two minutes
+STDERR = re.compile(rb'"name": ?"stderr", ?"text": ?"(?!No such comm)')  # JupyterLab asks for widgets before they are imported
 OF_NOBODY = ("JUPYTER_CONFIG_DIR", "JUPYTER_DATA_DIR", "JUPYTER_RUNTIME_DIR", "JUPYTERLAB_WORKSPACES_DIR", "IPYTHONDIR")
 NO_NEWS = '{"fetchNews": "false", "checkForUpdates": false}'  # what JupyterLab asks at its first start, answered with No
 TOKEN = "for-this-test"
@@ -45,6 +46,8 @@ WIDE = """() => [...document.querySelectorAll('.jp-MarkdownOutput > :not(table),
     return box.width && box.right > cell.right + 1; })
   .map(part => part.outerHTML.slice(0, 100))"""
 BROKEN = "() => [...document.querySelectorAll('.jp-Notebook img')].filter(i => i.complete && !i.naturalWidth).length"
+WIDTH = "part => part.getBoundingClientRect().width"
+INKED = "c => c.getContext('2d').getImageData(0, 0, c.width, c.height).data.some(value => value > 0)"
 PAGE_DOWN = """() => { const view = document.querySelector('.jp-WindowedPanel-outer'), before = view.scrollTop;
   view.scrollTop += view.clientHeight - 60; return view.scrollTop > before; }"""
 
@@ -54,7 +57,9 @@ def lab(tmp_path_factory) -> Iterator[str]:
     """The address of a JupyterLab of its own, opened as `make lab` does."""
     folder = tmp_path_factory.mktemp("lab")
     lay_out(folder / "course")
-    write_box(folder / "course" / "notebooks" / BOX)
+    write_box(folder / "course" / "notebooks" / SENTENCES, "13", "widgets.explore(ask")
+    needless = ("clip = split.test[", "ships = mw.load_run(")  # sections 1 to 9: grids of models, trained for many minutes
+    write_box(folder / "course" / "notebooks" / KEYFRAMES, "11", "widgets.keyframes(", needless)
     answered = folder / "settings" / "@jupyterlab" / "apputils-extension" / "notification.jupyterlab-settings"
     write_atomic(answered, NO_NEWS)
     with socket.socket() as free:
@@ -75,11 +80,15 @@ def lab(tmp_path_factory) -> Iterator[str]:
         server.wait(PATIENCE / 1000)
 
 
-def write_box(path: Path) -> None:
-    """Chapter 13 up to its sentence box, cell by cell as it is."""
-    chapter = nbformat.read(find_notebook("13"), as_version=4)
-    box = next(place for place, cell in enumerate(chapter.cells) if "widgets.explore(ask" in cell.source)
-    chapter.cells = chapter.cells[: box + 1]
+def write_box(path: Path, number: str, box: str, needless: tuple[str, str] | None = None) -> None:
+    """A chapter up to its box, cell by cell as it is, without what lies between two cells and is not needed for the box."""
+    chapter = nbformat.read(find_notebook(number), as_version=4)
+    last, *gap = (
+        next(place for place, cell in enumerate(chapter.cells) if text in cell.source) for text in (box, *(needless or ()))
+    )
+    del chapter.cells[last + 1 :]
+    if gap:
+        del chapter.cells[gap[0] + 1 : gap[1]]
     write_atomic(path, nbformat.writes(chapter))
 
 
@@ -96,8 +105,14 @@ def wait_for(address: str, server: subprocess.Popen, log: Path) -> None:
 
 @pytest.fixture
 def opened(browser: Browser, lab: str) -> Iterator[Callable[[str, int], Page]]:
-    """Opens a notebook, and in the end finds that the console told of no error and that no other host was asked."""
+    """Opens a notebook; in the end no error or warning was told by the console or the kernel, and no other host was asked."""
     said, asked, pages = [], [], []
+
+    def hear(message: str | bytes) -> None:
+        """What a slider sets off has no cell below which its warnings would stand."""
+        content = message.encode() if isinstance(message, str) else message
+        if STDERR.search(content):
+            said.append(content.decode(errors="replace"))
 
     def open_notebook(name: str, width: int = 1400) -> Page:
         page = browser.new_page(viewport={"width": width, "height": 1000})
@@ -105,6 +120,7 @@ def opened(browser: Browser, lab: str) -> Iterator[Callable[[str, int], Page]]:
         page.set_default_timeout(PATIENCE)
         page.on("console", lambda message: said.append(message.text) if message.type == "error" else None)
         page.on("pageerror", lambda error: said.append(str(error)))
+        page.on("websocket", lambda socket: socket.on("framereceived", hear))
         page.on("request", lambda request: asked.append(request.url))
         page.goto(f"{lab}lab/tree/notebooks/{name}?token={TOKEN}&reset", timeout=SLOW)
         page.locator(".jp-Notebook h1").first.wait_for(timeout=SLOW)
@@ -117,10 +133,14 @@ def opened(browser: Browser, lab: str) -> Iterator[Callable[[str, int], Page]]:
     assert [url for url in asked if not url.startswith((lab, lab.replace("http", "ws"), "data:", "blob:"))] == []
 
 
-def test_a_sentence_typed_into_the_box_becomes_a_moving_body(opened):
-    page = opened(BOX)
+def run_all(page: Page) -> None:
     page.get_by_role("menuitem", name="Run", exact=True).click()
     page.get_by_role("menuitem", name="Run All Cells", exact=True).click()
+
+
+def test_a_sentence_typed_into_the_box_becomes_a_moving_body(opened):
+    page = opened(SENTENCES)
+    run_all(page)
     box = page.locator(".widget-text input")
     box.wait_for(timeout=SLOW)
     assert page.locator(".jp-OutputArea canvas").count() == 0  # it waits to be asked
@@ -133,9 +153,47 @@ def test_a_sentence_typed_into_the_box_becomes_a_moving_body(opened):
     clock = page.locator(".jp-OutputArea output").first
     before, shot = clock.evaluate("node => node.value"), body.screenshot()
     page.wait_for_function("([node, before]) => node.value !== before", arg=[clock.element_handle(), before])
-    page.screenshot(path=SHOTS / "lab_box.png")
+    page.screenshot(path=SHOTS / "lab_sentences.png")
     assert body.screenshot() != shot
-    assert page.locator('.jp-OutputArea [data-mime-type="application/vnd.jupyter.stderr"]').count() == 0
+
+
+def test_keyframes_dragged_along_the_clip_get_new_motions_between(opened):
+    page = opened(KEYFRAMES)
+    run_all(page)
+    box = page.locator(".jp-OutputArea-output > .widget-vbox")
+    box.get_by_text("made in").wait_for(timeout=SLOW)
+    box.scroll_into_view_if_needed()
+    samples = ["sample 1", "sample 2", "sample 3"]
+    shots = [filmed(box, 20, 51, 30, ["truth", *samples])]
+    first, last, between = box.locator(".noUi-handle").all()
+    handle, frame = first.bounding_box(), box.locator(".noUi-base").first.evaluate(WIDTH) / 190
+    x, y = handle["x"] + handle["width"] / 2, handle["y"] + handle["height"] / 2
+    page.mouse.move(x, y)
+    page.mouse.down()
+    page.mouse.move(x + 20 * frame, y, steps=5)
+    page.mouse.up()
+    shots.append(filmed(box, 40, 51, 10, ["truth", *samples]))
+    last.press("ArrowRight")
+    shots.append(filmed(box, 40, 52, 11, ["truth", *samples]))
+    box.get_by_label("N as in the clip").uncheck()
+    box.locator(".noUi-target[disabled]").wait_for(state="detached")
+    between.press("ArrowLeft")
+    shots.append(filmed(box, 40, 52, 10, samples))
+    assert len(set(shots)) == len(shots)
+
+
+def filmed(box: Locator, first: int, last: int, between: int, names: list[str]) -> bytes:
+    """Waits until handles, line and player tell of these keyframes; the player's picture in the middle of its film."""
+    box.get_by_text(f"frames {first} and {last}, {between} between: made in").wait_for()
+    assert box.locator(".widget-readout").all_inner_texts() == [f"{first} – {last}", str(between)]
+    film = box.locator(f'input[aria-label="Time"][max="{between + 1}"]')
+    film.wait_for()
+    assert box.locator(".label").all_inner_texts() == names
+    film.fill(str(between // 2))
+    box.page.wait_for_function(INKED, arg=box.locator("canvas").element_handle())
+    assert box.locator("canvas").evaluate(WIDTH) > 0.9 * box.evaluate(WIDTH)
+    box.page.screenshot(path=SHOTS / f"lab_keyframes_{first}_{last}_{between}.png")
+    return box.locator("canvas").screenshot()
 
 
 @pytest.mark.parametrize("width", [1400, 800])

@@ -89,6 +89,12 @@ def test_every_exhibit_of_the_paper_is_there_in_its_order(sources, system):
     assert text.count(":alt: ") == text.count("```{image}") >= 8 and ':alt: ""' not in text
 
 
+def test_every_committed_result_is_named_in_words(sources):
+    _, *parts = re.split(r"^## .*\n\n", (sources / "figures" / "cmu" / "index.md").read_text(encoding="utf-8"), flags=re.M)
+    shown = [*(ROOT / "figures" / "cmu").glob("*.md"), *(ROOT / "figures" / "cmu").glob("*.png")]
+    assert len(parts) == len(shown) and [part for part in parts if not re.match(r"[A-Z0-9][^|`\n]{10,}[^.]\.\n\n", part)] == []
+
+
 def test_committed_results_come_first(tmp_path):
     root = tmp_path / "root"
     row = next(

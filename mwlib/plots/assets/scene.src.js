@@ -135,14 +135,18 @@ export class Panel { // one scene: floor, light, and the bodies that stand on it
     this.scene.add(...[...bodies, ...this.ghosts].map((body) => body.group));
   }
   cloud(following) {
-    return this.bodies.flatMap((body) => body.cloud((frame) => (following ? body.track[frame] : this.centre)));
+    const held = (time) => (following ? this.middle(time) : this.centre);
+    return this.bodies.flatMap((body) => body.cloud((frame) => held(frame + body.start)));
+  }
+  middle(time) { // of all bodies
+    const all = this.bodies.map((body) => body.above(time));
+    return [0, 1].map((k) => all.reduce((sum, place) => sum + place[k], 0) / all.length);
   }
   show(time, following) {
     for (const body of this.bodies) body.show(time);
     for (const ghost of this.ghosts) ghost.material.opacity = GHOST * Math.min(1, Math.abs(time - ghost.frame) / (0.4 * this.fps));
     this.paths.forEach((path, i) => path.upTo(this.bodies[i].at(time)));
-    const all = this.bodies.map((body) => body.above(time));
-    const at = [0, 1].map((k) => all.reduce((sum, place) => sum + place[k], 0) / all.length), held = following ? at : this.centre;
+    const at = this.middle(time), held = following ? at : this.centre;
     this.scene.position.set(-held[0], -held[1], 0);
     this.grid.position.set(Math.round(held[0]), Math.round(held[1]), 0.002);
     this.sun.target.position.set(at[0], at[1], 0);
