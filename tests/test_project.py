@@ -262,7 +262,7 @@ def jobs(todo: str) -> dict[str, int]:
 
 def test_snakemake_runs_again_what_changed_and_nothing_else(tmp_path):
     """Neither an executed notebook nor a touched file schedules anything; a source, a preset or the data do."""
-    for stem in ("01_first", "06_training", "07_prediction"):
+    for stem in ("01_first", "06_training", "09_attention"):
         save(runnable(), tmp_path / "notebooks", stem)
         write_atomic(tmp_path / "out" / stem / "metrics.json", "{}")
     for name in ("out/index.html", "data/a.bvh"):

@@ -463,6 +463,10 @@ MUTANTS = [
         ("quotes-not-looked-up", "if place.prints and not any(", "if place.prints and all("),
     ),
     *of(
+        "__main__.py", "test_command_line.py",
+        ("every-room-for-one-command", "for room in asked or ROOMS:", "for room in ROOMS:"),
+    ),
+    *of(
         "material.py", "experiments/test_shipped.py",
         ("a-name-comes-before-a-folder", "if not (own / CONFIG).exists() and str(name) in shipped():",
          "if str(name) in shipped():"),
