@@ -23,7 +23,7 @@ COMPARED = "nbval-check-output"  # nbval's own tag, so that it can compare these
 
 def first_long() -> list[Path]:
     """First the one whose model others wait for, beside a long one that does not; then those that are shorter."""
-    order = [*LONGEST, "04", "05b", "09", "05"]
+    order = [*LONGEST, "05b", "09", "05"]
     places = {number: place for place, number in enumerate(order)}
     return sorted(course(), key=lambda path: places.get(chapter_number(path), len(order)))
 
