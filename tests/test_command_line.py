@@ -8,6 +8,7 @@ from argparse import ArgumentParser
 import pytest
 
 from mwlib.__main__ import ROOMS, main
+from mwlib.experiments.grid_options import given_changes, grid_options
 
 
 @pytest.mark.parametrize("room", ROOMS)
@@ -41,3 +42,11 @@ def test_an_unknown_command_is_refused_with_those_there_are(capsys):
     with pytest.raises(SystemExit):
         main(["trian"])
     assert "train" in capsys.readouterr().err
+
+
+def test_data_and_settings_of_a_grid_command_change_the_preset():
+    parser = ArgumentParser()
+    grid_options(parser)
+    given = parser.parse_args(["--data", "my/folder", "--set", "lr=0.5", "--set", "samples=3", "--out", "build"])
+    assert given_changes(given) == {"data": "my/folder", "lr": 0.5, "samples": 3}
+    assert given_changes(parser.parse_args(["--out", "build"])) == {}

@@ -467,6 +467,10 @@ MUTANTS = [
         ("every-room-for-one-command", "for room in asked or ROOMS:", "for room in ROOMS:"),
     ),
     *of(
+        "experiments/grid_options.py", "test_command_line.py",
+        ("data-of-a-grid-not-heard", '({"data": args.data} if args.data else {}) | parse_changes', "parse_changes"),
+    ),
+    *of(
         "material.py", "experiments/test_shipped.py",
         ("a-name-comes-before-a-folder", "if not (own / CONFIG).exists() and str(name) in shipped():",
          "if str(name) in shipped():"),
