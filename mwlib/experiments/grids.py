@@ -44,12 +44,14 @@ class Budget:
         seeds: number of seeds per row.
         share: of the configuration's training steps that a row of its own training gets.
         changes: to the configuration, the same for every row.
+        trains: every seed is one of training, too; None = as the grid says.
     """
 
     until: float
     seeds: int
     share: float = 1.0
     changes: dict[str, Any] = field(default_factory=dict)
+    trains: bool | None = None
 
 
 @dataclass(frozen=True)
@@ -84,6 +86,11 @@ class Grid:
         """What a row may cost for this configuration; three seeds and no cut for the paper's sizes."""
         return next((b for b in self.budgets if cfg.get("train_steps") <= b.until), Budget(float("inf"), 3))
 
+    def trains_at(self, cfg: Settings) -> bool:
+        """Whether the seeds of this configuration are of the training, too, or of the sampling alone."""
+        said = self.budget(cfg).trains
+        return self.trains if said is None else said
+
     def seeds(self, row: Row, cfg: Settings) -> range:
         """The seeds of a row."""
         return range(self.budget(cfg).seeds if row.seeds is None else row.seeds)
@@ -114,11 +121,12 @@ def read_grids(path: Path | None = None) -> dict[str, Grid]:
 
 # What a field of the file may hold; the first entry of a pair is what a message calls it.
 MAPPING, LIST, TEXT = ("a mapping", (dict, type(None))), ("a list", (list,)), ("a text", (str,))
+TRUTH = ("true or false", (bool,))
 NUMBER, COUNT = ("a number", (int, float)), ("a whole number", (int, type(None)))
-GRID = {"title": TEXT, "rows": LIST, "system": TEXT, "paper": TEXT, "notebook": TEXT, "trains": ("true or false", (bool,)),
+GRID = {"title": TEXT, "rows": LIST, "system": TEXT, "paper": TEXT, "notebook": TEXT, "trains": TRUTH,
         "base": MAPPING, "budgets": LIST, "reference": TEXT}  # fmt: skip
 ROW = {"name": ("a name", (str, int, float)), "set": MAPPING, "paper": MAPPING, "seeds": COUNT}
-BUDGET = {"until": NUMBER, "seeds": ("a whole number", (int,)), "share": NUMBER, "set": MAPPING}
+BUDGET = {"until": NUMBER, "seeds": ("a whole number", (int,)), "share": NUMBER, "set": MAPPING, "trains": TRUTH}
 
 
 def _grid(where: str, name: str, body: dict[str, Any]) -> Grid:
@@ -134,7 +142,8 @@ def _grid(where: str, name: str, body: dict[str, Any]) -> Grid:
     budgets = []
     for budget in body.get("budgets", ()):
         _check(f"{where}, budgets", budget, {"until", "seeds"}, BUDGET)
-        budgets.append(Budget(budget["until"], budget["seeds"], budget.get("share", 1.0), budget.get("set") or {}))
+        shared = (budget.get("share", 1.0), budget.get("set") or {}, budget.get("trains"))
+        budgets.append(Budget(budget["until"], budget["seeds"], *shared))
     grid = Grid(
         name, body.get("system", "prediction"), body["title"], body.get("paper", ""), body.get("notebook", ""),
         bool(body.get("trains")), body.get("base") or {}, tuple(rows), tuple(budgets), body.get("reference") or rows[0].name,
@@ -203,7 +212,7 @@ def _shortened(cfg: Settings, share: float) -> dict[str, Any]:
 
 def row_config(grid: Grid, row: Row, cfg: Settings, seed: int = 0, given: Collection[str] = ()) -> Settings:
     """A row's configuration at a seed: of the sampling, and of the training where each row has its own."""
-    seeds = {"sampling_seed": seed, **({"seed": seed} if grid.trains else {})}
+    seeds = {"sampling_seed": seed, **({"seed": seed} if grid.trains_at(cfg) else {})}
     return cfg.override(**changes(grid, row, cfg, given)).override(**seeds)
 
 

@@ -229,7 +229,7 @@ def provenance(grid: Grid, cfg: Settings, found: Sequence[dict[str, Any]], given
     return {
         "data": data, "grid": grid.id, "paper": grid.paper or "not in the paper",
         "seeds": list(range(max(row["seeds"] for row in found))),
-        "seeds_of": "training and sampling" if grid.trains else "sampling",
+        "seeds_of": "training and sampling" if grid.trains_at(cfg) else "sampling",
         "budget_share": budget.share, "settings_of_the_first_row": first.changed_from(type(first)()),
         "rows": {row.name: changes(grid, row, cfg, given) for row in grid.rows},
         "test_windows": found[0]["windows"],

@@ -572,8 +572,8 @@ MUTANTS = [
         ("budget-wins-over-the-base", "(shared | grid.base)", "(grid.base | shared)"),
         ("budget-ends-one-step-early", "<= b.until", "< b.until"),
         ("rows-without-pairs", '{"sampling_seed": seed, **', '{"sampling_seed": hash(row.name) % 1000 + seed, **'),
-        ("one-training-for-all-seeds", '({"seed": seed} if grid.trains else {})', "{}"),
-        ("training-seeds-where-none-is-trained", '({"seed": seed} if grid.trains else {})', '{"seed": seed}'),
+        ("one-training-for-all-seeds", '({"seed": seed} if grid.trains_at(cfg) else {})', "{}"),
+        ("training-seeds-where-none-is-trained", '({"seed": seed} if grid.trains_at(cfg) else {})', '{"seed": seed}'),
     ),
     *of(
         "experiments/tables.py", "experiments/test_tables.py",
