@@ -45,6 +45,7 @@ class Settings:
     presets: ClassVar[Mapping[str, Mapping[str, Any]]] = {}  # name -> changes to the defaults
     renamed: ClassVar[Mapping[str, str]] = {}  # names of former versions -> today's
     after_training: ClassVar[frozenset[str]] = frozenset()  # groups and fields on which no trained model depends
+    newer: ClassVar[Mapping[str, Any]] = {}  # fields that came after results were kept -> the value at which no hash has them
 
     def __post_init__(self) -> None:
         for group, kind in self.groups().items():
@@ -113,16 +114,24 @@ class Settings:
 
     def hash(self) -> str:
         """Eight hex digits over every field and the system's name."""
-        return digest({"system": self.system, **self._tree()})
+        return digest({"system": self.system, **self._hashed()})
 
     def training_hash(self) -> str:
         """Eight hex digits over what a trained model depends on: every field but those of `after_training`."""
-        tree = {group: part for group, part in self._tree().items() if group not in self.after_training}
+        tree = {group: part for group, part in self._hashed().items() if group not in self.after_training}
         kept = {group: {k: v for k, v in part.items() if k not in self.after_training} for group, part in tree.items()}
         return digest({"system": self.system, **kept})
 
     def _tree(self) -> dict[str, dict[str, Any]]:
         return {group: asdict(getattr(self, group)) for group in self.groups()}
+
+    def _hashed(self) -> dict[str, dict[str, Any]]:
+        """All fields but the newer ones that change nothing, so that what was made before these came is found again."""
+        newer = self.newer
+        return {
+            group: {name: value for name, value in part.items() if name not in newer or value != newer[name]}
+            for group, part in self._tree().items()
+        }
 
     def to_yaml(self) -> str:
         """The system's name and all fields as YAML text, grouped."""

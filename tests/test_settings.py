@@ -188,6 +188,14 @@ def test_hashes_cover_every_field_and_the_system():
 
     assert Hut().hash() != house.hash() and Hut().training_hash() != house.training_hash()
 
+    @dataclass(frozen=True)
+    class Older(House):
+        newer: ClassVar[dict[str, int]] = {"guests": house.get("guests"), "plates": 99}
+
+    assert (older := Older()).hash() != house.hash() and older.hash() != older.override(guests=1).hash()
+    assert older.hash() != older.override(plates=99).hash() and older.training_hash() != older.override(guests=1).training_hash()
+    assert Older.from_yaml(older.to_yaml()) == older and "guests" in older.to_yaml()
+
 
 def test_words_are_read_as_yaml():
     assert parse_changes(["a=1", "b = [x, 2]", "c=1e-3", "d=true", "e=", "f=k=v"]) == {

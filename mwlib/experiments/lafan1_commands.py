@@ -7,12 +7,17 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+import torch
+
 from mwlib import plots
 from mwlib.data.known import acknowledgement
 from mwlib.data.load import load_motions
-from mwlib.experiments.origins import data_fingerprint
+from mwlib.experiments.origins import data_fingerprint, models_used
+from mwlib.experiments.runs import load_run
 from mwlib.inbetweening import lafan1
+from mwlib.inbetweening.bridge import Bridge
 from mwlib.inbetweening.lafan1 import Benchmark, lafan1_benchmark
+from mwlib.inbetweening.lafan1_model import check_model, model_table
 from mwlib.inbetweening.lafan1_table import ALL_CLIPS, ALL_WINDOWS, LENGTHS, TOLERANCE, is_complete, misses, published, table
 from mwlib.version import __version__
 
@@ -24,21 +29,29 @@ def add_parser(subparsers: _SubParsersAction) -> None:
     """Register this module's command."""
     parser = subparsers.add_parser(
         "lafan1-benchmark",
-        help="measure the two baselines of the LaFAN1 benchmark of in-betweening on the files at hand",
+        help="measure the two baselines of the LaFAN1 benchmark of in-betweening, and trained models, on the files at hand",
         description="Measure zero velocity and interpolation on the windows of subject 5, normalised by the statistics of "
         "subjects 1 to 4, as Harvey et al. (2020) do: L2Q, L2P and NPSS of transitions of 5, 15, 30 and 45 frames. Published "
         f"numbers stand beside. With all {ALL_CLIPS} files, which give {ALL_WINDOWS} windows, it says whether the published "
-        "digits are met (exit status 1 if not); with fewer, that numbers cannot be compared.",
+        "digits are met (exit status 1 if not); with fewer, that numbers cannot be compared. A trained model (--model) is given "
+        "up to ten frames of the past and the frame after the transition. It gets two rows: the mean of the errors of single "
+        "samples, and the errors of the samples' average. The preset lafan1_official trains one.",
         formatter_class=ArgumentDefaultsHelpFormatter,
     )
     parser.add_argument("--data", default="lafan1", metavar="PATH", help="folder of the BVH files, here or under MWLIB_DATA")
     parser.add_argument("--out", type=Path, metavar="FOLDER", help="also write benchmark.csv and its provenance there")
+    parser.add_argument("--model", metavar="RUN", help="folder of a finished run of in-betweening, or the name of a shipped one")
+    parser.add_argument("--samples", type=int, default=10, help="of the model, for each window")
+    parser.add_argument("--seed", type=int, default=0, help="of the model's noise")
     parser.set_defaults(run=_benchmark)
 
 
 def _benchmark(args: Namespace) -> int:
+    bridge = _model(args)
     benchmark = lafan1_benchmark(load_motions(args.data), progress=True)
     measured = table(benchmark, progress=True)
+    if bridge is not None:
+        measured += model_table(bridge, benchmark, Path(args.model).name, args.samples, args.seed, progress=True)
     rows = [row | {"source": MEASURED} for row in measured] + published()
     there = f"{len(benchmark)} windows of subject 5, statistics of {len(benchmark.statistics_clips)} clips"
     print(f"Measured here: {there}. Published: all {ALL_WINDOWS} windows of the {ALL_CLIPS} files.")
@@ -47,9 +60,36 @@ def _benchmark(args: Namespace) -> int:
     missed = misses(measured) if is_complete(benchmark) else []
     print(f"\n{verdict(benchmark, missed)}")
     if args.out:
-        for path in plots.save_table(rows, args.out, "benchmark", provenance=_provenance(benchmark, args.data, missed)):
+        provenance = _provenance(benchmark, args.data, missed) | ({} if bridge is None else _about_model(bridge, args))
+        for path in plots.save_table(rows, args.out, "benchmark", provenance=provenance):
             print(path)
     return 1 if missed else 0
+
+
+def _model(args: Namespace) -> Bridge | None:
+    """The model that is asked for, on a GPU where there is one; refused before anything is measured."""
+    if args.model is None:
+        return None
+    if args.samples < 1:
+        raise ValueError(f"samples is {args.samples}; expected at least 1")
+    bridge = load_run(args.model)
+    if not isinstance(bridge, Bridge):
+        raise ValueError(f"{args.model} is a run of another system; expected one of in-betweening")
+    check_model(bridge.cfg, bridge.space)
+    return bridge.to("cuda" if torch.cuda.is_available() else "cpu")
+
+
+def _about_model(bridge: Bridge, args: Namespace) -> dict[str, Any]:
+    """What its rows depend on."""
+    cfg, name = bridge.cfg, Path(args.model).name
+    sampling = {"samples": args.samples, "ddim_steps": cfg.sampling.ddim_steps, "temperature": cfg.sampling.temperature}
+    people = {"train": cfg.data.train_subjects, "validation": cfg.data.validation_subjects, "test": cfg.data.test_subjects}
+    return {
+        "model": {"run": name, "file": models_used.get(name), "settings": cfg.hash(), "train_steps": cfg.training.train_steps,
+                  "past": cfg.task.past, "people": people, **sampling},
+        "seeds": f"{args.seed}, of the model's noise",
+        "command": f"mwlib lafan1-benchmark --data {args.data} --model {name} --samples {args.samples} --seed {args.seed}",
+    }  # fmt: skip
 
 
 def verdict(benchmark: Benchmark, missed: Sequence[str]) -> str:

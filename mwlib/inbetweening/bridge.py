@@ -17,7 +17,7 @@ from mwlib.inbetweening.network import KeyframeNetwork, WienerNetwork
 from mwlib.inbetweening.objective import make_network
 from mwlib.inbetweening.representation import Representation
 from mwlib.inbetweening.space import Space, space_from_json
-from mwlib.inbetweening.windows import interpolated
+from mwlib.inbetweening.windows import given
 
 CHUNK = 64  # motions sampled together on a processor
 
@@ -42,7 +42,7 @@ class Bridge:
     ) -> Bridge:
         """The bridge that a finished training left (see `mwlib.training.read_model`)."""
         space = space_from_json(about["space"])
-        representation = Representation.restore(cfg.model, cfg.task.frames, learnt)
+        representation = Representation.restore(cfg.model, cfg.task.gap, learnt)
         with torch.random.fork_rng([]):  # initial weights are drawn and thrown away
             net = make_network(cfg, representation)
         net.load_state_dict(weights)
@@ -67,17 +67,18 @@ class Bridge:
         """Refuse lengths and keyframes that the model was not made for."""
         task, model = self.cfg.task, self.cfg.model
         if not task.fewest <= frames <= task.frames:
-            between = f"{task.fewest - 2} to {task.between}" if task.shortest else f"{task.between}"
-            raise ValueError(f"frames between is {frames - 2}; expected {between}, for which the model was trained")
+            between = f"{task.shortest} to {task.between}" if task.shortest else f"{task.between}"
+            raise ValueError(f"frames between is {frames - task.past - 1}; expected {between}, for which the model was trained")
         if mask.shape != (frames,) or not mask.any():
             raise ValueError(
                 f"mask has shape {tuple(mask.shape)}, {int(mask.sum())} keyframes; expected ({frames},), at least one"
             )
-        told = model.keyframes == "told"
-        if told and int(mask.sum()) > 2 + model.more_keyframes:
-            raise ValueError(f"{int(mask.sum())} keyframes; expected at most {2 + model.more_keyframes}, as the model was told")
-        if told and not (mask[0] and mask[-1]):
-            raise ValueError("the first or last frame is no keyframe; expected both, as the model was told")
+        told, most = model.keyframes == "told", task.past + 1 + model.more_keyframes
+        if told and int(mask.sum()) > most:
+            raise ValueError(f"{int(mask.sum())} keyframes; expected at most {most}, as the model was told")
+        if told and not (mask[: task.past].all() and mask[-1]):
+            first, all_ = ("first", "both") if task.past == 1 else (f"{task.past} first", "all")
+            raise ValueError(f"the {first} or last frame is no keyframe; expected {all_}, as the model was told")
 
     @torch.inference_mode()
     def sample(
@@ -93,8 +94,8 @@ class Bridge:
         """Whole motions as states, keyframes among them, on the CPU.
 
         Args:
-            x: states seen from their first frames; what is between the keyframes is not looked at.
-            mask: True at keyframes; None: the first and the last frame.
+            x: states seen from the last frame of the past; what is between the keyframes is not looked at.
+            mask: True at keyframes; None: the frames of the past and the last.
             samples, seed: None = the settings'.
             window_ids: identity of each window (default 0..N-1): its noise depends on seed and identity only.
             progress: show a bar.
@@ -103,7 +104,7 @@ class Bridge:
             ValueError: the length or the keyframes do not fit the model, or no sample is asked for.
         """
         settings, frames = self.cfg.sampling, x.shape[-2]
-        mask = ends(frames) if mask is None else mask
+        mask = given(frames, self.cfg.task.past) if mask is None else mask
         samples = settings.samples if samples is None else samples
         if samples < 1:
             raise ValueError(f"samples is {samples}; expected at least 1")
@@ -115,7 +116,7 @@ class Bridge:
         found = []
         for first in tqdm(range(0, len(x), size), disable=not progress, desc="sampling", unit="chunk"):
             part = x[first : first + size].to(self.net.device)
-            shape = (samples, *self.representation.transform(frames).shape)
+            shape = (samples, *self.representation.transform(frames - self.cfg.task.past + 1).shape)
             noise = WindowNoise(
                 settings.sampling_seed if seed is None else seed, ids[first : first + size], shape, self.net.device
             )
@@ -123,26 +124,31 @@ class Bridge:
         return torch.cat(found)
 
     def _sample(self, x: Float[Tensor, "n T C"], mask: Bool[Tensor, " T"], noise: WindowNoise) -> Float[Tensor, "n S T C"]:
-        hint = interpolated(x, mask)
+        whole, lead = x, self.cfg.task.past - 1
+        before, x, inner = x[:, :lead], x[:, lead:], mask[lead:]
+        hint = self.representation.hint(x, before, inner)
         tf = self.representation.transform(x.shape[-2])
-        target = self.representation.modelled(torch.where(mask[:, None], x, hint), hint)
+        target = self.representation.modelled(torch.where(inner[:, None], x, hint), hint)
         settings = self.cfg.sampling
         indices = ddim_indices(self.cfg.diffusion.steps, settings.ddim_steps, settings.spacing)
-        warm = tempered(noise, settings.temperature)
-        z = keyframed(self._denoise(hint, mask), tf, target[:, None], mask, self.alpha_bar, indices, warm, self.cfg.imposing)
+        warm, denoise = tempered(noise, settings.temperature), self._denoise(hint, before, inner)
+        z = keyframed(denoise, tf, target[:, None], inner, self.alpha_bar, indices, warm, self.cfg.imposing)
         states = self.space.valid(self.representation.states(z, hint[:, None]))
         if settings.bones == "keyframes":
-            states = self.space.with_bones(states, self._sized(x, mask)[:, None])
-        return with_keyframes(states, x[:, None], mask)
+            states = self.space.with_bones(states, self._sized(x, inner)[:, None])
+        early = before[:, None].expand(-1, states.shape[1], -1, -1)
+        return with_keyframes(torch.cat([early, states], dim=-2), whole[:, None], mask)
 
     def _sized(self, x: Float[Tensor, "n T C"], mask: Bool[Tensor, " T"]) -> Float[Tensor, "n T C"]:
         """In every frame the body of the keyframe before it; it lends its bones only."""
         last = torch.where(mask, torch.arange(len(mask), device=mask.device), 0).cummax(0).values
         return x[:, last]
 
-    def _denoise(self, hint: Float[Tensor, "n T C"], mask: Bool[Tensor, " T"]) -> Denoise:
+    def _denoise(self, hint: Float[Tensor, "n T C"], before: Float[Tensor, "n P C"], mask: Bool[Tensor, " T"]) -> Denoise:
         """The network's noise estimate of (n, S, rows, C)."""
-        told = self.representation.told(hint, mask.expand(hint.shape[:-1])) if self.cfg.model.keyframes == "told" else None
+        told = None
+        if self.cfg.model.keyframes == "told":
+            told = self.representation.told(hint, before, mask.expand(hint.shape[:-1]))
 
         def denoise(y: Tensor, t: int) -> Tensor:
             items = y.flatten(0, 1)
@@ -157,10 +163,3 @@ def tempered(noise: Callable[[], Tensor], temperature: float) -> Callable[[], Te
     """Noise whose first draw, the start of sampling, has another deviation."""
     draws = count()
     return lambda: noise() * (temperature if next(draws) == 0 else 1.0)
-
-
-def ends(frames: int) -> Bool[Tensor, " T"]:
-    """The paper's task: the first and the last frame are given."""
-    mask = torch.zeros(frames, dtype=torch.bool)
-    mask[[0, -1]] = True
-    return mask

@@ -21,6 +21,7 @@ Method = Literal["diffusion", "zero_velocity", "interpolation", "hermite", "mini
 class TaskConfig:
     """What is given and what is asked for."""
 
+    past: Count = 1  # frames given before those between; the last of them is the first keyframe
     between: Count = 30  # N, frames between the two keyframes
     shortest: Natural = 0  # the model is told its length: any N from here to `between`; 0 = always `between`
     state: Literal["positions", "rotations"] = "positions"  # of the body: places of joints, or root and six numbers per rotation
@@ -30,13 +31,23 @@ class TaskConfig:
 
     @property
     def frames(self) -> int:
-        """T = N + 2."""
+        """T = past + N + 1, of a window."""
+        return self.past + self.between + 1
+
+    @property
+    def gap(self) -> int:
+        """N + 2, frames from the first to the last keyframe."""
         return self.between + 2
 
     @property
     def fewest(self) -> int:
         """The smallest T that the model is for."""
-        return (self.shortest or self.between) + 2
+        return self.past + (self.shortest or self.between) + 1
+
+    @property
+    def smallest_gap(self) -> int:
+        """As `gap`, of the smallest T."""
+        return self.fewest - self.past + 1
 
 
 @dataclass(frozen=True)
@@ -46,9 +57,11 @@ class ModelConfig:
     tokens: Literal["cosines", "sines", "frames"] = "cosines"  # DCT, DST of what vanishes at both ends, or frames ("without DCT")
     rows: Natural = 0  # cosines or sines kept, where there are so many; 0 = all
     target: Literal["motion", "departure"] = "motion"  # what is diffused: the motion, or how it departs from interpolation
+    sizes: Literal["longest", "each"] = "longest"  # departures are measured by those of the longest windows, or of each length
     keyframes: Literal["untold", "told"] = "untold"  # whether the network is shown the keyframes, or only the sampler
     output: Literal["direct", "wiener"] = "direct"  # what `prediction` says; or what the best linear denoiser misses
-    more_keyframes: Natural = 0  # where they are told: train on up to so many more, anywhere
+    more_keyframes: Natural = 0  # where they are told: train on up to so many more, anywhere between
+    coast: NotNegative = 0.0  # frames in which the interpolation forgets the velocity of the past; 0: it is a straight line
     width: Count = 512  # of the network
     layers: Count = 8  # blocks, an even number
     heads: Count = 8  # of the attention
@@ -100,6 +113,7 @@ class Config(Settings):
 
     system: ClassVar[str] = "inbetweening"
     presets = PRESETS
+    newer = {"past": 1, "coast": 0.0, "sizes": "longest"}
     after_training: ClassVar[frozenset[str]] = frozenset(
         {"sampling", "imposing", "test_stride", "test_windows", "checkpoint_every"}
     )
@@ -128,7 +142,7 @@ class Config(Settings):
             raise ValueError(f"width is {m.width}; expected an even multiple of heads ({m.heads})")
         if m.layers % 2:
             raise ValueError(f"layers is {m.layers}; expected an even number (long skips pair the blocks)")
-        most = task.frames - 2 * (m.tokens == "sines")
+        most = task.gap - 2 * (m.tokens == "sines")
         if m.rows > most:
             raise ValueError(f"rows is {m.rows}; expected at most {most}, as many {m.tokens} as there are")
         if m.tokens == "sines" and m.target != "departure":
@@ -151,6 +165,12 @@ class Config(Settings):
             raise ValueError(
                 f"shortest is {task.shortest}, but keyframes are untold; expected keyframes=told: with them the length"
             )
+        if m.sizes == "each" and m.target != "departure":
+            raise ValueError(f"sizes is each, but target is {m.target}; expected departure, whose sizes they are")
+        if task.past > 1 and m.keyframes == "untold":
+            raise ValueError(f"past is {task.past}, but keyframes are untold; expected keyframes=told: with them the past")
+        if m.coast and task.past < 2:
+            raise ValueError(f"coast is {m.coast:g} with past {task.past}; expected a past of 2 or more, which has a velocity")
         if s.ddim_steps >= self.diffusion.steps:
             raise ValueError(f"ddim_steps is {s.ddim_steps}; expected fewer than steps ({self.diffusion.steps})")
         if ddim_indices(self.diffusion.steps, s.ddim_steps, s.spacing)[-1] == 0:

@@ -12,11 +12,11 @@ from tqdm import tqdm
 
 from mwlib.data.sources import Split
 from mwlib.inbetweening.baselines import PACES, GaussianBetween, between
-from mwlib.inbetweening.bridge import Bridge, ends
+from mwlib.inbetweening.bridge import Bridge
 from mwlib.inbetweening.config import Config
 from mwlib.inbetweening.losses import bone_lengths, feet, floor_of
 from mwlib.inbetweening.space import Space
-from mwlib.inbetweening.windows import Clips, Cut, make_space
+from mwlib.inbetweening.windows import Clips, Cut, given, make_space
 from mwlib.metrics import (
     NPSS,
     Column,
@@ -65,24 +65,30 @@ Fill = Callable[[Cut, list[int]], Tensor]  # windows, their numbers -> states (n
 
 
 def make_fill(cfg: Config, get_model: Callable[[], Bridge], split: Split, space: Space) -> Fill:
-    """What `method` names: the trained model, asked for only here, or a baseline."""
-    method, frames = cfg.sampling.method, cfg.task.frames
+    """What `method` names: the trained model, asked for only here, or a baseline, which sees the two ends of the gap alone."""
+    method, lead = cfg.sampling.method, cfg.task.past - 1
     if method == "diffusion":
         model = get_model()
         return lambda cut, ids: model.sample(cut.x, window_ids=ids)
     if method == "truth":
         return lambda cut, ids: cut.x[:, None]
     if method == "gaussian":
-        gaussian = GaussianBetween(Clips(split.train, space).cut(frames, STATISTICS_STRIDE).x)
-        return lambda cut, ids: _met(space.valid(gaussian(cut.x)), cut.x)[:, None]
+        cut = Clips(split.train, space).cut(cfg.task.frames, STATISTICS_STRIDE, cfg.task.past)
+        gaussian = GaussianBetween(cut.x[:, lead:])
+        return _filled(lambda x: space.valid(gaussian(x)), lead)
     if method not in PACES:
         raise ValueError(f"method is {method!r}; expected diffusion, truth, gaussian or one of {', '.join(PACES)}")
-    return lambda cut, ids: between(space, cut.x, method)[:, None]
+    return lambda cut, ids: torch.cat([cut.x[:, :lead], between(space, cut.x[:, lead:], method)], dim=1)[:, None]
 
 
-def _met(x: Tensor, keyframes: Tensor) -> Tensor:
-    """With the keyframes themselves at both ends."""
-    return torch.where(ends(x.shape[-2])[:, None], keyframes, x)
+def _filled(fill: Callable[[Tensor], Tensor], lead: int) -> Fill:
+    """What fills the frames after the first `lead`, with the given frames themselves."""
+
+    def whole(cut: Cut, ids: list[int]) -> Tensor:
+        x = torch.cat([cut.x[:, :lead], fill(cut.x[:, lead:])], dim=1)
+        return torch.where(given(x.shape[-2], lead + 1)[:, None], cut.x, x)[:, None]
+
+    return whole
 
 
 class Score:
@@ -91,26 +97,29 @@ class Score:
     Args:
         space: what a state means.
         deviation: of each coordinate of the joints over the training windows, for L2P.
+        past: frames given before those between. They are scored as keyframes; all else is of what follows from the last of them.
     """
 
-    def __init__(self, space: Space, deviation: Float[Tensor, " C"]) -> None:
-        self.space, self.deviation = space, deviation
+    def __init__(self, space: Space, deviation: Float[Tensor, " C"], past: int = 1) -> None:
+        self.space, self.deviation, self.past = space, deviation, past
         self.skeleton, self.fps = space.bodies.skeleton, space.bodies.fps
         self.feet = feet(self.skeleton)
         self.npss = NPSS()
 
     @classmethod
-    def of(cls, split: Split, space: Space, frames: int) -> Score:
+    def of(cls, split: Split, space: Space, frames: int, past: int = 1) -> Score:
         """With the statistics of the training windows, each about the mean of its root on the floor."""
-        cut = Clips(split.train, space).cut(frames, STATISTICS_STRIDE)
+        cut = Clips(split.train, space).cut(frames, STATISTICS_STRIDE, past)
         places = space.positions(cut.x, cut.offsets)
         places[..., :2] -= places[:, :, :1, :2].mean(1, keepdim=True)
-        return cls(space, places.flatten(-2).flatten(0, 1).std(0, correction=0).clamp_min(1e-4))
+        return cls(space, places.flatten(-2).flatten(0, 1).std(0, correction=0).clamp_min(1e-4), past)
 
     def __call__(self, x: Float[Tensor, "n S T C"], cut: Cut) -> dict[str, Float[Tensor, " n"]]:
         """Every metric but NPSS, which is summed up over all windows."""
-        offsets = cut.offsets[:, None]
+        offsets, lead = cut.offsets[:, None], self.past - 1
         p, g = self.space.positions(x, offsets), self.space.positions(cut.x[:, None], offsets)
+        met = keyframe_error(p.flatten(-2), g.flatten(-2), keyframes=(*range(self.past), -1)).amax(1)
+        x, cut, p, g = x[:, :, lead:], cut._replace(x=cut.x[:, lead:]), p[:, :, lead:], g[:, :, lead:]
         straight = self.space.positions(between(self.space, cut.x, "interpolation"), cut.offsets).flatten(-2)
         lengths = bone_lengths(g[:, :, 0], self.skeleton)
         p, g = p.flatten(-2), g.flatten(-2)
@@ -123,7 +132,7 @@ class Score:
             "ade": apart.amin(1),
             "ade_mean": apart.mean(1),
             "apd": apd(inner) if p.shape[1] > 1 else each.new_full((len(p),), torch.nan),
-            "keyframe_error": keyframe_error(p, g, keyframes=(0, -1)).amax(1),
+            "keyframe_error": met,
             "nearer": nearer_share(inner, true[:, 0], straight[:, 1:-1]),
             "bone_error": bone_length_error(p, lengths, self.skeleton).mean(1),
             **self._motion(p, floor_of(g[:, 0].unflatten(-1, (-1, 3)), self.feet or [0])),
@@ -163,8 +172,9 @@ def evaluate(cfg: Config, get_model: Callable[[], Bridge], split: Split, progres
         they come from.
     """
     space = make_space(split.train, cfg.task.state)
-    cut = Clips(split.test, space).cut(cfg.task.frames, cfg.task.test_stride).thin(cfg.task.test_windows)
-    fill, score = make_fill(cfg, get_model, split, space), Score.of(split, space, cfg.task.frames)
+    frames, past = cfg.task.frames, cfg.task.past
+    cut = Clips(split.test, space).cut(frames, cfg.task.test_stride, past).thin(cfg.task.test_windows)
+    fill, score = make_fill(cfg, get_model, split, space), Score.of(split, space, frames, past)
     parts = []
     for first in tqdm(range(0, len(cut.x), CHUNK), desc=cfg.sampling.method, disable=not progress, leave=False):
         rows = slice(first, first + CHUNK)

@@ -142,14 +142,28 @@ def score(benchmark: Benchmark, predict: Predictor, length: int) -> Score:
     """
     if not 1 <= length <= LONGEST:
         raise ValueError(f"length is {length}; expected 1 to {LONGEST} frames, what a window of {WINDOW} has room for")
-    rotation_errors, position_errors, spectrum = [], [], NPSS()
+    found = []
     for start in range(0, len(benchmark), CHUNK):
         frames = benchmark.frames.take(slice(start, start + CHUNK))
-        context, truth = frames.cut(0, PAST), frames.cut(PAST, PAST + length)
-        found = predict(context, frames.cut(PAST + length, PAST + length + 1), length)
-        found = _checked(found, truth)
-        _, before = _world(context.cut(PAST - 1, PAST), benchmark.offsets)
-        (p, p_turns), (g, g_turns) = (_world(x, benchmark.offsets) for x in (found, truth))
+        predicted = predict(frames.cut(0, PAST), frames.cut(PAST + length, PAST + length + 1), length)
+        found.append(_checked(predicted, frames.cut(PAST, PAST + length)))
+    return score_frames(benchmark, Frames(*(torch.cat(parts) for parts in zip(*found, strict=True))), length)
+
+
+def score_frames(benchmark: Benchmark, found: Frames, length: int) -> Score:
+    """`score` of transitions that are there already: local rotations (N, length, 22, 4) and root (N, length, 3) of all windows.
+
+    Raises:
+        ValueError: as of `score`, of what a predictor gave.
+    """
+    rotation_errors, position_errors, spectrum = [], [], NPSS()
+    found = _checked(found, benchmark.frames.cut(PAST, PAST + length))
+    for start in range(0, len(benchmark), CHUNK):
+        rows = slice(start, start + CHUNK)
+        frames = benchmark.frames.take(rows)
+        _, before = _world(frames.cut(PAST - 1, PAST), benchmark.offsets)
+        both = (found.take(rows), frames.cut(PAST, PAST + length))
+        (p, p_turns), (g, g_turns) = (_world(x, benchmark.offsets) for x in both)
         p_turns, g_turns = (continued(turns, before[:, 0]) for turns in (p_turns, g_turns))
         rotation_errors.append(l2q(p_turns, g_turns))
         position_errors.append(l2p(p.flatten(-2), g.flatten(-2), benchmark.mean, benchmark.deviation))

@@ -23,11 +23,12 @@ class KeyframeNetwork(nn.Module):
         model: sizes; whether keyframes are told.
         rows: most tokens.
         channels: numbers per token.
+        past: frames given before those between, see `Representation.told`.
     """
 
-    def __init__(self, model: ModelConfig, rows: int, channels: int) -> None:
+    def __init__(self, model: ModelConfig, rows: int, channels: int, past: int = 1) -> None:
         super().__init__()
-        told = channels + TOLD if model.keyframes == "told" else 0
+        told = past * channels + TOLD if model.keyframes == "told" else 0
         self.net = TransLinear(
             rows, channels, model.width, model.layers, model.heads, model.feedforward, model.dropout, model.attention_dropout,
             told=told, conditioned=False,

@@ -24,7 +24,7 @@ from mwlib.inbetweening.losses import (
 )
 from mwlib.inbetweening.network import KeyframeNetwork, WienerNetwork
 from mwlib.inbetweening.representation import Representation
-from mwlib.inbetweening.windows import Clips, Cut, draw_keyframes, interpolated, make_space
+from mwlib.inbetweening.windows import Clips, Cut, draw_keyframes, make_space
 from mwlib.training import Objective, seeded
 
 SNR_BOUNDS = 0.05, 5.0  # Hang et al. 2023 above; own choice below: errors where all is noise must count for something
@@ -54,7 +54,7 @@ class InbetweeningObjective(Objective):
     """
 
     def __init__(self, cfg: Config, split: Split, learnt: Mapping[str, Tensor] | None = None) -> None:
-        self.cfg, self.task = cfg, cfg.task
+        self.cfg, self.task = cfg, (task := cfg.task)
         self.space = make_space(split.train, cfg.task.state)
         self.feet = feet(self.space.bodies.skeleton)
         if cfg.objective.contact_weight and not self.feet:
@@ -71,11 +71,11 @@ class InbetweeningObjective(Objective):
         self.level = snr.clamp(*SNR_BOUNDS).float() if cfg.objective.level_weight == "snr" else None
         if learnt:
             self.limits = learnt["limits"]
-            self.representation = Representation.restore(cfg.model, self.task.frames, learnt)
+            self.representation = Representation.restore(cfg.model, self.task.gap, learnt)
         else:
             with seeded(cfg.training.seed, 0) as generator:
-                cut = self.clips.draw(FITTED_ON, self.task.frames, generator)
-            self.representation = Representation.fit(cfg.model, self.task.frames, cut.x)
+                cut = self.clips.draw(FITTED_ON, self.task.frames, generator, self.task.past)
+            self.representation = Representation.fit(cfg.model, task.gap, cut.x, task.past, task.smallest_gap)
             angles = bone_angles(self.space.positions(cut.x, cut.offsets)[:, ::4], self.space.bodies.skeleton)
             self.limits = torch.quantile(angles.flatten(0, 1)[:200_000], LIMIT, dim=0)
         with seeded(cfg.training.seed, 0):
@@ -90,15 +90,17 @@ class InbetweeningObjective(Objective):
     def draw(self, batch: int, generator: torch.Generator) -> Batch:
         """Windows of one length and their keyframes."""
         frames = int(torch.randint(self.task.fewest, self.task.frames + 1, (1,), generator=generator))
-        mask = draw_keyframes(batch, frames, self.cfg.model.more_keyframes, generator)
-        return Batch(self.clips.draw(batch, frames, generator), mask.to(self.clips.flat.device))
+        mask = draw_keyframes(batch, frames, self.cfg.model.more_keyframes, generator, self.task.past)
+        return Batch(self.clips.draw(batch, frames, generator, self.task.past), mask.to(self.clips.flat.device))
 
     def loss(self, network: nn.Module, batch: Batch, generator: torch.Generator) -> Float[Tensor, ""]:
         """L = L_noise + lambda_d L_div + lambda_s L_smooth + lambda_l L_len + lambda_a L_ang + the contacts; t in 1..M-1."""
-        cut, mask = batch
+        lead = self.task.past - 1
+        before, mask = batch.cut.x[:, :lead], batch.mask[:, lead:]
+        cut = batch.cut._replace(x=batch.cut.x[:, lead:])
         options, told = self.cfg.objective, self.cfg.model.keyframes == "told"
         draws = options.draws if options.diversity_weight else 1
-        hint = interpolated(cut.x, mask)
+        hint = self.representation.hint(cut.x, before, mask)
         tf = self.representation.transform(cut.x.shape[-2])
         y = tf(self.representation.modelled(cut.x, hint))
         t = torch.randint(1, len(self.alpha_bar), (len(y),), generator=generator)
@@ -106,7 +108,7 @@ class InbetweeningObjective(Objective):
         y, steps = (v.repeat_interleave(draws, dim=0) for v in (y, t.to(y.device)))
         eps = torch.randn(y.shape, generator=generator).to(y.device)
         y_t = noised(y, eps, a)
-        hints = self.representation.told(hint, mask).repeat_interleave(draws, dim=0) if told else None
+        hints = self.representation.told(hint, before, mask).repeat_interleave(draws, dim=0) if told else None
         output = network(y_t, steps, hints)
         error = output - network_target(self.cfg.diffusion.prediction, y, eps, a)
         if options.level_weight == "unit":
@@ -149,9 +151,9 @@ class InbetweeningObjective(Objective):
             return None
         network.eval()
         with seeded(7, 7) as generator:
-            parts = [self.held_out.draw(256, self.task.frames, generator) for _ in range(2)]
-            masks = [draw_keyframes(256, self.task.frames, 0, generator).to(part.x.device) for part in parts]
-            losses = [self.loss(network, Batch(*pair), generator) for pair in zip(parts, masks, strict=True)]
+            parts = [self.held_out.draw(256, self.task.frames, generator, self.task.past) for _ in range(2)]
+            mask = draw_keyframes(256, self.task.frames, 0, generator, self.task.past).to(self.held_out.flat.device)
+            losses = [self.loss(network, Batch(part, mask), generator) for part in parts]
         return float(torch.stack(losses).mean())
 
     def learnt(self) -> dict[str, Tensor]:
@@ -165,7 +167,7 @@ class InbetweeningObjective(Objective):
 
 def make_network(cfg: Config, representation: Representation) -> KeyframeNetwork | WienerNetwork:
     """The untrained network that a configuration names, for what is diffused."""
-    inner = KeyframeNetwork(cfg.model, *representation.transform(representation.frames).shape)
+    inner = KeyframeNetwork(cfg.model, *representation.transform(representation.frames).shape, cfg.task.past)
     if cfg.model.output == "direct":
         return inner
     return WienerNetwork(inner, representation.power, alpha_bar(cfg.diffusion.schedule, cfg.diffusion.steps))

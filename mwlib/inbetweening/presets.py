@@ -42,6 +42,11 @@ PRESETS: dict[str, dict[str, Any]] = {
     "lafan1": _LAPTOP | dict(
         data="lafan1", fps=30.0, state="rotations", temperature=0.5, validation_subjects=("3",), test_subjects=("2", "5"),
     ),
+    # The protocol of `mwlib lafan1-benchmark`: ten frames before, one after, up to 45 between; persons 1 to 4 train, 5 tests.
+    "lafan1_official": _LAPTOP | dict(
+        data="lafan1", fps=30.0, state="rotations", temperature=0.5, past=10, between=45, shortest=5, coast=8.0, sizes="each",
+        train_subjects=("1", "2", "3", "4"), test_subjects=("5",),
+    ),
     # 81 files of Bandai-Namco under MWLIB_DATA: rotations of 22 joints. They name no people; whole styles are held out.
     "bandai": _LAPTOP | dict(
         data="bandai_namco", fps=30.0, state="rotations", temperature=0.5, test_stride=10,

@@ -11,10 +11,13 @@ import pytest
 
 import mwlib as mw
 from mwlib.__main__ import main
-from mwlib.experiments import lafan1_commands
+from mwlib.data.sources import Split
+from mwlib.experiments import get_run, lafan1_commands
 from mwlib.inbetweening import lafan1_table
 from mwlib.inbetweening.lafan1_table import published
-from tests.inbetweening.sample_lafan1 import small_set
+from mwlib.inbetweening.windows import ready
+from tests.inbetweening.sample import small
+from tests.inbetweening.sample_lafan1 import TASK, small_set
 
 COMMITTED = Path(__file__).parents[2] / "figures" / "lafan1" / "benchmark.csv"
 
@@ -83,6 +86,46 @@ def test_what_cannot_be_measured_is_told(folder, tmp_path, capsys):
         main(["lafan1-benchmark", "--help"])
     text = " ".join(capsys.readouterr().out.split())
     assert end.value.code == 0 and "all 77 files" in text and "subject 5" in text and "(default: lafan1)" in text
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory):
+    """A model that was trained for two steps."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("MWLIB_RUNS", str(tmp_path_factory.mktemp("runs")))
+        cfg = small(**TASK, train_steps=2)
+        return get_run(cfg, Split(ready([m for m in small_set() if m.subject != "5"], 30.0), [], []))
+
+
+def test_a_trained_model_gets_its_rows(folder, run, tmp_path, capsys):
+    given = ["lafan1-benchmark", "--data", str(folder), "--model", str(run), "--samples", "2"]
+    assert main([*given, "--out", str(tmp_path)]) == 0
+    told = " ".join(capsys.readouterr().out.split())
+    rows = [row for row in rows_of(tmp_path / "benchmark.csv") if row["source"] == lafan1_commands.MEASURED]
+    names = ["zero velocity", "interpolation", f"{run.name}, single samples", f"{run.name}, average of 2"]
+    assert [row["method"] for row in rows] == [name for name in names for _ in range(4)]
+    for row, metric, digits in ((rows[9], "L2P", 4), (rows[14], "L2Q", 3)):
+        assert f"| {float(row[metric]):.{digits}f} |" in told
+    about = json.loads((tmp_path / "benchmark.json").read_text())
+    assert about["model"]["run"] == run.name and about["model"]["past"] == 10 and about["model"]["samples"] == 2
+    assert len(about["model"]["file"]) == 64 and about["model"]["people"]["train"] == ["1", "2", "4"]
+    assert about["seeds"] == "0, of the model's noise" and about["command"].endswith(f"--model {run.name} --samples 2 --seed 0")
+    assert (
+        main([*given, "--out", str(tmp_path / "again")]) == main([*given, "--seed", "1", "--out", str(tmp_path / "other")]) == 0
+    )
+    again, other = (rows_of(tmp_path / name / "benchmark.csv") for name in ("again", "other"))
+    assert again == rows_of(tmp_path / "benchmark.csv") != other
+
+
+def test_a_model_that_does_not_fit_is_refused_before_anything_is_measured(folder, run, monkeypatch, capsys):
+    given = ["lafan1-benchmark", "--data", str(folder), "--model"]
+    monkeypatch.setattr(lafan1_commands, "lafan1_benchmark", None)
+    assert main([*given, "inbetween"]) == main([*given, "cmu"]) == main([*given, "nowhere"]) == 1
+    assert main([*given, str(run), "--samples", "0"]) == 1
+    told = capsys.readouterr().err
+    assert "the model is of skeleton H36M17 with 17 joints; expected one of LaFAN1's 22 joints" in told
+    assert "cmu is a run of another system; expected one of in-betweening" in told and "Traceback" not in told
+    assert "nowhere/config.yaml is missing" in told and "samples is 0; expected at least 1" in told
 
 
 def test_the_committed_table_says_what_it_is():

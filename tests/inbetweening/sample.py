@@ -107,12 +107,13 @@ def untrained(**changes) -> Bridge:
     """A bridge that does something without a training."""
     cfg = small(**changes)
     space = make_space(data_of(cfg).train, cfg.task.state)
-    x = Clips(data_of(cfg).train, space).cut(cfg.task.frames, 3).x
-    representation = Representation.fit(cfg.model, cfg.task.frames, x)
+    task = cfg.task
+    x = Clips(data_of(cfg).train, space).cut(task.frames, 3, task.past).x
+    representation = Representation.fit(cfg.model, task.gap, x, task.past, task.smallest_gap)
     return Bridge(shaken(make_network(cfg, representation)), representation, space, cfg)
 
 
 def windows_for(bridge: Bridge, frames: int | None = None):
     """Windows of people whom it has not seen."""
     clips = Clips(data_of(bridge.cfg).test, bridge.space)
-    return clips.cut(frames or bridge.cfg.task.frames, bridge.cfg.task.test_stride)
+    return clips.cut(frames or bridge.cfg.task.frames, bridge.cfg.task.test_stride, bridge.cfg.task.past)

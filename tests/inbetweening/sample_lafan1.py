@@ -23,6 +23,12 @@ TREE = Skeleton(
     (*LAFAN1.parents, *ENDS),
 )
 
+# A model for the benchmark: settings beside those of `sample.small`.
+TASK = dict(
+    fps=30.0, state="rotations", past=10, between=45, shortest=5, tokens="sines", rows=16, coast=8.0, sizes="each",
+    train_subjects=("1", "2", "4"), test_subjects=("5",), validation_subjects=(),
+)  # fmt: skip
+
 
 def clip(name: str, subject: str, frames: int, size: float = 1.0) -> Motion:
     """A body of this size that wanders about and waves its limbs; every clip moves in its own way."""

@@ -7,13 +7,14 @@ import torch
 
 from mwlib.diffusion import network_target
 from mwlib.inbetweening import bridge as module
-from mwlib.inbetweening.bridge import Bridge, ends, tempered
-from mwlib.inbetweening.windows import interpolated
+from mwlib.inbetweening.bridge import Bridge, tempered
+from mwlib.inbetweening.windows import given
 from tests.inbetweening.sample import PAPER, untrained, windows_for
 
 KINDS = {
     "told": {}, "paper": PAPER, "wiener": dict(output="wiener", tokens="sines", level_weight="unit"),
     "frames": dict(tokens="frames"), "rotations": dict(state="rotations"), "few": dict(PAPER, rows=4),
+    "past": dict(past=4, coast=3.0, tokens="sines", output="wiener"),
 }  # fmt: skip
 each_kind = pytest.mark.parametrize("changes", KINDS.values(), ids=KINDS)
 SCHEMES = {
@@ -25,12 +26,12 @@ SCHEMES = {
 @each_kind
 def test_keyframes_are_there_to_the_bit_and_nothing_else_is_looked_at(changes):
     bridge = untrained(**changes)
-    x = windows_for(bridge).x[:3]
-    found = bridge.sample(x)
-    assert found.shape == (3, 2, 8, x.shape[-1]) and found.isfinite().all()
-    assert torch.equal(found[:, :, [0, -1]], x[:, None, [0, -1]].expand(3, 2, 2, -1))
-    assert (found[:, 0, 1:-1] - found[:, 1, 1:-1]).abs().amax((-2, -1)).min() > 1e-3
-    blind = torch.where(ends(8)[:, None], x, torch.nan)
+    x, past = windows_for(bridge).x[:3], bridge.cfg.task.past
+    found, mask = bridge.sample(x), given(past + 7, past)
+    assert found.shape == (3, 2, past + 7, x.shape[-1]) and found.isfinite().all()
+    assert torch.equal(found[:, :, mask], x[:, None, mask].expand(3, 2, past + 1, -1))
+    assert (found[:, 0, past:-1] - found[:, 1, past:-1]).abs().amax((-2, -1)).min() > 1e-3
+    blind = torch.where(mask[:, None], x, torch.nan)
     assert torch.equal(bridge.sample(blind), found)
     torch.testing.assert_close(bridge.space.valid(found), found, atol=1e-4, rtol=1e-4)
 
@@ -52,12 +53,13 @@ def test_a_window_depends_on_seed_and_identity_alone(changes, monkeypatch):
 
 
 @pytest.mark.parametrize("scheme", SCHEMES.values(), ids=SCHEMES)
-@pytest.mark.parametrize("base", [PAPER, {}], ids=["paper", "told"])
+@pytest.mark.parametrize("base", [PAPER, {}, dict(past=3, coast=4.0)], ids=["paper", "told", "past"])
 def test_who_knows_the_clip_gives_the_clip(scheme, base, monkeypatch):
     bridge = untrained(**{**base, **scheme})
-    x = windows_for(bridge).x[:2]
-    tf, hint = bridge.representation.transform(8), interpolated(x, ends(8))
-    clean = tf(bridge.representation.modelled(x, hint)).repeat_interleave(2, dim=0)
+    x, lead = windows_for(bridge).x[:2], bridge.cfg.task.past - 1
+    tf, inner = bridge.representation.transform(8), x[:, lead:]
+    hint = bridge.representation.hint(inner, x[:, :lead], given(8))
+    clean = tf(bridge.representation.modelled(inner, hint)).repeat_interleave(2, dim=0)
 
     def knows(y_t, t, told=None):
         a = bridge.alpha_bar[t]
@@ -65,17 +67,39 @@ def test_who_knows_the_clip_gives_the_clip(scheme, base, monkeypatch):
         return network_target(bridge.cfg.diffusion.prediction, clean, eps, a)
 
     monkeypatch.setattr(bridge.net, "forward", knows)
-    torch.testing.assert_close(bridge.sample(x), x[:, None].expand(2, 2, 8, -1), atol=1e-3, rtol=0)
+    torch.testing.assert_close(bridge.sample(x), x[:, None].expand(2, 2, 8 + lead, -1), atol=1e-3, rtol=0)
 
 
 def test_more_keyframes_and_other_lengths():
     bridge = untrained(shortest=3, more_keyframes=2)
     for frames in (5, 8):
         x = windows_for(bridge, frames).x[:2]
-        mask = ends(frames)
+        mask = given(frames)
         mask[2:4] = True
         found = bridge.sample(x, mask)
         assert found.shape[2] == frames and torch.equal(found[:, :, mask], x[:, None, mask].expand(2, 2, -1, -1))
+
+
+@pytest.mark.parametrize("sizes", ["longest", "each"])
+def test_a_past_with_other_lengths_and_more_keyframes(sizes):
+    bridge = untrained(past=4, shortest=3, more_keyframes=2, coast=3.0, sizes=sizes)
+    for frames in (8, 11):
+        x = windows_for(bridge, frames).x[:2]
+        mask = given(frames, 4)
+        mask[5] = True
+        found = bridge.sample(x, mask)
+        assert found.shape[2] == frames and torch.equal(found[:, :, mask], x[:, None, mask].expand(2, 2, -1, -1))
+
+
+def test_the_past_is_looked_at():
+    """All of it: another step of it changes the motion, and so does another pose of its last frame."""
+    bridge = untrained(past=4)
+    x = windows_for(bridge).x[:1]
+    found = bridge.sample(x)
+    for frame in range(4):
+        other = x.clone()
+        other[:, frame] += 0.1
+        assert (bridge.sample(other) - found)[:, :, 4:-1].abs().max() > 1e-4, frame
 
 
 @pytest.mark.parametrize(
@@ -86,18 +110,22 @@ def test_more_keyframes_and_other_lengths():
         (dict(shortest=3), 4, [], "frames between is 2; expected 3 to 6, for which"),
         ({}, 8, [3], "3 keyframes; expected at most 2, as the model was told"),
         (dict(more_keyframes=1), 8, [2, 3], "4 keyframes; expected at most 3"),
+        (dict(past=4), 10, [], "frames between is 5; expected 6, for which"),
+        (dict(past=4, shortest=3), 7, [], "frames between is 2; expected 3 to 6, for which"),
+        (dict(past=4), 11, [1, 2, 3, 4], "6 keyframes; expected at most 5, as the model was told"),
+        (dict(past=4), 11, [1, 3], "the 4 first or last frame is no keyframe; expected all, as the model was told"),
     ],
 )
 def test_what_the_model_is_not_for_is_refused(changes, frames, more, message):
     bridge = untrained(**changes)
-    mask = ends(frames)
+    mask = given(frames)
     mask[more] = True
     with pytest.raises(ValueError, match=message):
         bridge.sample(torch.zeros(1, frames, 51), mask)
 
 
 def test_ends_that_are_no_keyframes_are_refused_by_who_is_told_alone():
-    mask = ends(8)
+    mask = given(8)
     mask[-1] = False
     with pytest.raises(ValueError, match="the first or last frame is no keyframe; expected both"):
         untrained().sample(torch.zeros(1, 8, 51), mask)
@@ -111,8 +139,8 @@ def test_ends_that_are_no_keyframes_are_refused_by_who_is_told_alone():
 @pytest.mark.parametrize(
     "count, ids, mask, message",
     [
-        (0, None, ends(8), "0 window_ids for 0 windows"),
-        (2, [5], ends(8), "1 window_ids for 2 windows; expected one each"),
+        (0, None, given(8), "0 window_ids for 0 windows"),
+        (2, [5], given(8), "1 window_ids for 2 windows; expected one each"),
         (1, None, torch.zeros(8, dtype=torch.bool), "0 keyframes; expected"),
     ],
 )

@@ -21,6 +21,21 @@ def test_yaml_round_trip_and_hash(name, tmp_path):
 def test_frames_count_the_keyframes():
     assert small(between=6).task.frames == small(between=6).task.fewest == 8
     assert small(between=9, shortest=4).task.frames == 11 and small(between=9, shortest=4).task.fewest == 6
+    task = small(between=9, shortest=4, past=10).task
+    assert (task.frames, task.fewest, task.gap) == (20, 15, 11) and task.smallest_gap == 6
+
+
+def test_settings_that_came_later_leave_the_hashes_of_old_results_alone():
+    """Those of the results and models that were made without them."""
+    cfg = Config.preset("cmu")
+    assert (cfg.hash(), cfg.training_hash()) == ("01488e02", "15d46f91")
+    assert "past: 1\n" in cfg.to_yaml() and Config.from_yaml(cfg.to_yaml().replace("  past: 1\n", "")) == cfg
+    later = dict(past=2, coast=1.0, sizes="each")
+    assert {*later} == {*Config.newer}
+    told = cfg.override(past=3)
+    for name, value in later.items():
+        assert told.hash() != told.override(**{name: value}).hash(), name
+        assert told.training_hash() != told.override(**{name: value}).training_hash(), name
 
 
 def test_hashes_cover_what_they_should():
@@ -68,6 +83,11 @@ def test_other_data_have_other_people():
         (dict(level_weight="unit"), "level_weight is unit, but output is direct; expected output=wiener"),
         (dict(PAPER, more_keyframes=1), "more_keyframes is 1, but keyframes are untold; expected 0, or keyframes=told"),
         (dict(keyframes="untold"), "target is departure, but keyframes are untold; expected keyframes=told"),
+        (dict(PAPER, past=3), "past is 3, but keyframes are untold; expected keyframes=told"),
+        (dict(coast=2.0), "coast is 2 with past 1; expected a past of 2 or more"),
+        (dict(past=0), "past is 0"),
+        (dict(sizes="each", target="motion"), "sizes is each, but target is motion; expected departure"),
+        (dict(rows=9, past=3), "rows is 9; expected at most 8, as many cosines as there are"),
         (dict(PAPER, shortest=3), "shortest is 3, but keyframes are untold; expected keyframes=told"),
         (dict(ddim_steps=50), r"ddim_steps is 50; expected fewer than steps \(50\)"),
         (dict(ddim_steps=40, spacing="trailing"), "ddim_steps is 40 of 50, which reaches t = 0; expected fewer"),

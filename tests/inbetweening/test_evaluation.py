@@ -9,7 +9,7 @@ import torch
 
 from mwlib.body.skeleton import BANDAI21, CMU, H36M17, HUMANEVA15, HUMANML22, LAFAN1, Skeleton
 from mwlib.inbetweening.baselines import PACES, between
-from mwlib.inbetweening.evaluation import DETAILS, METRICS, Score, evaluate
+from mwlib.inbetweening.evaluation import DETAILS, METRICS, Score, evaluate, make_fill
 from mwlib.inbetweening.losses import feet
 from mwlib.inbetweening.windows import Clips, make_space
 from tests.inbetweening.sample import data_of, small, untrained
@@ -56,6 +56,33 @@ def test_every_column_has_a_number_for_every_window(state):
     assert found["mean"]["ade"] <= found["mean"]["ade_mean"] and found["mean"]["l2p_best"] <= found["mean"]["l2p"]
     assert all(math.isfinite(found["mean"][name]) for name in names - {"skate"})
     assert found["mean"]["apd"] > 0 and found["mean"]["keyframe_error"] == 0
+
+
+@pytest.mark.parametrize("method", ["truth", "interpolation", "hermite", "gaussian", "diffusion"])
+def test_with_a_past_what_is_between_is_scored_alone(method):
+    """All numbers are those of the same windows without their past; but the keyframe error is of all that is given."""
+    cfg, bridge = small(state="rotations", past=4, method=method), untrained(state="rotations", past=4)
+    data = data_of(cfg)
+    if method == "diffusion":
+        found = evaluate(cfg, lambda: bridge, data)["mean"]
+        assert found["keyframe_error"] == 0 and found["l2p"] > 0.1
+        return
+    assert evaluate(cfg, nobody, data)["mean"]["keyframe_error"] == pytest.approx(0, abs=1e-5)
+    space = make_space(data.train, "rotations")
+    whole = Clips(data.test, space).cut(11, 8, past=4)
+    late = Clips(data.test, space).take(whole.clip, whole.start + 3, 8)
+    deviation = Score.of(data, space, 11, 4).deviation
+    one, other = Score(space, deviation, 4), Score(space, deviation)
+    fill = make_fill(cfg, lambda: bridge, data, space)
+    x = fill(whole, [*range(len(whole.x))])
+    assert x.shape[2] == 11
+    first, second = one(x, whole), other(x[:, :, 3:], late)
+    for name in first:
+        torch.testing.assert_close(first[name], second[name], atol=1e-4, rtol=1e-4, equal_nan=True)
+    assert one.npss.value() == pytest.approx(other.npss.value(), abs=1e-5)
+    x = x.clone()
+    x[:, :, 1] += 0.5
+    assert one(x, whole)["keyframe_error"].min() > 0.1 and other(x[:, :, 3:], late)["keyframe_error"].max() < 1e-5
 
 
 def test_scores_do_not_depend_on_how_many_are_scored_together(monkeypatch):

@@ -55,6 +55,37 @@ def test_numbered_frames_of_a_motion():
     assert len(filled(bridge, motion, [4, 9], frames=4, samples=1)[0]) == 6
 
 
+@pytest.mark.parametrize("state", ["positions", "rotations"])
+def test_a_past_is_what_was_before_the_first_keyframe(state):
+    bridge = untrained(state=state, past=4, shortest=3)
+    motion = data_of(bridge.cfg).test[0].turn(0.9)
+    by_numbers = filled(bridge, motion, [6, 13], samples=1, seed=3)[0]
+    by_poses = filled(bridge, motion.cut(0, 7), motion.cut(13, 20), 6, samples=1, seed=3)[0]
+    assert len(by_numbers) == len(by_poses) == 11
+    for made in (by_numbers, by_poses):
+        np.testing.assert_allclose(made.positions[:4], motion.positions[3:7], atol=1e-5)
+        np.testing.assert_allclose(made.positions[-1], motion.positions[13], atol=1e-5)
+    np.testing.assert_allclose(by_poses.positions, by_numbers.positions, atol=1e-4)
+    there = filled(bridge, motion.turn(2.0), [6, 13], samples=1, seed=3)[0]
+    np.testing.assert_allclose(there.positions, by_numbers.turn(2.0).positions, atol=1e-3)
+
+
+def test_a_past_at_another_rate_ends_with_the_last_frame():
+    bridge = untrained(past=4)
+    motion = data_of(bridge.cfg).test[0]
+    fast = replace(motion, fps=20.0)
+    made = filled(bridge, fast.cut(0, 12), fast.cut(20, 21), samples=1)[0]
+    np.testing.assert_allclose(made.positions[:4], motion.positions[[5, 7, 9, 11]], atol=1e-5)
+
+
+def test_a_past_that_is_too_short_is_refused():
+    bridge = untrained(past=4)
+    motion = data_of(bridge.cfg).test[0]
+    for start, end, found in ((motion.cut(0, 3), motion.cut(9, 10), 3), (motion, [2, 9], 3)):
+        with pytest.raises(ValueError, match=f"{found} frames at 10 Hz up to the first keyframe; expected at least 4, the past"):
+            filled(bridge, start, end)
+
+
 def test_what_lies_between_is_not_looked_at_and_seeds_are():
     bridge = untrained()
     motion = data_of(bridge.cfg).test[0]

@@ -23,6 +23,7 @@ KINDS = {
     "wiener": dict(output="wiener", level_weight="unit", tokens="sines", between=6, shortest=4, more_keyframes=1),
     "frames": dict(tokens="frames", prediction="v"),
     "rotations": dict(state="rotations", mirror=True),
+    "past": dict(past=4, coast=3.0, sizes="each", tokens="sines", output="wiener", shortest=4, more_keyframes=1),
 }
 each_kind = pytest.mark.parametrize("changes", KINDS.values(), ids=KINDS)
 WEIGHTS = {
@@ -55,9 +56,11 @@ def test_batches_are_windows_of_one_length_with_their_keyframes(changes):
     made, lengths, more = objective(**changes), set(), set()
     for seed in range(30):
         cut, mask = made.draw(4, torch.Generator().manual_seed(seed))
-        assert cut.x.shape[:2] == mask.shape and mask[:, [0, -1]].all()
-        lengths.add(cut.x.shape[1])
-        more |= set(mask[:, 1:-1].sum(1).tolist())
+        past = made.task.past
+        assert cut.x.shape[:2] == mask.shape and mask[:, :past].all() and mask[:, -1].all()
+        assert cut.x[:, past - 1, :2].abs().max() < 1e-6  # as seen from there
+        lengths.add(cut.x.shape[1] - past + 1)
+        more |= set(mask[:, past:-1].sum(1).tolist())
     assert lengths == set(range(changes.get("shortest", 6) + 2, 9))
     assert more == set(range(changes.get("more_keyframes", 0) + 1))
 
@@ -136,7 +139,7 @@ def test_the_estimate_of_one_clip_is_compared_with_its_own_noise_draws():
     assert float(made.loss(Zero(), everywhere, torch.Generator().manual_seed(0))) == pytest.approx(0, abs=1e-6)
 
 
-@pytest.mark.parametrize("kind", ["told", "wiener", "rotations"])
+@pytest.mark.parametrize("kind", ["told", "wiener", "rotations", "past"])
 def test_resuming_is_as_if_never_stopped_to_the_bit(kind, tmp_path):
     cfg = small(**KINDS[kind], length_weight=0.1, train_steps=6, checkpoint_every=3)
     for folder, stop in ((tmp_path / "whole", 99), (tmp_path / "stopped", 4)):
@@ -148,6 +151,21 @@ def test_resuming_is_as_if_never_stopped_to_the_bit(kind, tmp_path):
     for name in (CHECKPOINT, MODEL):
         found, expected = (load_tensors(tmp_path / run / name)[0] for run in ("stopped", "whole"))
         assert found.keys() == expected.keys() and all(torch.equal(found[k], expected[k]) for k in expected)
+
+
+def test_the_loss_is_of_the_frames_between():
+    """Of who knows them nothing is left, whatever the past was; and with a past the network is shown it."""
+    made = objective(past=4, length_weight=0.1, smoothness_weight=0.1, smoothness="velocity")
+    given = batch(made)
+    everywhere, seen = Batch(given.cut, torch.ones_like(given.mask)), []
+
+    class Zero(torch.nn.Module):
+        def forward(self, y_t, t, told):
+            seen.append((y_t.shape, told.shape))
+            return torch.zeros_like(y_t)
+
+    assert float(made.loss(Zero(), everywhere, torch.Generator().manual_seed(0))) == pytest.approx(0, abs=1e-6)
+    assert seen == [((16, 8, 51), (16, 8, 4 * 51 + 3))]
 
 
 def test_what_was_learnt_goes_on_with_the_training():

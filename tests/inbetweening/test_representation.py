@@ -6,7 +6,7 @@ import pytest
 import torch
 
 from mwlib.inbetweening.representation import LEAST, Representation
-from mwlib.inbetweening.windows import Clips, interpolated, make_space
+from mwlib.inbetweening.windows import Clips, coasting, interpolated, make_space
 from mwlib.transforms import DCTTransform
 from tests.inbetweening.sample import PAPER, data_of, small, untrained
 
@@ -75,7 +75,7 @@ def test_the_network_is_told_lines_mask_frequency_and_length():
     made, x = untrained().representation, clips(small(), 6)
     mask = torch.tensor([1, 0, 1, 0, 0, 1]).bool().expand(len(x), 6)
     hint = interpolated(x, mask)
-    told = made.told(hint, mask)
+    told = made.told(hint, x[:, :0], mask)
     assert told.shape == (len(x), 6, 51 + 3)
     tf = DCTTransform(6, 51)
     torch.testing.assert_close(told[..., :51], tf((hint - made.mean) / made.deviation))
@@ -84,7 +84,52 @@ def test_the_network_is_told_lines_mask_frequency_and_length():
     assert (told[..., 53] == 6 / 8).all()
     other = x.clone()
     other[~mask] = 9.0
-    assert torch.equal(made.told(interpolated(other, mask), mask), told)
+    assert torch.equal(made.told(interpolated(other, mask), x[:, :0], mask), told)
+
+
+def test_a_past_is_told_in_steps_in_every_token():
+    cfg = small(past=4)
+    x = Clips(data_of(cfg).train, make_space(data_of(cfg).train, "positions")).cut(11, 3, 4).x
+    made = Representation.fit(cfg.model, 8, x, 4)
+    assert set(made.learnt()) == {"mean", "deviation", "departure", "power", "velocity"}
+    alone = Representation.fit(cfg.model, 8, x[:, 3:])
+    assert alone.velocity is None and torch.equal(made.departure, alone.departure) and torch.equal(made.mean, alone.mean)
+    steps = x[:, :4].diff(dim=1)
+    torch.testing.assert_close(made.velocity, steps.flatten(0, 1).square().mean(0).sqrt().clamp_min(1e-3))
+    before, mask = x[:, :3], ends(x[:, 3:]).expand(len(x), 8)
+    hint = made.hint(x[:, 3:], before, mask)
+    told = made.told(hint, before, mask)
+    assert told.shape == (len(x), 8, 51 + 3 + 3 * 51)
+    for token in (0, 7):
+        torch.testing.assert_close(told[:, token, 54:].unflatten(-1, (3, 51)), steps / made.velocity)
+    torch.testing.assert_close(told[..., :54], alone.told(hint, before, mask))
+    again = Representation.restore(cfg.model, 8, made.learnt())
+    assert torch.equal(again.told(hint, before, mask), told)
+
+
+@pytest.mark.parametrize("coast", [0.0, 3.0])
+def test_tokens_of_short_windows_are_as_large_as_those_of_long_ones(coast):
+    cfg = small(tokens="sines", shortest=3, sizes="each", past=3, coast=coast)
+    x = Clips(data_of(cfg).train, make_space(data_of(cfg).train, "positions")).cut(10, 1, 3).x
+    made = Representation.fit(cfg.model, 8, x, 3, 5)
+    assert made.departure.shape == (4, 51)
+    for frames in (5, 6, 8):
+        part = x[:, 2 : 2 + frames]
+        hint = made.hint(part, x[:, :2], ends(part))
+        z = made.modelled(part, hint)
+        energy = made.transform(frames)(z)[:1000].square().sum(1).mean(0)
+        alive = (part - hint)[:1000].square().mean((0, 1)).sqrt() > 2e-3
+        torch.testing.assert_close(energy[alive], torch.full((int(alive.sum()),), 6.0), rtol=0.01, atol=0)
+        torch.testing.assert_close(made.states(z, hint), part, atol=1e-5, rtol=0)
+    again = Representation.restore(cfg.model, 8, made.learnt())
+    assert torch.equal(again.modelled(part, hint), z)
+
+
+def test_the_hint_coasts_where_it_should():
+    cfg = small(past=3, coast=4.0)
+    x = clips(cfg, 10)
+    made = Representation.fit(cfg.model, 8, x, 3)
+    assert torch.equal(made.hint(x[:, 2:], x[:, :2], ends(x[:, 2:])), coasting(x[:, 2:], x[:, :2], ends(x[:, 2:]), 4.0))
 
 
 def test_fewer_cosines_are_the_slow_part():

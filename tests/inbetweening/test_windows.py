@@ -11,7 +11,7 @@ import torch
 
 from mwlib.body.skeleton import LAFAN1
 from mwlib.inbetweening.space import Placement, PositionSpace, RotationSpace
-from mwlib.inbetweening.windows import Clips, draw_keyframes, interpolated, make_space, mirror_images, ready
+from mwlib.inbetweening.windows import Clips, coasting, draw_keyframes, given, interpolated, make_space, mirror_images, ready
 from tests.inbetweening.sample import dancers, lafan_motion, people
 
 LENGTHS = (20, 9, 8, 31, 3)
@@ -42,6 +42,19 @@ def test_cutting_is_a_slow_loop(state, frames, stride):
             )
             at, start = at + 1, start + stride
     assert at == len(cut.x) == len(cut.clip) == len(cut.start)
+
+
+@pytest.mark.parametrize("state", ["positions", "rotations"])
+def test_windows_with_a_past_are_seen_from_its_last_frame(state):
+    found = clips(state)
+    alone, whole = found.cut(8, 5), found.cut(11, 5, past=4)
+    for number, (clip, start) in enumerate(zip(whole.clip.tolist(), whole.start.tolist(), strict=True)):
+        later = found.take(torch.tensor([clip]), torch.tensor([start + 3]), 8)
+        torch.testing.assert_close(whole.x[number, 3:], later.x[0])
+        torch.testing.assert_close(whole.placement.origin[number], later.placement.origin[0])
+    assert whole.x[:, 3, :2].abs().max() < 1e-6 < whole.x[:, 0, :2].abs().max() and alone.x[:, 0, :2].abs().max() < 1e-6
+    drawn = found.draw(9, 11, torch.Generator().manual_seed(1), past=4)
+    torch.testing.assert_close(drawn.x, found.take(drawn.clip, drawn.start, 11, 4).x)
 
 
 def test_lafans_count_of_windows():
@@ -138,6 +151,34 @@ def test_drawn_keyframes(generator):
     assert (where / where.mean() - 1).abs().max() < 0.5  # everywhere
     one, other = (draw_keyframes(9, 30, 3, torch.Generator().manual_seed(1)) for _ in "ab")
     assert torch.equal(one, other)
+
+
+def test_what_is_given():
+    assert given(5).tolist() == [True, False, False, False, True]
+    assert given(6, 3).tolist() == [True, True, True, False, False, True]
+
+
+def test_keyframes_are_drawn_after_the_past(generator):
+    assert torch.equal(draw_keyframes(3, 6, 0, generator, 3), given(6, 3).expand(3, -1))
+    mask = draw_keyframes(4000, 33, 3, generator, 4)
+    assert mask[:, :4].all() and mask[:, -1].all() and int(mask[:, 4:-1].sum(1).max()) == 3
+    alone = draw_keyframes(50, 30, 3, torch.Generator().manual_seed(1))
+    assert torch.equal(draw_keyframes(50, 33, 3, torch.Generator().manual_seed(1), 4)[:, 3:], alone)
+
+
+def test_coasting_leaves_with_the_velocity_of_the_past_and_meets_every_keyframe():
+    """By hand, and in each window up to its own next keyframe."""
+    x, before = torch.zeros(2, 7, 1), torch.tensor([[-9.0], [-1.0]]).expand(2, 2, 1)
+    mask = torch.tensor([[1, 0, 0, 0, 0, 0, 1], [1, 0, 0, 1, 0, 0, 1]]).bool()
+    found = coasting(torch.where(mask[..., None], x, torch.nan), before, mask, 2.0)[..., 0]
+    for row, until in zip(found.tolist(), (6, 3), strict=True):
+        assert row == pytest.approx([k * np.exp(-k / 2) * max(1 - k / until, 0) for k in range(7)], abs=1e-6)
+    x[:, -1] = 6.0  # a body that goes on as it went needs no correction
+    steady = coasting(x, before, given(7), 4.0)
+    torch.testing.assert_close(steady[0, :, 0], torch.arange(7.0))
+    torch.testing.assert_close(coasting(x, before - 3, given(7), 1e-3), interpolated(x, given(7)), atol=1e-6, rtol=0)
+    slow = coasting(x.double(), before.double() + 0.5, given(7), 1e6)  # half the velocity, hardly forgotten
+    assert float(slow[0, 1, 0]) == pytest.approx(1 - 0.5 * 5 / 6, abs=1e-4)
 
 
 def lines(x: np.ndarray, mask: np.ndarray) -> np.ndarray:
