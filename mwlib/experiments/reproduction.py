@@ -31,9 +31,9 @@ root, 25 frames observed, 100 predicted. The models never saw the people who are
 licence of Human3.6M does not allow us to pass them on. Notebooks show things on synthetic people unless they say otherwise.
 
 **Models.** The preset `cmu_paper` has the paper's method at a smaller size: 4 blocks of width 128 instead of 12 of width 768, and
-4,000 training steps instead of about 390,000. Tables that train a network for each row give it a share of these steps: an
-eighth in the older ones, else as the evidence says. The preset predicts clean coefficients, scaled one by one, of displacements
-from the last observed pose. The paper predicts the noise of coefficients as they are; the table `as_published` has that. The
+4,000 training steps instead of about 390,000. Rows that differ in more than the sampling have trainings of their own, of as
+many steps. The preset predicts clean coefficients, scaled one by one, of displacements from the last observed pose. The paper
+predicts the noise of coefficients as they are; the table `as_published` has that. The
 preset `cmu` has changes of our own, and a claim says so where it uses one of its tables. The machine of each table stands
 in the JSON file beside it; where none is named, it was a CPU of a shared x86-64 machine.
 
@@ -41,12 +41,10 @@ in the JSON file beside it; where none is named, it was a CPU of a shared x86-64
 training differ. "Does not hold here" means that we did not find it with these data and this training. It does not mean that the
 paper's numbers are wrong.
 
-**How sure.** All rows of a table see the same windows. Where a table has paired differences, with their standard errors over
-clips, a direction counts if it is more than twice that error. Older tables, of mwlib 0.1, have none, and 20 or 30 windows. In
-these, errors of prediction count as different if they are more than twice the sum of their standard errors apart. They seldom
-are, and then the verdict says that the rows cannot be told apart. APD and jitter of one network, on the same windows and noise,
-and APD of several trainings are compared with the deviation over seeds. Numbers after ± are deviations over seeds unless the
-sentence says that they are standard errors. APD, ADE, FDE, MMADE and MMFDE are in metres.
+**How sure.** All rows of a table see the same windows. Differences are taken window by window, with their standard errors over
+clips; a direction counts if it is more than twice that error. Where a row has several trainings, a window's number is their mean.
+APD of several trainings, and jitter, are also compared with the deviation over seeds. Numbers after ± are deviations over seeds
+unless the sentence says that they are standard errors. APD, ADE, FDE, MMADE and MMFDE are in metres.
 
 Other results, with more detail, stand in [RESULTS.md](RESULTS.md). {ACKNOWLEDGEMENT}
 

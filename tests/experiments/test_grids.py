@@ -187,7 +187,7 @@ def test_the_committed_tables_come_back_as_lines(tmp_path):
     places = dict.fromkeys(("bridges", "bridges_50", "bridges_100", "bridge_longer"), figures / "lafan1")
     places |= {"bridge_parts": figures / "synthetic", "bridge_feet": figures / "bandai_namco"}
     places |= {
-        name: figures / "synthetic" for name in ("sentences_yardsticks", "free_t2m", "free_t2m_seeds", "free_t2m_readings")
+        name: figures / "synthetic" for name in ("sentences_yardsticks", "free_t2m", "free_t2m_scratch", "free_t2m_readings")
     }
     for name, grid in read_grids().items():
         columns = system(grid.system).METRICS
@@ -211,3 +211,19 @@ def test_a_committed_motion_is_read_from_its_picture(tmp_path):
     np.testing.assert_array_equal(tables.committed_motion("board", "sample_1", tmp_path), [[2, 3], [6, 7]])
     with pytest.raises(ValueError, match="expected one of truth, sample_1"):
         tables.committed_motion("board", "sample_2", tmp_path)
+
+
+def test_a_budget_may_say_that_every_seed_is_a_training(tmp_path):
+    """At a small size one training serves all seeds, at a large one each seed has its own; the grid itself trains nothing."""
+    file = tmp_path / "grids.yaml"
+    budgets = "[{ until: 1000, seeds: 2 }, { until: 10000, seeds: 2, trains: true }]"
+    file.write_text(f"grids: {{ a: {{ title: t, budgets: {budgets}, rows: [{{ name: one }}] }} }}\n", encoding="utf-8")
+    grid = read_grids(file)["a"]
+    small, large = (Config.preset("tiny", train_steps=steps) for steps in (1000, 10000))
+    assert [row_config(grid, grid.rows[0], small, seed).get("seed") for seed in range(2)] == [0, 0]
+    assert [row_config(grid, grid.rows[0], large, seed).get("seed") for seed in range(2)] == [0, 1]
+    assert [row_config(grid, grid.rows[0], small, seed).get("sampling_seed") for seed in range(2)] == [0, 1]
+    assert (grid.trains_at(small), grid.trains_at(large)) == (False, True)
+    file.write_text(file.read_text(encoding="utf-8").replace("trains: true", "trains: often"), encoding="utf-8")
+    with pytest.raises(ValueError, match="trains is 'often'; expected true or false"):
+        read_grids(file)
