@@ -16,8 +16,9 @@ from mwlib.experiments.runs import load_run
 _TEXT = (
     "Read one motion file, or two. Between two or more frames of the one (--keyframes), or the last frame of the first and the "
     "first frame of the second (--between), sample motions that meet these poses, and write each as a BVH file that Blender "
-    "opens. Frames are counted at the model's rate. A model of rotations keeps the file's skeleton; the model that comes with "
-    "the package has places of 17 joints, to which known skeletons are carried over."
+    "opens. Frames are counted at the model's rate. A model that was given a past also looks at those before the first pose. "
+    "A model of rotations keeps the file's skeleton; the model that comes with the package has places of 17 joints, to which "
+    "known skeletons are carried over."
 )
 
 

@@ -34,7 +34,8 @@ def inbetween(
         progress: show a bar.
 
     Returns:
-        `samples` motions of `frames` + 2 frames at the model's rate, the keyframes among them.
+        `samples` motions of `frames` + 2 frames at the model's rate, the keyframes among them; and before these the past, of a
+        model that is given one.
 
     Raises:
         FileNotFoundError: there is no such run.

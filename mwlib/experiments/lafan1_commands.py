@@ -39,7 +39,9 @@ def add_parser(subparsers: _SubParsersAction) -> None:
         formatter_class=ArgumentDefaultsHelpFormatter,
     )
     parser.add_argument("--data", default="lafan1", metavar="PATH", help="folder of the BVH files, here or under MWLIB_DATA")
-    parser.add_argument("--out", type=Path, metavar="FOLDER", help="also write benchmark.csv and its provenance there")
+    parser.add_argument(
+        "--out", type=Path, metavar="FOLDER", help="also write benchmark.csv there, with a model benchmark_model.csv"
+    )
     parser.add_argument("--model", metavar="RUN", help="folder of a finished run of in-betweening, or the name of a shipped one")
     parser.add_argument("--samples", type=int, default=10, help="of the model, for each window")
     parser.add_argument("--seed", type=int, default=0, help="of the model's noise")
@@ -61,7 +63,8 @@ def _benchmark(args: Namespace) -> int:
     print(f"\n{verdict(benchmark, missed)}")
     if args.out:
         provenance = _provenance(benchmark, args.data, missed) | ({} if bridge is None else _about_model(bridge, args))
-        for path in plots.save_table(rows, args.out, "benchmark", provenance=provenance):
+        stem = "benchmark" if bridge is None else "benchmark_model"
+        for path in plots.save_table(rows, args.out, stem, provenance=provenance):
             print(path)
     return 1 if missed else 0
 

@@ -13,7 +13,7 @@ from mwlib.body.rotation import multiply, rotate, six
 from mwlib.body.skeleton import LAFAN1
 from mwlib.inbetweening.bridge import Bridge
 from mwlib.inbetweening.config import Config
-from mwlib.inbetweening.lafan1 import FPS, PAST, TEST_SUBJECT, Benchmark, Frames, score_frames
+from mwlib.inbetweening.lafan1 import FPS, PAST, TEST_SUBJECT, Benchmark, Frames, is_quiet, score_frames
 from mwlib.inbetweening.lafan1_table import LENGTHS
 from mwlib.inbetweening.space import Placement, RotationSpace, Space
 
@@ -43,7 +43,7 @@ def model_table(
 
     Returns:
         Rows as of `lafan1_table.table`, two for each length: the mean of the errors of single samples, and the errors of the
-        samples' average (of the states, made valid again).
+        samples' average (of the states; `to_frames` makes rotations of them again).
 
     Raises:
         ValueError: the model does not fit the benchmark, see `check_model`, or no length.
@@ -58,8 +58,8 @@ def model_table(
     for n in lengths:
         errors: list[dict[str, float | None]] = [dict.fromkeys(("L2Q", "L2P", "NPSS"))] * 2
         if n in fitting:
-            x = fill(bridge, space, benchmark, n, count, seed, progress)
-            errors = [_errors(benchmark, space, each, n) for each in (x.unbind(1), [space.valid(x.mean(1))])]
+            x = fill(bridge, space, benchmark, n, count, seed, not is_quiet(progress))
+            errors = [_errors(benchmark, space, each, n) for each in (x.unbind(1), [x.mean(1)])]
         for (method, of), found in zip(rows.items(), errors, strict=True):
             of.append({"method": method, "N": n, "windows": len(benchmark), **found})
     return [row for of in rows.values() for row in of]

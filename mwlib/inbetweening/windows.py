@@ -187,8 +187,7 @@ def coasting(
     """`interpolated`, that leaves the first keyframe with the velocity that the body has there.
 
     Frame k departs from the straight line by (v - v_line) k exp(-k / frames) (1 - k / K), K the next keyframe, v the last step
-    of the past. Source: own choice, by measurement: on LaFAN1 it is nearer to the truth than the line, and than the cubic of
-    Hermite with that velocity.
+    of the past. Source: own choice, by measurement: on LaFAN1 its places are nearer to the truth than the line's.
 
     Args:
         x: states; those that are not keyframes are not looked at.

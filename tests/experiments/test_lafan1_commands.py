@@ -101,20 +101,20 @@ def test_a_trained_model_gets_its_rows(folder, run, tmp_path, capsys):
     given = ["lafan1-benchmark", "--data", str(folder), "--model", str(run), "--samples", "2"]
     assert main([*given, "--out", str(tmp_path)]) == 0
     told = " ".join(capsys.readouterr().out.split())
-    rows = [row for row in rows_of(tmp_path / "benchmark.csv") if row["source"] == lafan1_commands.MEASURED]
+    rows = [row for row in rows_of(tmp_path / "benchmark_model.csv") if row["source"] == lafan1_commands.MEASURED]
     names = ["zero velocity", "interpolation", f"{run.name}, single samples", f"{run.name}, average of 2"]
     assert [row["method"] for row in rows] == [name for name in names for _ in range(4)]
     for row, metric, digits in ((rows[9], "L2P", 4), (rows[14], "L2Q", 3)):
         assert f"| {float(row[metric]):.{digits}f} |" in told
-    about = json.loads((tmp_path / "benchmark.json").read_text())
+    about = json.loads((tmp_path / "benchmark_model.json").read_text())
     assert about["model"]["run"] == run.name and about["model"]["past"] == 10 and about["model"]["samples"] == 2
     assert len(about["model"]["file"]) == 64 and about["model"]["people"]["train"] == ["1", "2", "4"]
     assert about["seeds"] == "0, of the model's noise" and about["command"].endswith(f"--model {run.name} --samples 2 --seed 0")
     assert (
         main([*given, "--out", str(tmp_path / "again")]) == main([*given, "--seed", "1", "--out", str(tmp_path / "other")]) == 0
     )
-    again, other = (rows_of(tmp_path / name / "benchmark.csv") for name in ("again", "other"))
-    assert again == rows_of(tmp_path / "benchmark.csv") != other
+    again, other = (rows_of(tmp_path / name / "benchmark_model.csv") for name in ("again", "other"))
+    assert again == rows_of(tmp_path / "benchmark_model.csv") != other
 
 
 def test_a_model_that_does_not_fit_is_refused_before_anything_is_measured(folder, run, monkeypatch, capsys):

@@ -36,6 +36,11 @@ def of(file: str, tests: str, *changes: tuple[str, ...]) -> list[Mutant]:
 
 MUTANTS = [
     *of(
+        "settings.py", "test_settings.py",
+        ("newer-fields-always-in-the-hash", "if name not in newer or value != newer[name]", "if True"),
+        ("newer-fields-never-in-the-hash", "if name not in newer or value != newer[name]", "if name not in newer"),
+    ),
+    *of(
         "diffusion/guidance.py", "diffusion/test_guidance.py",
         ("cfg-weight-counts-one-less", "((1 + w) * conditional).sub_(w *", "(w * conditional).sub_((w - 1) *"),
         ("gradient-the-wrong-way", "eps.detach() + weight * a", "eps.detach() - weight * a"),
@@ -681,6 +686,27 @@ MUTANTS = [
         ("short-clips-drawn-as-often", "clip = torch.searchsorted(last, number, right=True)",
          "clip = number % len(last)"),
         ("a-line-one-frame-short", "(high - low).clamp_min(1)", "(high - low + 1).clamp_min(1)"),
+        ("past-seen-from-its-first-frame", "self.space.placement(x, offsets, past - 1)", "self.space.placement(x, offsets)"),
+        ("keyframes-drawn-in-the-past", "mask[:, past - 1 :] |=", "mask[:, :gap] |="),
+        ("coasts-through-the-next-keyframe", "torch.where(mask & (k > 0), k, len(k)).amin", "torch.where(mask, k, 0).amax"),
+        ("coasts-with-the-velocity-itself", " - line.diff(dim=-2)[..., :1, :]", ""),
+    ),
+    *of(
+        "inbetweening/representation.py", "inbetweening/test_representation.py",
+        ("sizes-without-the-number-of-tokens", ".clamp_min(FINEST) * share**0.5", ".clamp_min(FINEST)"),
+        ("sizes-of-the-next-length", "self.departure[frames - self.frames - 1]", "self.departure[frames - self.frames - 2]"),
+        ("past-told-without-its-last-step", "torch.cat([before, hint[..., :1, :]], dim=-2)",
+         "torch.cat([before[..., :1, :], before], dim=-2)"),
+    ),
+    *of(
+        "inbetweening/lafan1_model.py", "inbetweening/test_lafan1_model.py",
+        ("y-stays-up", "UPRIGHT = (0.5**0.5, 0.5**0.5, 0.0, 0.0)", "UPRIGHT = (1.0, 0.0, 0.0, 0.0)"),
+        ("upside-down", "UPRIGHT = (0.5**0.5, 0.5**0.5,", "UPRIGHT = (0.5**0.5, -(0.5**0.5),"),
+        ("joints-as-the-rig-has-them", "[list(space.points), :]", "[:22, :]"),
+        ("sees-what-is-to-be-found", "x[:, past:-1] = x[:, past - 1 : past]", "past = past + 0"),
+        ("target-after-the-window", "PAST + length + 1)).float()", "PAST + length + 2)).float()"),
+        ("scored-where-the-model-sees-it", "return space.placed(found, there)[", "return found["),
+        ("average-is-the-first-sample", "[x.mean(1)]", "[x[:, 0]]"),
     ),
     *of(
         "inbetweening/network.py", "inbetweening/test_network.py",
@@ -704,6 +730,8 @@ MUTANTS = [
     ),
     *of(
         "inbetweening/bridge.py", "inbetweening/test_bridge.py",
+        ("past-told-in-part", "mask[: task.past].all()", "mask[0]",
+         "inbetweening/test_bridge.py::test_what_the_model_is_not_for_is_refused"),
         ("noise-of-the-place-in-the-chunk", "ids[first : first + size], shape", "range(len(part)), shape",
          "inbetweening/test_bridge.py::test_a_window_depends_on_seed_and_identity_alone"),
         ("keyframes-as-the-sampler-left-them", "return with_keyframes(states, x[:, None], mask)", "return states",
