@@ -5,6 +5,7 @@ from __future__ import annotations
 from argparse import ArgumentDefaultsHelpFormatter, Namespace, _SubParsersAction
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from statistics import mean, stdev
 from typing import Any
 
 import torch
@@ -42,18 +43,22 @@ def add_parser(subparsers: _SubParsersAction) -> None:
     parser.add_argument(
         "--out", type=Path, metavar="FOLDER", help="also write benchmark.csv there, with a model benchmark_model.csv"
     )
-    parser.add_argument("--model", metavar="RUN", help="folder of a finished run of in-betweening, or the name of a shipped one")
+    text = (
+        "folder of a finished run of in-betweening, or the name of a shipped one; may be repeated; runs of one NAME are averaged"
+    )
+    parser.add_argument("--model", action="append", default=[], metavar="[NAME=]RUN", help=text)
     parser.add_argument("--samples", type=int, default=10, help="of the model, for each window")
     parser.add_argument("--seed", type=int, default=0, help="of the model's noise")
     parser.set_defaults(run=_benchmark)
 
 
 def _benchmark(args: Namespace) -> int:
-    bridge = _model(args)
+    bridges = _models(args)
     benchmark = lafan1_benchmark(load_motions(args.data), progress=True)
     measured = table(benchmark, progress=True)
-    if bridge is not None:
-        measured += model_table(bridge, benchmark, Path(args.model).name, args.samples, args.seed, progress=True)
+    for name, runs in bridges.items():
+        found = [model_table(bridge, benchmark, name, args.samples, args.seed, progress=True) for bridge in runs.values()]
+        measured += [_averaged(rows) for rows in zip(*found, strict=True)]
     rows = [row | {"source": MEASURED} for row in measured] + published()
     there = f"{len(benchmark)} windows of subject 5, statistics of {len(benchmark.statistics_clips)} clips"
     print(f"Measured here: {there}. Published: all {ALL_WINDOWS} windows of the {ALL_CLIPS} files.")
@@ -62,36 +67,56 @@ def _benchmark(args: Namespace) -> int:
     missed = misses(measured) if is_complete(benchmark) else []
     print(f"\n{verdict(benchmark, missed)}")
     if args.out:
-        provenance = _provenance(benchmark, args.data, missed) | ({} if bridge is None else _about_model(bridge, args))
-        stem = "benchmark" if bridge is None else "benchmark_model"
+        provenance = _provenance(benchmark, args.data, missed) | (_about_models(bridges, args) if bridges else {})
+        stem = "benchmark_model" if bridges else "benchmark"
         for path in plots.save_table(rows, args.out, stem, provenance=provenance):
             print(path)
     return 1 if missed else 0
 
 
-def _model(args: Namespace) -> Bridge | None:
-    """The model that is asked for, on a GPU where there is one; refused before anything is measured."""
-    if args.model is None:
-        return None
+def _models(args: Namespace) -> dict[str, dict[str, Bridge]]:
+    """The models that are asked for, by name and run, on a GPU where there is one; refused before anything is measured."""
     if args.samples < 1:
         raise ValueError(f"samples is {args.samples}; expected at least 1")
-    bridge = load_run(args.model)
-    if not isinstance(bridge, Bridge):
-        raise ValueError(f"{args.model} is a run of another system; expected one of in-betweening")
-    check_model(bridge.cfg, bridge.space)
-    return bridge.to("cuda" if torch.cuda.is_available() else "cpu")
+    found: dict[str, dict[str, Bridge]] = {}
+    for word in args.model:
+        name, given, run = ("", "", word) if Path(word).exists() else word.rpartition("=")
+        bridge = load_run(run)
+        if not isinstance(bridge, Bridge):
+            raise ValueError(f"{run} is a run of another system; expected one of in-betweening")
+        check_model(bridge.cfg, bridge.space)
+        name = name if given else Path(run).name
+        found.setdefault(name, {})[Path(run).name] = bridge.to("cuda" if torch.cuda.is_available() else "cpu")
+    return found
 
 
-def _about_model(bridge: Bridge, args: Namespace) -> dict[str, Any]:
-    """What its rows depend on."""
-    cfg, name = bridge.cfg, Path(args.model).name
-    sampling = {"samples": args.samples, "ddim_steps": cfg.sampling.ddim_steps, "temperature": cfg.sampling.temperature}
-    people = {"train": cfg.data.train_subjects, "validation": cfg.data.validation_subjects, "test": cfg.data.test_subjects}
+def _averaged(rows: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+    """One line of several trainings: the means of the errors and, of more than one, their deviations."""
+    out = dict(rows[0])
+    for metric in TOLERANCE:
+        values = [row[metric] for row in rows]
+        if len(rows) > 1 and None not in values:
+            out |= {metric: mean(values), f"{metric}, deviation": stdev(values)}
+    return out | ({"trainings": len(rows)} if len(rows) > 1 else {})
+
+
+def _about_models(bridges: Mapping[str, Mapping[str, Bridge]], args: Namespace) -> dict[str, Any]:
+    """What their rows depend on."""
+    models = [
+        {
+            "name": name, "run": run, "file": models_used.get(run), "settings": bridge.cfg.hash(), "past": bridge.cfg.task.past,
+            "train_steps": bridge.cfg.training.train_steps, "training_seed": bridge.cfg.training.seed,
+            "people": {"train": data.train_subjects, "validation": data.validation_subjects, "test": data.test_subjects},
+            "samples": args.samples, "ddim_steps": bridge.cfg.sampling.ddim_steps, "temperature": bridge.cfg.sampling.temperature,
+        }
+        for name, runs in bridges.items()
+        for run, bridge in runs.items()
+        for data in [bridge.cfg.data]
+    ]  # fmt: skip
+    words = " ".join(f'--model "{model["name"]}={model["run"]}"' for model in models)
     return {
-        "model": {"run": name, "file": models_used.get(name), "settings": cfg.hash(), "train_steps": cfg.training.train_steps,
-                  "past": cfg.task.past, "people": people, **sampling},
-        "seeds": f"{args.seed}, of the model's noise",
-        "command": f"mwlib lafan1-benchmark --data {args.data} --model {name} --samples {args.samples} --seed {args.seed}",
+        "models": models, "seeds": f"{args.seed}, of the models' noise",
+        "command": f"mwlib lafan1-benchmark --data {args.data} {words} --samples {args.samples} --seed {args.seed}",
     }  # fmt: skip
 
 

@@ -88,13 +88,17 @@ def test_what_cannot_be_measured_is_told(folder, tmp_path, capsys):
     assert end.value.code == 0 and "all 77 files" in text and "subject 5" in text and "(default: lafan1)" in text
 
 
+def trained(place: Path, seed: int) -> Path:
+    """A run of two steps."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("MWLIB_RUNS", str(place))
+        cfg = small(**TASK, train_steps=2, lr=0.1, seed=seed)
+        return get_run(cfg, Split(ready([m for m in small_set() if m.subject != "5"], 30.0), [], []))
+
+
 @pytest.fixture(scope="module")
 def run(tmp_path_factory):
-    """A model that was trained for two steps."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("MWLIB_RUNS", str(tmp_path_factory.mktemp("runs")))
-        cfg = small(**TASK, train_steps=2)
-        return get_run(cfg, Split(ready([m for m in small_set() if m.subject != "5"], 30.0), [], []))
+    return trained(tmp_path_factory.mktemp("runs"), seed=0)
 
 
 def test_a_trained_model_gets_its_rows(folder, run, tmp_path, capsys):
@@ -107,14 +111,33 @@ def test_a_trained_model_gets_its_rows(folder, run, tmp_path, capsys):
     for row, metric, digits in ((rows[9], "L2P", 4), (rows[14], "L2Q", 3)):
         assert f"| {float(row[metric]):.{digits}f} |" in told
     about = json.loads((tmp_path / "benchmark_model.json").read_text())
-    assert about["model"]["run"] == run.name and about["model"]["past"] == 10 and about["model"]["samples"] == 2
-    assert len(about["model"]["file"]) == 64 and about["model"]["people"]["train"] == ["1", "2", "4"]
-    assert about["seeds"] == "0, of the model's noise" and about["command"].endswith(f"--model {run.name} --samples 2 --seed 0")
+    (model,) = about["models"]
+    assert model["run"] == model["name"] == run.name and model["past"] == 10 and model["samples"] == 2
+    assert len(model["file"]) == 64 and model["people"]["train"] == ["1", "2", "4"]
+    assert about["seeds"] == "0, of the models' noise"
+    assert about["command"].endswith(f'--model "{run.name}={run.name}" --samples 2 --seed 0')
     assert (
         main([*given, "--out", str(tmp_path / "again")]) == main([*given, "--seed", "1", "--out", str(tmp_path / "other")]) == 0
     )
     again, other = (rows_of(tmp_path / name / "benchmark_model.csv") for name in ("again", "other"))
     assert again == rows_of(tmp_path / "benchmark_model.csv") != other
+
+
+def test_runs_of_one_name_are_averaged(folder, run, tmp_path):
+    other = trained(tmp_path, seed=1)
+    given = ["lafan1-benchmark", "--data", str(folder), "--samples", "2", "--out"]
+    alone = [[*given, str(tmp_path / f"{i}"), "--model", f"one={path}"] for i, path in enumerate((run, other))]
+    both = [*given, str(tmp_path / "both"), "--model", f"one={run}", "--model", f"one={other}"]
+    assert [main(words) for words in (*alone, both)] == [0, 0, 0]
+    first, second, together = (rows_of(tmp_path / name / "benchmark_model.csv")[8:16] for name in ("0", "1", "both"))
+    assert first != second
+    for a, b, mean in zip(first, second, together, strict=True):
+        assert mean["method"] == a["method"] == b["method"] and mean["trainings"] == "2"
+        values = [float(row["L2P"]) for row in (a, b)]
+        assert float(mean["L2P"]) == pytest.approx(sum(values) / 2)
+        assert float(mean["L2P, deviation"]) == pytest.approx(abs(values[0] - values[1]) / 2**0.5)
+    about = json.loads((tmp_path / "both" / "benchmark_model.json").read_text())
+    assert [model["run"] for model in about["models"]] == [run.name, other.name]
 
 
 def test_a_model_that_does_not_fit_is_refused_before_anything_is_measured(folder, run, monkeypatch, capsys):

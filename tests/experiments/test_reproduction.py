@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+import csv
 import json
 import re
-import csv
 import shutil
 from pathlib import Path
 
