@@ -23,12 +23,14 @@ synthetic data at the preset `tiny`; it shows how the thing is made, and its num
 """
 INDEX = """# Exhibits
 
-Every table and figure, where it comes from, and on which data.
+Every table and figure. The pages say where each comes from, and on which data.
 
 ```{{toctree}}
-:maxdepth: 2
+:hidden:
 {pages}
 ```
+
+{listed}
 """
 OWN = """# The chapters' own exhibits
 
@@ -58,17 +60,23 @@ def exhibit_pages(root: Path, notebooks: Mapping[str, Mapping[str, Any]]) -> dic
     rows = read_manifest(root / "figures" / "manifest.yaml")
     kept = {name: kept_outputs(tree) for name, tree in notebooks.items()}
     pages: dict[str, str | bytes] = {}
-    names = []
+    names, listed = [], []
     for system in dict.fromkeys(row.paper["system"] for row in rows if row.paper):
         names.append(re.sub(r"[^a-z0-9]+", "-", system.lower()))
         ordered = sorted((row for row in rows if row.paper.get("system") == system), key=_in_the_paper)
         parts = [_item(item, [*of], root, kept) for item, of in groupby(ordered, key=lambda row: row.paper["item"])]
         pages[f"{FOLDER}/{names[-1]}.md"] = "\n".join([INTRODUCTION.format(name=system), *parts])
+        listed += [f"## {system}", *(_line(row.paper["item"], row.caption, f"{names[-1]}.md") for row in ordered), ""]
     own = [row for row in rows if not row.paper]
     parts = [_item(_title(notebooks[name]), [*of], root, kept) for name, of in groupby(own, key=lambda row: row.notebook)]
     pages[f"{FOLDER}/own.md"] = "\n".join([OWN, *parts])
-    listed = "\n".join([*names, "own", "../figures/cmu/index"])
-    pages[f"{FOLDER}/index.md"] = INDEX.format(pages=listed)
+    listed.append(_heading(OWN))
+    for name, of in groupby(own, key=lambda row: row.notebook):
+        title = _title(notebooks[name])
+        listed += [f"### {title}", *(_line(title, row.caption, "own.md", label="") for row in of), ""]
+    results = [_line(title, words, "../figures/cmu/index.md") for title, words, _ in _results(root, rows)]
+    places = "\n".join([*names, "own", "../figures/cmu/index"])
+    pages[f"{FOLDER}/index.md"] = INDEX.format(pages=places, listed="\n".join([*listed, _heading(COMMITTED), *results]))
     for row in rows:
         if row.kind == "figure" and (found := kept[row.notebook].get(row.stem)):
             pages[f"{FOLDER}/{row.stem}.png"] = b64decode(found.content)
@@ -81,14 +89,31 @@ def committed_page(root: Path) -> str:
     Args:
         root: a checkout. A table is named by its grid, a picture by its exhibit or else by its alternative text.
     """
-    rows = read_manifest(root / "figures" / "manifest.yaml")
-    said = {name.removeprefix("cmu/"): row.caption for row in rows for name in row.committed}
-    said |= {name: grid.title for name, grid in read_grids(root / "figures" / "grids.yaml").items()}
-    parts, folder = [COMMITTED], root / "figures" / "cmu"
-    for file in sorted([*folder.glob("*.md"), *folder.glob("*.png")]):
-        words = (said.get(file.stem) or _alt(file)).rstrip(".")
-        parts += [f"## {file.stem.replace('_', ' ').capitalize()}", f"{words}.", _committed(file, ""), ""]
+    parts = [COMMITTED]
+    for title, words, file in _results(root, read_manifest(root / "figures" / "manifest.yaml")):
+        parts += [f"## {title}", f"{words}.", _committed(file, ""), ""]
     return "\n\n".join(parts)
+
+
+def _results(root: Path, rows: Sequence[Exhibit]) -> list[tuple[str, str, Path]]:
+    """Title, words and file of every committed result of CMU."""
+    folder, grids = root / "figures" / "cmu", root / "figures" / "grids.yaml"
+    said = {name.removeprefix("cmu/"): row.caption for row in rows for name in row.committed}
+    said |= {name: grid.title for name, grid in read_grids(grids).items()}
+    files = sorted([*folder.glob("*.md"), *folder.glob("*.png")])
+    return [(f.stem.replace("_", " ").capitalize(), (said.get(f.stem) or _alt(f)).rstrip("."), f) for f in files]
+
+
+def _line(title: str, caption: str, page: str, label: str | None = None) -> str:
+    """One exhibit in the index: the first sentence about it, linked to the heading that it stands under, which is its label."""
+    anchor = re.sub(r"[^\w -]", "", title.lower()).replace(" ", "-")  # as MyST makes them
+    (sentence,) = re.findall(r"^.+?(?=\.(?: [A-Z]|$)|$)", " ".join(caption.split()))
+    label = f"{title}: " if label is None else label
+    return f"* {label}[{sentence}]({page}#{anchor})"
+
+
+def _heading(page: str) -> str:
+    return f"#{page.splitlines()[0]}\n"
 
 
 def _in_the_paper(row: Exhibit) -> tuple[str, int, str]:

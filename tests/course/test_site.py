@@ -89,6 +89,20 @@ def test_every_exhibit_of_the_paper_is_there_in_its_order(sources, system):
     assert text.count(":alt: ") == text.count("```{image}") >= 8 and ':alt: ""' not in text
 
 
+def test_the_index_says_what_each_exhibit_is(sources):
+    text = (sources / "exhibits" / "index.md").read_text(encoding="utf-8")
+    lines = re.findall(r"^\* (?:(.+): )?\[(.+)\]\((.+\.md)#(.+)\)$", text, re.M)
+    assert [line for line in lines if len(line[1].split()) < 2 or line[1].endswith(".")] == []
+    said, headings = {(label, words) for label, words, *_ in lines}, {}
+    for row in read_manifest():
+        assert any(label == row.paper.get("item", "") and row.caption.startswith(words) for label, words in said), row.id
+    for _, _, page, anchor in lines:
+        titles = re.findall(r"^## (.*)$", (sources / "exhibits" / page).read_text(encoding="utf-8"), re.M)
+        headings[page] = {re.sub(r"[^\w-]", "", title.lower().replace(" ", "-")) for title in titles}
+        assert anchor in headings[page], f"{page} has no heading {anchor}"
+    assert len(headings) == 5 and len(lines) == len(read_manifest()) + len(headings["../figures/cmu/index.md"])
+
+
 def test_every_committed_result_is_named_in_words(sources):
     _, *parts = re.split(r"^## .*\n\n", (sources / "figures" / "cmu" / "index.md").read_text(encoding="utf-8"), flags=re.M)
     shown = [*(ROOT / "figures" / "cmu").glob("*.md"), *(ROOT / "figures" / "cmu").glob("*.png")]
@@ -109,6 +123,7 @@ def test_committed_results_come_first(tmp_path):
     }
     (root / "figures" / "cmu").mkdir(parents=True)
     (root / "figures" / "manifest.yaml").write_text(yaml.safe_dump({"exhibits": [row]}))
+    (root / "figures" / "grids.yaml").write_text("grids: {}")
     notebooks = {"01_sample": model_notebook()}
     with pytest.raises(ValueError, match=r"table_9\.md and .*table_9\.png are missing"):
         exhibit_pages(root, notebooks)

@@ -633,6 +633,8 @@ MUTANTS = [
     *of(
         "course/site_exhibits.py", "course/test_site.py::test_committed_results_come_first",
         ("committed-results-are-not-shown", "if row.committed:", "if not row.committed:"),
+        ("index-of-bare-numbers", "{label}[{sentence}](", "{label}[{title}](",
+         "course/test_site.py::test_the_index_says_what_each_exhibit_is"),
     ),
     *of(
         "plots/stage.py", "plots/test_player.py",
