@@ -581,6 +581,14 @@ MUTANTS = [
         ("training-seeds-where-none-is-trained", '({"seed": seed} if grid.trains_at(cfg) else {})', '{"seed": seed}'),
     ),
     *of(
+        "experiments/grids.py", "experiments/test_grids.py",
+        ("budget-has-no-say-in-trainings", "return self.trains if said is None else said", "return self.trains"),
+    ),
+    *of(
+        "experiments/lafan1_commands.py", "experiments/test_lafan1_commands.py",
+        ("one-training-speaks-for-all", "{metric: mean(values)", "{metric: values[0]"),
+    ),
+    *of(
         "experiments/tables.py", "experiments/test_tables.py",
         ("deviation-of-a-population", "stdev(v) if", "stdev(v) * ((len(v) - 1) / len(v)) ** 0.5 if"),
         ("standard-error-of-the-last-seed", 'results[0]["standard_error"].get(m)', 'results[-1]["standard_error"].get(m)'),
