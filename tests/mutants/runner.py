@@ -18,7 +18,8 @@ from tqdm import tqdm
 from tests.mutants.catalogue import Mutant
 
 PRELOADED = ["torch", "accelerate", "scipy.signal", "matplotlib.pyplot", "pywt", "beartype", "jaxtyping", "pytest"]
-COPIED = ("mwlib", "tests", "figures", "notebooks", "Snakefile", "README.md", "RESULTS.md", "REPRODUCTION.md", "pyproject.toml")
+TEXTS = ("README.md", "RESULTS.md", "REPRODUCTION.md", "CONTRIBUTING.md")
+COPIED = ("mwlib", "tests", "figures", "notebooks", "docs", "Snakefile", "pyproject.toml", *TEXTS)
 TESTS_FAILED = 1  # pytest's exit code; others mean that no test was run
 KILLED, SURVIVED, GONE, BROKEN = "killed", "SURVIVED", "NO LONGER APPLIES", "TESTS DO NOT RUN"
 SECONDS = 600  # for one mutant: then its tests hang
@@ -29,7 +30,7 @@ def copied(root: Path, folder: Path) -> Path:
     folder.mkdir()
     for name in COPIED:
         if (root / name).is_dir():
-            shutil.copytree(root / name, folder / name, ignore=shutil.ignore_patterns("__pycache__", "_material"))
+            shutil.copytree(root / name, folder / name, ignore=shutil.ignore_patterns("__pycache__", "_material", "node_modules"))
         elif (root / name).exists():
             shutil.copy(root / name, folder / name)
     return folder
