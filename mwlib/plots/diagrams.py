@@ -10,7 +10,7 @@ from matplotlib.patches import FancyBboxPatch
 
 from mwlib.body.skeleton import Skeleton
 from mwlib.plots.look import CYCLE, INK, OBSERVED, WIDTH, array, limit, style
-from mwlib.plots.sheet import Array, arrow, box, image, inset, row_of_bodies, sheet
+from mwlib.plots.sheet import Array, Place, arrow, box, image, inset, row_of_bodies, sheet
 
 
 @style()
@@ -89,7 +89,7 @@ def tabg_diagram(
     *,
     threshold: float = 1.0,
 ) -> tuple[Figure, Axes]:
-    """Attention guidance (TABG, the paper's Fig. 2), with one real step in the insets.
+    """Attention guidance (TABG, the paper's Fig. 2), with one real step in the insets. Rows run to the right everywhere.
 
     Args:
         y_t: noisy coefficients.
@@ -99,36 +99,44 @@ def tabg_diagram(
         y_hat: the same with those rows noised.
         threshold: phi.
     """
-    a_t, mask = array(a_t), array(mask)
-    fig, ax = sheet(4.1)
+    fig, ax = sheet(4.55)
     shown = limit(np.quantile(np.abs(array(y_t)), 0.99))
     attention = np.minimum(array(attention), np.quantile(array(attention), 0.995))  # else one bright spot hides the rest
-    image(ax, (0.1, 2.35, 0.95, 1.15), "$\\mathbf{y}^{(t)}$", np.clip(array(y_t), -shown, shown))
-    box(ax, (1.35, 2.6, 0.95, 0.65), "TransLinear\n$\\epsilon_\\theta(\\mathbf{y}^{(t)})$", CYCLE[0])
-    arrow(ax, (1.05, 2.92), (1.35, 2.92))
-    image(ax, (2.75, 2.35, 1.15, 1.15), "attention, middle blocks", attention, "viridis")
-    arrow(ax, (2.3, 2.92), (2.75, 2.92))
-    curve = inset(ax, (4.75, 2.35, 1.4, 1.15), "$A_t$ and the mask $M_t$")
-    rows = np.arange(len(a_t))
-    curve.fill_between(rows, 0, float(a_t.max()) * 1.05, where=mask, color=CYCLE[1], alpha=0.3, linewidth=0, step="mid")
-    curve.plot(rows, a_t, color=CYCLE[0])
+    image(ax, (0.1, 2.65, 1.0, 1.15), "$\\mathbf{y}^{(t)}$", np.clip(array(y_t).T, -shown, shown))
+    box(ax, (1.35, 2.9, 0.95, 0.65), "TransLinear\n$\\epsilon_\\theta(\\mathbf{y}^{(t)})$", CYCLE[0])
+    arrow(ax, (1.1, 3.22), (1.35, 3.22))
+    image(ax, (2.55, 2.65, 1.15, 1.15), "attention, middle blocks", attention, "viridis")
+    arrow(ax, (2.3, 3.22), (2.55, 3.22))
+    _hits(ax, (4.55, 2.65, 1.3, 1.15), array(a_t), array(mask), threshold)
+    arrow(ax, (3.7, 3.22), (4.55, 3.22), "sum over\nqueries")
+    image(ax, (4.7, 0.65, 1.0, 1.15), "$\\hat{\\mathbf{y}}^{\\,(t)}$: those rows noised", np.clip(array(y_hat).T, -shown, shown))
+    arrow(ax, (5.2, 2.65), (5.2, 2.08))
+    ax.plot([0.6, 0.6, 6.25, 6.25], [4.1, 4.3, 4.3, 1.22], color=INK, linewidth=1.3)
+    arrow(ax, (6.28, 1.22), (5.7, 1.22))
+    ax.text(3.42, 4.34, "$\\mathbf{y}^{(t)}$: the other rows stay as they are", ha="center", va="bottom", fontsize=9)
+    arrow(ax, (5.2, 0.3), (5.2, 0.65))
+    ax.text(5.2, 0.27, "$\\sigma\\mathbf{z}$ (Eq. 9)", ha="center", va="top", fontsize=9)
+    box(ax, (3.2, 0.87, 1.05, 0.7), "TransLinear\n$\\epsilon_\\theta(\\hat{\\mathbf{y}}^{\\,(t)})$", CYCLE[0])
+    arrow(ax, (4.7, 1.22), (4.25, 1.22))
+    eq11 = "Eq. 11\n$\\tilde\\epsilon=\\epsilon+s\\,(\\hat\\epsilon-\\epsilon)$"
+    box(ax, (1.0, 0.85, 1.6, 0.75), eq11, CYCLE[1])
+    arrow(ax, (3.2, 1.22), (2.6, 1.22), "$\\hat\\epsilon$")
+    arrow(ax, (1.82, 2.9), (1.82, 1.6))
+    ax.text(1.9, 2.25, "$\\epsilon$", fontsize=10, va="center")
+    ax.text(0.5, 1.28, "to CFG", ha="center", va="bottom", fontsize=9)
+    arrow(ax, (1.0, 1.22), (0.15, 1.22))
+    return fig, ax
+
+
+def _hits(ax: Axes, place: Place, a_t: np.ndarray, mask: np.ndarray, threshold: float) -> None:
+    """A_t over its threshold; rows in the mask shaded."""
+    curve, top = inset(ax, place, "$A_t$ and the mask $M_t$"), float(a_t.max()) * 1.05
+    curve.stairs(top * mask, np.arange(len(a_t) + 1) - 0.5, fill=True, color=CYCLE[1], alpha=0.3)
+    curve.plot(a_t, color=CYCLE[0])
     curve.axhline(threshold, color=INK, linewidth=0.9, linestyle="--")
-    curve.set(ylim=(0, float(a_t.max()) * 1.05), xlim=(0, len(a_t) - 1))
+    curve.set(ylim=(0, top), xlim=(-0.5, len(a_t) - 0.5))
     curve.yaxis.tick_right()
     curve.set_yticks([threshold], ["$\\varphi$"], fontsize=10)
-    arrow(ax, (3.9, 2.92), (4.75, 2.92), "sum over\nqueries")
-    image(ax, (4.98, 0.35, 0.95, 1.15), "$\\hat{\\mathbf{y}}^{\\,(t)}$: those rows noised", np.clip(array(y_hat), -shown, shown))
-    arrow(ax, (5.45, 2.35), (5.45, 1.78))
-    box(ax, (3.35, 0.57, 1.05, 0.7), "TransLinear\n$\\epsilon_\\theta(\\hat{\\mathbf{y}}^{\\,(t)})$", CYCLE[0])
-    arrow(ax, (4.98, 0.92), (4.4, 0.92))
-    eq11 = "Eq. 11\n$\\tilde\\epsilon=\\epsilon+s\\,(\\hat\\epsilon-\\epsilon)$"
-    box(ax, (1.05, 0.55, 1.6, 0.75), eq11, CYCLE[1])
-    arrow(ax, (3.35, 0.92), (2.65, 0.92), "$\\hat\\epsilon$")
-    arrow(ax, (1.82, 2.6), (1.82, 1.3))
-    ax.text(1.9, 1.95, "$\\epsilon$", fontsize=10, va="center")
-    ax.text(0.5, 0.98, "to CFG", ha="center", va="bottom", fontsize=9)
-    arrow(ax, (1.05, 0.92), (0.15, 0.92))
-    return fig, ax
 
 
 @style()

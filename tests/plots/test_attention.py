@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import torch
+from matplotlib.patches import StepPatch
 
 from mwlib import plots
 from mwlib.body.skeleton import H36M17
@@ -57,7 +58,14 @@ def test_diagrams_hold_the_data_they_are_given():
     texts = " ".join(text.get_text() for text in ax.texts)
     assert all(word in texts for word in ("DWT", "iDWT", "WMSG", "TABG", "network"))
     a_t = temporal_attention(ATTENTION)
-    mask = attention_mask(a_t, 1.0, 3)[:, 0]
+    mask = attention_mask(a_t, 1.0, 1)[:, 0]
     _, ax = plots.tabg_diagram(y, ATTENTION.mean((0, 1)), a_t, mask, y)
     curves = [line.get_ydata() for child in ax.child_axes for line in child.lines]
     assert any(len(c) == K and np.allclose(c, a_t) for c in curves)
+    shown = [np.asarray(child.images[0].get_array()) for child in ax.child_axes if child.images]
+    assert [i.shape for i in shown] == [y.T.shape, (K, K), y.T.shape]  # rows to the right, as along A_t
+    [hits] = [patch for child in ax.child_axes for patch in child.patches if isinstance(patch, StepPatch)]
+    heights, *_ = hits.get_data()
+    assert np.array_equal(heights > 0, mask.numpy())  # single rows, too
+    texts = " ".join(text.get_text() for text in ax.texts)
+    assert "(Eq. 9)" in texts and r"\mathbf{y}^{(t)}$: the other rows" in texts  # what enters the noised rows
