@@ -29,7 +29,7 @@ def curves(
     """Several functions of one variable, told apart by colour and dashes.
 
     Args:
-        lines: name -> values at x.
+        lines: name -> values at x; one called "truth" is black and solid.
         x: where; None counts from 0.
         xlabel, ylabel: what, and its unit.
         log: axes with a logarithmic scale: "", "x", "y" or "xy".
@@ -38,7 +38,8 @@ def curves(
     ax = axes[0, 0]
     for (name, values), colour, dashes in zip(lines.items(), CYCLE, DASHES, strict=False):
         values = array(values)
-        ax.plot(np.arange(len(values)) if x is None else array(x), values, color=colour, linestyle=dashes, label=name)
+        look = {"color": INK} if name == "truth" else {"color": colour, "linestyle": dashes}
+        ax.plot(np.arange(len(values)) if x is None else array(x), values, label=name, **look)
     ax.set(xlabel=xlabel, ylabel=ylabel, xscale="log" if "x" in log else "linear", yscale="log" if "y" in log else "linear")
     ax.grid(axis="y")
     fig.legend(loc="outside upper left", ncols=3)
