@@ -88,7 +88,7 @@ def write_storyboards(
 def write_ends(cfg: Config, split: Split, predictor: Predictor, out: Path, clips: Sequence[str] = (), count: int = 4) -> None:
     """Where the sampled futures of a few test windows end: laid over each other, and ten of one window side by side.
 
-    Source: MotionWavelet, Fig. 10 and Fig. 5.
+    Source: MotionWavelet, Fig. 10 and Fig. 4 (Sec. 4.1).
 
     Args:
         cfg, split, predictor, out, clips: as in `write_storyboards`; the ten are of the first window.
@@ -113,7 +113,7 @@ def write_ends(cfg: Config, split: Split, predictor: Predictor, out: Path, clips
     data |= {f"samples_{n}": f[:, -1].T.numpy() for n, f in enumerate(futures, 1)}
     plots.save(fig, out, "end_poses", data=data, alt=alt, provenance=windows)
 
-    places = {(f"{k // 5 * 5 + 1} to {k // 5 * 5 + 5}", f"{k % 5 + 1}."): futures[0, k : k + 1] for k in drawn}
+    places = {("", str(k + 1)): futures[0, k : k + 1] for k in drawn}
     fig, _ = plots.pose_grid(places, skeleton, truth=truth[0])
     alt = f"{len(drawn)} panels: the last pose of one future each of {titles[0]} by MotionWavelet, and the true pose in black."
     data = {"truth": truth[0, -1].numpy(), "samples": futures[0, : len(drawn), -1].T.numpy()}

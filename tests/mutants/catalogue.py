@@ -597,6 +597,10 @@ MUTANTS = [
         ("numbers-of-the-first-seed", "m: mean(v) for", "m: v[0] for"),
     ),
     *of(
+        "plots/curves.py", "plots/test_plots.py::test_the_truth_is_black_among_curves",
+        ("truth-coloured-as-the-rest", 'if name == "truth" else', 'if name == "" else'),
+    ),
+    *of(
         "plots/guidance.py", "plots/test_guidance.py::test_numbers_of_an_axis_do_not_run_into_each_other",
         ("ticks-of-changes-are-left-to-matplotlib", "ax.set_xticks(_three_ticks(*ax.get_xlim()))", "pass"),
     ),

@@ -128,6 +128,12 @@ def test_colours_survive_greyscale_and_stand_off_the_page():
     assert _contrast(INK) >= 7
 
 
+def test_the_truth_is_black_among_curves():
+    _, ax = plots.curves({"truth": SCHEDULE, "model": SCHEDULE}, xlabel="t", ylabel="share")
+    truth, model = ax.lines
+    assert (truth.get_color(), truth.get_linestyle()) == (INK, "-") and model.get_color() == plots.CYCLE[1]
+
+
 def test_storyboard_tells_past_truth_and_prediction_apart():
     fig, ax = plots.storyboard(STILL, H36M17, fps=FPS, history=HISTORY, frames=[HISTORY - 1, HISTORY, FRAMES - 1])
     drawn = [group for group in ax.collections if isinstance(group, LineCollection)]
