@@ -1,8 +1,8 @@
-"""What reading places, steps and contacts together does to generated bodies: jerk, sliding feet, bones, beside the truth.
+"""What reading places, steps and contacts together does to generated bodies: jerk, feet, bones, and what they are seen to do.
 
-    python benchmarks/fused_joints.py [--clips 360]
+    python benchmarks/fused_joints.py [--people val] [--clips 360]
 
-One caption of each test clip, one motion each; means over clips, with standard errors.
+One caption of each clip, one motion each; means over clips, with standard errors. Weights are chosen on `--people val`.
 """
 
 from __future__ import annotations
@@ -13,14 +13,18 @@ import torch
 
 import mwlib as mw
 from mwlib.body.kinematics import bones_of
+from mwlib.data.captions import CaptionedClip
 from mwlib.data.formats.humanml import FeatureLayout, joints_of
 from mwlib.metrics import foot_skate, jerk, speed
+from mwlib.text_to_motion.attributes import measured_attributes
 from mwlib.text_to_motion.config import Config
 from mwlib.text_to_motion.dataset import load_clips
 from mwlib.text_to_motion.draws import one_caption_each
 from mwlib.text_to_motion.motions import fused_joints
 
 NAMES = ("speed (m/s)", "jerk (m/s³)", "skate (m/s)", "bones from frame to frame (mm)")
+CLAIMS = ("action", "path", "speed")
+HEIGHT_WEIGHTS = (0.0, 0.3, 1.0, 3.0, 10.0)
 
 
 def movement(joints: torch.Tensor, layout: FeatureLayout) -> list[float]:
@@ -37,23 +41,33 @@ def movement(joints: torch.Tensor, layout: FeatureLayout) -> list[float]:
     ]
 
 
+def shown(joints: torch.Tensor, clip: CaptionedClip, fps: float) -> list[float]:
+    """Whether rules see what the clip's person was to do; NaN where its captions claim nothing."""
+    found, wanted = measured_attributes(joints.numpy(), fps), clip.attributes
+    return [float(found.get(name) == wanted[name]) if name in wanted else float("nan") for name in CLAIMS]
+
+
 def main() -> None:
-    """Sample, read in both ways, print."""
+    """Sample, read in several ways, print."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--clips", type=int, default=360, help="test clips at most (default 360: all)")
+    parser.add_argument("--people", choices=("val", "test"), default="test", help="whose clips (default test)")
+    parser.add_argument("--clips", type=int, default=360, help="clips at most (default 360)")
     args = parser.parse_args()
     model, parts = mw.load_run("sentences"), load_clips(Config.preset("laptop").data)
-    test, layout = parts.test[: args.clips], parts.layout
+    test, layout = getattr(parts, args.people)[: args.clips], parts.layout
     lengths = [len(clip.features) // 4 * 4 for clip in test]
     made = [x.double() for x in model.sample(one_caption_each(test, 0), lengths, 0, progress=True)]
     rows = {
         "truth": [joints_of(torch.from_numpy(clip.features).double(), layout) for clip in test],
         "places alone": [joints_of(x, layout) for x in made],
-        "places, steps and contacts": [fused_joints(x, layout) for x in made],
+        **{
+            f"together, heights {weight:g}": [fused_joints(x, layout, height_weight=weight) for x in made]
+            for weight in HEIGHT_WEIGHTS
+        },
     }
     for name, motions in rows.items():
-        values = torch.tensor([movement(joints, layout) for joints in motions])
-        for what, column in zip(NAMES, values.T, strict=True):
+        values = [movement(x, layout) + shown(x, clip, layout.fps) for x, clip in zip(motions, test, strict=True)]
+        for what, column in zip((*NAMES, *(f"{claim} right" for claim in CLAIMS)), torch.tensor(values).T, strict=True):
             there = column[~column.isnan()]
             print(f"{name:28} {what:32} {there.mean():8.3f} ± {there.std() / len(there) ** 0.5:.3f}")
 

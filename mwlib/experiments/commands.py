@@ -63,8 +63,9 @@ def add_parser(subparsers: _SubParsersAction) -> None:
 
 
 _SHIPPING = (
-    "synthetic and sentences take about an hour of one core, evaluator and critic some minutes, cmu and inbetween half an hour "
-    "and the clips under MWLIB_DATA; a graphics card is used where there is one. A training that was stopped goes on."
+    "synthetic and the sentences take about an hour of one core, evaluators and critics some minutes, cmu and inbetween half an "
+    "hour; names of CMU need the clips under MWLIB_DATA. A graphics card is used where there is one. A training that was stopped "
+    "goes on."
 )
 
 

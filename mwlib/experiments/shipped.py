@@ -31,7 +31,15 @@ RECIPES: dict[str, tuple[str, str, str, dict[str, Any]]] = {  # name -> title, s
     "inbetween": ("In-betweens of people of the CMU motion capture database", "inbetweening", "cmu", {}),
     "evaluator": ("Judge of motions made from sentences, for synthetic people", "matching", "laptop", {}),
     "critic": ("Critic for the semantic loss, for synthetic people", "matching", "laptop", {"half": "critic", "seed": 1}),
+    "cmu_evaluator": ("Judge of motions made from sentences, for CMU's people and captions", "matching", "cmu", {}),
+    "cmu_critic": ("Critic for the semantic loss, for CMU's people and captions", "matching", "cmu", {"seed": 1}),
     "sentences": ("Synthetic people who do what a sentence says", "text_to_motion", "laptop", {}),
+    "sentences_early": (
+        "Synthetic people who do less of what a sentence says: where the tables of losses begin",
+        "text_to_motion",
+        "laptop",
+        {"schedule": "cosine", "dropout": 0.1},
+    ),
 }
 
 

@@ -22,8 +22,8 @@ def open_matcher(name: str, layout: FeatureLayout) -> Matcher:
 
     Args:
         name: folder of a finished run of "matching"; or one with the files of the published evaluator, see `open_published`; or
-            "evaluator" or "critic", which come with the package and know the sentences and bodies of the synthetic people. A
-            folder of that name comes first.
+            "evaluator" or "critic", which come with the package and know the sentences and bodies of the synthetic people, or
+            "cmu_evaluator" or "cmu_critic" for the CMU clips. A folder of that name comes first.
         layout: of the features that it is to judge.
 
     Raises:

@@ -27,7 +27,7 @@ def test_what_comes_along_is_what_the_recipe_makes(name):
     metrics = json.loads((MODELS / name / METRICS).read_text(encoding="utf-8"))
     again = card(title, f"mwlib ship {name}", cfg, metrics)
     assert (MODELS / name / CARD).read_text(encoding="utf-8") == again and metrics["about"]["settings"] == cfg.hash()
-    assert ("mocap.cs.cmu.edu" in again) == (name in ("cmu", "inbetween"))
+    assert ("mocap.cs.cmu.edu" in again) == (name in ("cmu", "inbetween", "cmu_critic", "cmu_evaluator"))
     weights, _ = load_tensors(MODELS / name / MODEL)
     numbers = {t.dtype for key, t in weights.items() if key.startswith("net.") and t.is_floating_point()}
     assert numbers == {torch.float16}
@@ -56,10 +56,11 @@ def test_a_name_stands_for_the_model_that_comes_along_unless_a_folder_is_called_
     assert load_run("cmu").representation.frames == 20
     with pytest.raises(
         FileNotFoundError,
-        match=r"kmu/config.yaml is missing.*models that come with mwlib: cmu, critic, evaluator, inbetween, sentences, synthetic",
+        match=r"kmu/config.yaml is missing.*models that come with mwlib: cmu, cmu_critic, cmu_evaluator, critic, evaluator, "
+        "inbetween, sentences, sentences_early, synthetic",
     ):
         load_run("kmu")
-    with pytest.raises(ValueError, match="'kmu'; expected one of synthetic, cmu, inbetween, evaluator, critic, sentences"):
+    with pytest.raises(ValueError, match="'kmu'; expected one of synthetic, cmu, inbetween, evaluator, critic, cmu_evaluator, "):
         recipe("kmu")
 
 

@@ -977,7 +977,8 @@ MUTANTS = [
     ),
     *of(
         "text_to_motion/motions.py", "text_to_motion/test_motions.py",
-        ("standing-foot-may-not-rise", "[~standing, torch.ones_like(standing), ~standing]", "[~standing, ~standing, ~standing]"),
+        ("standing-foot-may-slide", "along[:, feet] *= ~standing[..., None]", "along[:, feet] *= 1"),
+        ("heights-weighed-as-ways", "torch.full_like(weights, height_weight)", "weights"),
         ("steps-turned-the-other-way", "heading.cos(), heading.sin()", "heading.cos(), -heading.sin()"),
         ("weight-of-feet-that-move", "torch.where(standing, contact", "torch.where(~standing, contact"),
         ("weights-of-squares", "difference.T * weights.T[:, None]", "difference.T * weights.T[:, None] ** 2"),

@@ -33,28 +33,34 @@ def test_what_agrees_stays_as_it_is(walk):
     free_feet = walk.clone()
     free_feet[:, HUMANML3D.blocks["contacts"]] = 0.0
     torch.testing.assert_close(fused_joints(free_feet, HUMANML3D), alone, atol=1e-5, rtol=0)
-    torch.testing.assert_close(fused_joints(walk, HUMANML3D, 0.0, 0.0), alone, atol=1e-12, rtol=0)
+    torch.testing.assert_close(fused_joints(walk, HUMANML3D, 0.0, 0.0, 0.0), alone, atol=1e-12, rtol=0)
     assert float((fused_joints(walk, HUMANML3D) - alone).norm(dim=-1).mean()) < 0.005
 
 
 def test_it_is_the_least_squares_solution_joint_by_joint(trembling):
-    found, p = fused_joints(trembling, HUMANML3D, 2.0, 9.0), joints_of(trembling, HUMANML3D)
+    found, p = fused_joints(trembling, HUMANML3D, 2.0, 9.0, 0.5), joints_of(trembling, HUMANML3D)
     heading = 2 * torch.cat([torch.zeros(1), trembling[:-1, 0]]).cumsum(0)
     local = trembling[:-1, HUMANML3D.blocks["velocities"]].unflatten(-1, (-1, 3))
     for joint in (0, HUMANML3D.contact_joints[1], 20):
         contacts = trembling[:-1, HUMANML3D.blocks["contacts"]]
         place = [*HUMANML3D.contact_joints].index(joint) if joint in HUMANML3D.contact_joints else None
-        rows, right = [*torch.eye(len(p), dtype=torch.float64)], [*p[:, joint]]
+        rows, right, along = [*torch.eye(len(p), dtype=torch.float64)], [*p[:, joint]], [1.0] * len(p)
         for t, (x, y, z) in enumerate(local[:, joint].tolist()):
             c, s = float(heading[t].cos()), float(heading[t].sin())
             stands = place is not None and bool(contacts[t, place] > 0.5)
             step = torch.tensor([0.0, y, 0.0] if stands else [c * x - s * z, y, s * x + c * z], dtype=torch.float64)
             row = torch.zeros(len(p), dtype=torch.float64)
             row[t + 1], row[t] = 1.0, -1.0
-            root = (9.0 if stands else 2.0) ** 0.5
-            rows.append(root * row)
-            right.append(root * step)
-        expected = torch.linalg.lstsq(torch.stack(rows), torch.stack(right)).solution
+            rows.append(row)
+            right.append(step)
+            along.append(9.0 if stands else 2.0)
+        height = torch.full_like(torch.tensor(along), 0.5)
+        height[: len(p)] = 1.0
+        expected = torch.empty_like(p[:, joint])
+        for axes, weights in (([0, 2], torch.tensor(along)), ([1], height)):
+            root = weights.double().sqrt()[:, None]
+            solved = torch.linalg.lstsq(root * torch.stack(rows), root * torch.stack(right)[:, axes]).solution
+            expected[:, axes] = solved
         torch.testing.assert_close(found[:, joint], expected, atol=1e-9, rtol=0)
 
 
@@ -77,6 +83,19 @@ def test_a_foot_that_is_said_to_stand_slides_less(trembling):
     assert slides(30.0) < slides(3.0) < slides(0.0)
 
 
+def test_heights_trust_the_rows_more_than_the_steps(walk):
+    sinking = walk.clone()
+    sinking[:, HUMANML3D.blocks["velocities"]] -= torch.tensor([0.0, 0.01, 0.0], dtype=torch.float64).repeat(22)
+    alone = joints_of(walk, HUMANML3D)[..., 1]
+
+    def off(**weights):
+        return float((fused_joints(sinking, HUMANML3D, **weights)[..., 1] - alone).abs().max())
+
+    assert off(height_weight=0.0) < 1e-12 < off() < 0.5 * off(height_weight=30.0)
+    along = fused_joints(sinking, HUMANML3D)[..., [0, 2]]
+    torch.testing.assert_close(along, fused_joints(walk, HUMANML3D)[..., [0, 2]], atol=1e-9, rtol=0)
+
+
 def test_single_precision_and_motions(walk):
     single = fused_joints(walk.float(), HUMANML3D)
     torch.testing.assert_close(single.double(), fused_joints(walk, HUMANML3D), atol=1e-4, rtol=0)
@@ -86,5 +105,5 @@ def test_single_precision_and_motions(walk):
 
 
 def test_a_negative_weight_is_refused(walk):
-    with pytest.raises(ValueError, match="step_weight is -1.0, contact_weight 0.0; expected at least 0"):
+    with pytest.raises(ValueError, match="step_weight is -1.0, contact_weight 0.0, height_weight 1.0; expected at least 0"):
         fused_joints(walk, HUMANML3D, -1.0, 0.0)
