@@ -15,7 +15,7 @@ from tempfile import TemporaryDirectory
 import pytest
 from tqdm import tqdm
 
-from tests.mutants.catalogue import Mutant
+from tests.mutants.mutant import Mutant
 
 PRELOADED = ["torch", "accelerate", "scipy.signal", "matplotlib.pyplot", "pywt", "beartype", "jaxtyping", "pytest"]
 TEXTS = ("README.md", "RESULTS.md", "REPRODUCTION.md", "CONTRIBUTING.md")

@@ -6,7 +6,8 @@ from pathlib import Path
 
 from tests.mutants import runner
 from tests.mutants.__main__ import main
-from tests.mutants.catalogue import MUTANTS, Mutant
+from tests.mutants.catalogue import MUTANTS
+from tests.mutants.mutant import Mutant
 
 ROOT = Path(__file__).parents[2]
 

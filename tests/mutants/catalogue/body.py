@@ -1,0 +1,35 @@
+"""Mutants of body."""
+
+from tests.mutants.mutant import of
+
+MUTANTS = [
+    *of(
+        "body/kinematics.py", "body/test_heading.py",
+        ("heading-of-the-shoulders", "key=lambda pair: depth[pair[0]]", "key=lambda pair: -depth[pair[0]]"),
+        ("heading-from-left-to-right",
+         "torch.atan2(across[..., b], across[..., a])", "torch.atan2(-across[..., b], -across[..., a])"),
+        ("bones-not-added-up", "chain[joint] = chain[max(parent, 0)]", "pass"),
+        ("turns-in-the-wrong-order",
+         "_times(turns[-1].index_select(2, parents), turn)", "_times(turn, turns[-1].index_select(2, parents))",
+         "body/test_rig.py::test_places_of_six_numbers_are_those_of_fk_with_the_same_gradients"),
+    ),
+    *of(
+        "body/rig.py", "body/test_rig.py",
+        ("sides-of-what-stands-on-the-floor", "- offsets)[below].max(", "- offsets)[1:].max(",
+         "body/test_rig.py::test_rooting_and_mirroring_can_be_exchanged"),
+        ("mirrored-without-the-half-turn", "if axis:  #", "if False:  #",
+         "body/test_rig.py::test_the_mirror_image_of_sides_along_another_axis"),
+    ),
+    *of(
+        "body/rotation.py", "body/test_rotation.py::test_six_are_the_first_two_columns_and_lead_back",
+        ("columns-not-across", "_unit(across - (x * across).sum(0) * x)", "_unit(across)",
+         "body/test_rotation.py::test_six_numbers_of_no_rotation_become_gram_and_schmidts"),
+        ("six-by-rows", "[..., :2].transpose(-1, -2).flatten(-2)", "[..., :2].flatten(-2)"),
+        ("largest-part-of-a-quaternion-not-looked-for", "dim2=-1).argmax(dim=-1)", "dim2=-1).argmax(dim=-1) * 0",
+         "body/test_rotation.py::test_quaternions_of_matrices_at_half_turns"),
+    ),
+    *of(
+        "body/correspondence.py", "body/test_correspondence.py",
+        ("collars-at-the-shoulders", "thorax:left_clavicle:0.4", "thorax:left_clavicle:0.9"),
+    ),
+]  # fmt: skip

@@ -1,0 +1,76 @@
+"""Mutants of diffusion."""
+
+from tests.mutants.mutant import of
+
+MUTANTS = [
+    *of(
+        "diffusion/guidance.py", "diffusion/test_guidance.py",
+        ("cfg-weight-counts-one-less", "((1 + w) * conditional).sub_(w *", "(w * conditional).sub_((w - 1) *"),
+        ("gradient-the-wrong-way", "eps.detach() + weight * a", "eps.detach() - weight * a"),
+        ("gradient-without-the-noises-share", "/ (2 * (1 - a) ** 0.5) * gradient", "/ 2 * gradient"),
+        ("cfg-alg1-the-wrong-way", "w * (conditional - unconditional)", "w * (unconditional - conditional)"),
+    ),
+    *of(
+        "diffusion/process.py", "diffusion/test_process.py",
+        ("noise-and-signal-exchanged", "return _like(a.sqrt(), like), _like((1 - a).sqrt(), like)",
+         "return _like((1 - a).sqrt(), like), _like(a.sqrt(), like)", "diffusion/test_masks.py"),
+        ("v-with-the-other-sign", "return signal * eps - noise * y", "return signal * eps + noise * y"),
+        ("v-read-with-the-other-sign", "return signal * output + noise * y_t", "return signal * output - noise * y_t"),
+    ),
+    *of(
+        "diffusion/schedule.py", "diffusion/test_schedule.py",
+        ("cosine-begins-later", "(u + 0.008) / 1.008", "(u + 0.016) / 1.016"),
+        ("sqrt-begins-later", "torch.sqrt(u + 1e-4)", "torch.sqrt(u + 1e-3)"),
+        ("sigmoid-steeper", "-3.0, 3.0, 0.7", "-3.0, 3.0, 0.6"),
+        ("linear-whatever-the-steps", " * (1000 / steps)", ""),
+        ("largest-step-smaller", "beta.clamp(0, 0.999)", "beta.clamp(0, 0.99)"),
+        ("leading-ends-at-zero", "offset = 1 if subset < steps else 0", "offset = 0"),
+        ("trailing-one-early", "round((i + 1) * steps / subset) - 1", "round(i * steps / subset)"),
+    ),
+    *of(
+        "diffusion/noise.py", "diffusion/test_noise.py",
+        ("noise-by-place-in-the-chunk", "(seed, int(w))).generate_state(1)[0]) for w in windows",
+         "(seed, i)).generate_state(1)[0]) for i, _ in enumerate(windows)"),
+        ("noise-without-a-seed", "SeedSequence((seed, int(w)))", "SeedSequence((0, int(w)))"),
+    ),
+    *of(
+        "diffusion/samplers.py", "diffusion/test_samplers.py",
+        ("last-step-leaves-noise", "[*here[1:], 1.0]", "[*here[1:], here[-1]]"),
+        ("bound-without-its-noise", "eps = eps_of(y, y0_hat, a)", "pass"),
+        ("ddim-deviation-of-ddpm", "eta * ((1 - a_prev) / (1 - a) * (1 - a / a_prev)) ** 0.5", "eta * (1 - a / a_prev) ** 0.5"),
+        ("ddim-noise-comes-on-top", "max(1 - a_prev - sigma**2, 0.0)", "max(1 - a_prev, 0.0)"),
+        ("ddim-deviation-squared", "y + sigma * noise()", "y + sigma**2 * noise()"),
+        ("repeats-from-the-wrong-level", "noised(y, noise(), a / a_prev)", "noised(y, noise(), a)"),
+        ("repeats-one-more", "for time in range(repeats):", "for time in range(repeats + 1):"),
+        ("solver-twice-as-far", "h / (2 * h_last)", "h / h_last", "diffusion/test_solver.py"),
+        ("solver-ratio-upside-down", "h / (2 * h_last)", "h_last / (2 * h)", "diffusion/test_solver.py"),
+        ("solver-keeps-the-plain-noise", "noise = eps_of(y, denoised_d, a)", "pass", "diffusion/test_solver.py"),
+        ("solver-remembers-the-extrapolated", "h_last, last = h, y0_hat",
+         "h_last, last = h, denoised_d", "diffusion/test_solver.py"),
+        ("eq6-without-the-root", "(1 - alpha) / (1 - a) ** 0.5 * eps", "(1 - alpha) / (1 - a) * eps"),
+        ("eq6-noise-of-the-forward-step", "((1 - a_prev) / (1 - a) * (1 - alpha)) ** 0.5", "(1 - alpha) ** 0.5"),
+        ("eq6-noise-in-the-last-step", "if noise is not None and a_prev < 1:", "if noise is not None:"),
+    ),
+    *of(
+        "diffusion/masks.py", "diffusion/test_masks.py",
+        ("mask-stops-a-step-early", "alpha_bar_prev > until", "alpha_bar_prev >= until", "prediction/test_control.py"),
+        ("mask-inverted", "m * x_c + (1 - m) * tf.inverse(y)", "(1 - m) * x_c + m * tf.inverse(y)"),
+        ("mask-forgets-what-is-cut-off", "+ alpha_bar_prev**0.5 * beside_samples(lost, y)", ""),
+        ("paste-inverted", "m * beside_samples(x_known, y0_hat) + (1 - m) *", "(1 - m) * beside_samples(x_known, y0_hat) + m *"),
+        ("completion-of-one-more-frame", "torch.arange(x_padded.shape[-2]) < history",
+         "torch.arange(x_padded.shape[-2]) <= history"),
+    ),
+    *of(
+        "diffusion/keyframes.py", "diffusion/test_keyframes.py",
+        ("first-question-without-keyframes", "y = impose(y, float(alpha_bar[indices[0]]))", "pass"),
+        ("keyframes-not-given-back", 'return x if how.scheme == "none" else with_keyframes(x, x_target, mask)', "return x"),
+        ("keyframe-noise-never-fixed", 'if how.keyframe_noise == "fixed" else None', 'if how.keyframe_noise == "" else None'),
+    ),
+    *of(
+        "diffusion/sde_solver.py", "diffusion/test_sde_solver.py",
+        ("extrapolated-to-the-end-of-the-step", "h / (2 * h_last) * (y0_hat - last)", "h / h_last * (y0_hat - last)"),
+        ("noise-of-half-the-step", "drawn = -math.expm1(-2 * h)", "drawn = -math.expm1(-h)"),
+        ("index-cut-instead-of-rounded", "np.arange(len(a))).round()", "np.arange(len(a)))"),
+        ("eps-always-read-at-the-level", "float(alpha_bar[t]) if read_at == \"index\" else a", "a"),
+    ),
+]  # fmt: skip

@@ -1,0 +1,51 @@
+"""Mutants of networks."""
+
+from tests.mutants.mutant import of
+
+MUTANTS = [
+    *of(
+        "networks/matching.py", "networks/test_matching.py",
+        ("all-read-to-the-padded-end", "pack_padded_sequence(self.input_emb(x), lengths.cpu()",
+         "pack_padded_sequence(self.input_emb(x), torch.full_like(lengths, x.shape[1]).cpu()",
+         "networks/test_matching.py::test_padding_does_not_change_a_sentence"),
+        ("padding-seen-by-the-movements", "torch.where(kept[..., None], x, 0.0)", "x",
+         "networks/test_matching.py::test_padding_does_not_change_a_movement"),
+        ("critic-refused-by-cudnn", "return super().train(True)", "return super().train(mode)",
+         "networks/test_matching.py::test_a_frozen_critic_passes_gradients_to_the_motion"),
+        ("contacts-seen", "x[..., :-CONTACTS].transpose(1, 2)", "x[..., CONTACTS:].transpose(1, 2)",
+         "networks/test_matching.py::test_contacts_are_not_looked_at_and_all_else_is"),
+    ),
+    *of(
+        "networks/encoder.py", "networks/test_mdm.py",
+        ("sines-and-cosines-exchanged", "torch.stack([angle.sin(), angle.cos()]", "torch.stack([angle.cos(), angle.sin()]"),
+        ("norm-before-the-attention", "x = self.norm1(src + self.after(", "x = src + self.norm1(self.after("),
+        ("tokens-that-are-masked-are-seen", "else ~mask)", "else mask & False)"),
+    ),
+    *of(
+        "networks/mdm.py", "networks/test_mdm.py",
+        ("a-part-valid-token-with-noise-in-it", "y_t = y_t.masked_fill(~mask[..., None], 0.0)", "y_t = y_t + 0.0"),
+        ("a-token-valid-when-all-of-it-is", "unflatten(1, (-1, size)).any(-1)", "unflatten(1, (-1, size)).all(-1)"),
+        ("the-told-are-dropped", "text.pooled.masked_fill(drop[:, None], 0.0)", "text.pooled.masked_fill(~drop[:, None], 0.0)"),
+    ),
+    *of(
+        "networks/unet1d.py", "networks/test_unet1d.py",
+        ("second-convolution-sees-padding", "h = h if valid is None else h * valid", "h = h + 0"),
+        ("padding-in-linear-attention", "k = k.masked_fill(~mask[:, None, :, None], float(\"-inf\")).softmax(dim=2)",
+         "k = k.softmax(dim=2)"),
+        ("queries-normed-over-frames", "y = q.softmax(dim=-1) @", "y = q.softmax(dim=-2) @"),
+        ("skips-in-the-wrong-order", "torch.cat([_kept(grow(x), valid[level]), held[level]], dim=1)",
+         "torch.cat([held[level], _kept(grow(x), valid[level])], dim=1)"),
+        ("the-first-level-not-masked-when-halved", "x = _kept(shrink(x), valid[level + 1])", "x = shrink(x)"),
+    ),
+    *of(
+        "networks/text.py", "networks/test_text.py",
+        ("padding-in-the-mean", "(tokens * weight).sum(1) / weight.sum(1)", "tokens.mean(1)"),
+        ("words-of-before-loading", "self._learn_numbers(self.vocabulary_in({\"spelling\": self.spelling}))", "pass"),
+        ("sums-in-the-order-met", "sorted(range(len(hashes)), key=hashes.__getitem__)", "list(range(len(hashes)))",
+         "networks/test_text.py::test_hashed_vectors_do_not_depend_on_words_met_before"),
+    ),
+    *of(
+        "networks/clip_text.py", "networks/test_clip_text.py",
+        ("clip-cut-without-its-ends", "max_length=self.longest + 2)", "max_length=self.longest)"),
+    ),
+]  # fmt: skip

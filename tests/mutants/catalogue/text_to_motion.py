@@ -1,0 +1,113 @@
+"""Mutants of text to motion."""
+
+from tests.mutants.mutant import of
+
+MUTANTS = [
+    *of(
+        "text_to_motion/system.py", "experiments/test_origins.py",
+        ("critic-without-a-hash", "+ critic", "+ []"),
+        ("evaluator-without-a-hash", "return stands_on(cfg.sampling.evaluator)", "return []"),
+    ),
+    *of(
+        "text_to_motion/tagged_words.py", "text_to_motion/test_published.py",
+        ("tag-wins-over-the-lists", "_KIND.get(word, tag)", "tag if tag in PARTS else _KIND.get(word, tag)"),
+        ("unknown-words-keep-their-tag", "word, tag = UNKNOWN, OTHER", "word = UNKNOWN"),
+        ("padding-counted-as-words", "torch.tensor([len(row) for row in rows])", "torch.tensor([table.shape[1]] * len(rows))"),
+        ("captions-not-cut", "LONGEST = 20", "LONGEST = 200"),
+        ("ends-not-marked", ", (END, OTHER)]", "]"),
+        ("plain-captions-have-no-words", "    if not isinstance(sentence, TaggedCaption) or not sentence.tagged:\n",
+         "    if not isinstance(sentence, TaggedCaption):\n        return ()\n    if not sentence.tagged:\n"),
+    ),
+    *of(
+        "text_to_motion/spectra.py", "text_to_motion/test_spectra.py",
+        ("noise-without-its-share", "return a * power + 1 - a", "return a * power + 1"),
+        ("gain-without-the-root", "return alpha_bar.sqrt()[..., None] * power", "return alpha_bar[..., None] * power"),
+        ("recovery-counted-from-the-other-end", "torch.arccos(level.sqrt())", "torch.arcsin(level.sqrt())"),
+        ("recovery-level-of-the-noise", "return gamma / (gamma + power)", "return power / (gamma + power)"),
+        ("estimate-with-the-gain-once", "estimates.append(gain**2 * v)", "estimates.append(gain * v)"),
+        ("variance-with-the-factor-once", "v = keep**2 * v + added", "v = keep * v + added"),
+        ("posterior-variance-upside-down", "return keep, (1 - after) / (1 - a) * (1 - ratio)",
+         "return keep, (1 - a) / (1 - after) * (1 - ratio)"),
+        ("eq36-noise-of-the-level-it-left", "return after.sqrt() * gain, 1 - after", "return after.sqrt() * gain, 1 - a"),
+        ("spectrum-unscaled", 'axis=-2, norm="ortho"))', "axis=-2))"),
+    ),
+    *of(
+        "text_to_motion/coupling.py", "text_to_motion/test_coupling.py",
+        ("harmonic-of-the-same-phase", "1j * (2 * phi if bound else own)", "1j * (phi if bound else own)"),
+        ("error-on-what-was-fitted", "missed = target[half:] - inputs[half:] @", "missed = target[:half] - inputs[:half] @"),
+        ("noisy-phase-taken-for-the-true-one", "* (1 - torch.exp(-1 / sigma.square())) if bound", "* 0 if bound"),
+    ),
+    *of(
+        "text_to_motion/statistics.py", "text_to_motion/test_statistics.py",
+        ("deviations-of-each-feature", "deviation[block].mean() or 1.0", "deviation[block] + 1e-9"),
+        ("weights-upside-down", "*= WEIGHT[self.kind] / WEIGHT[kind]", "*= WEIGHT[kind] / WEIGHT[self.kind]"),
+        ("any-statistics-will-do", "if not self.by.is_same(expected):", "if self.by.layout != expected.layout:"),
+    ),
+    *of(
+        "text_to_motion/losses.py", "text_to_motion/test_losses.py",
+        ("cosines-of-the-padded-length", "bank[n, :kept, :n] = ", "bank[n, :kept, :n] = (n / longest) * "),
+        ("low-pass-without-the-mean", "rows = self._of(x, lengths)\n        return rows.mT",
+         "rows = self._of(x, lengths)[:, 1:]\n        return rows.mT"),
+        ("distance-per-padded-frame", "(lengths.to(error) * error.shape[-1])", "(error.shape[1] * error.shape[-1])"),
+        ("high-band-with-padding", "kept = error * inside[..., None] - kept", "kept = error - kept"),
+        ("meaning-that-is-never-detached", "        motion = motion.detach()\n", "        pass\n"),
+        ("reward-of-everything", "-(close - threshold).clamp_min(0)", "-(close - threshold)"),
+        ("penalty-instead-of-a-reward", "return -(close - threshold)", "return (close - threshold)"),
+        ("eq16-without-its-last-step", "t <= int(EQ16 * steps)", "t < int(EQ16 * steps)"),
+        ("prose-stage-turned-round", "return low.float(), (~low).float()\n    if stage == \"mdm",
+         "return (~low).float(), low.float()\n    if stage == \"mdm"),
+    ),
+    *of(
+        "text_to_motion/draws.py", "text_to_motion/test_draws.py",
+        ("pieces-from-the-beginning-only", "self.starts[picked] + offset", "self.starts[picked]"),
+        ("never-four-frames-shorter", "SHORTENED = 1 / 3", "SHORTENED = 0"),
+        ("padding-that-is-not-zero", "Batch(y * mask[..., None], mask", "Batch(y, mask"),
+    ),
+    *of(
+        "text_to_motion/objective.py", "text_to_motion/test_objective.py",
+        ("meaning-at-every-noise", "weight[rows] * loss", "loss"),
+        ("low-frequencies-at-every-noise", "o.low_weight * low * slow", "o.low_weight * slow"),
+        ("critic-sees-scaled-features", "critic.embed_motion(self.statistics.scaled(y0_hat[rows]).raw(), lengths",
+         "critic.embed_motion(y0_hat[rows], lengths"),
+    ),
+    *of(
+        "text_to_motion/generator.py", "text_to_motion/test_generator.py",
+        ("guidance-of-eq-7", 'self.cfg.sampling.guidance, "alg1")', 'self.cfg.sampling.guidance, "eq7")'),
+        ("noise-of-the-chunk", "[ids[i] for i in part]", "[*range(len(part))]"),
+    ),
+    *of(
+        "text_to_motion/body_signals.py", "text_to_motion/test_attributes.py",
+        ("faces-backwards", "np.cross(left, [0.0, 1.0, 0.0])", "np.cross([0.0, 1.0, 0.0], left)"),
+    ),
+    *of(
+        "text_to_motion/attributes.py", "text_to_motion/test_attributes.py",
+        ("circles-to-the-other-side", '"left" if change > 0 else "right", "circle"',
+         '"left" if change < 0 else "right", "circle"'),
+        ("the-foot-that-stands", "foot = int(len(spells[1]) > len(spells[0]))", "foot = int(len(spells[1]) < len(spells[0]))"),
+        ("the-last-action-first", "found[\"action\"] = events[0].action", "found[\"action\"] = events[-1].action"),
+    ),
+    *of(
+        "text_to_motion/evaluation.py", "text_to_motion/test_evaluation.py",
+        ("others-captions-are-their-own", "own[i - 1][: frames[i - 1]]", "own[i][: frames[i]]"),
+        ("every-replicate-of-one-seed", "cfg.sampling.sampling_seed + 1000 * replicate", "cfg.sampling.sampling_seed"),
+        ("replicates-with-holes-count-less", "there.sum(axis=0), np.nan)", "len(values), np.nan)"),
+    ),
+    *of(
+        "text_to_motion/realism.py", "text_to_motion/test_evaluation.py",
+        ("way-of-height-and-depth", "joints[:, 0, [0, 2]]", "joints[:, 0, [1, 2]]"),
+        ("claims-always-met", "float(found.get(name) == value)", "float(name in found)"),
+    ),
+    *of(
+        "text_to_motion/motions.py", "text_to_motion/test_motions.py",
+        ("standing-foot-may-slide", "along[:, feet] *= ~standing[..., None]", "along[:, feet] *= 1"),
+        ("heights-weighed-as-ways", "torch.full_like(weights, height_weight)", "weights"),
+        ("steps-turned-the-other-way", "heading.cos(), heading.sin()", "heading.cos(), -heading.sin()"),
+        ("weight-of-feet-that-move", "torch.where(standing, contact", "torch.where(~standing, contact"),
+        ("weights-of-squares", "difference.T * weights.T[:, None]", "difference.T * weights.T[:, None] ** 2"),
+    ),
+    *of(
+        "text_to_motion/dataset.py", "text_to_motion/test_evaluation.py",
+        ("parts-of-speech-without-a-hash", "{tagged or ''}", "", "data/formats/test_humanml_folder.py"),
+        ("few-from-the-beginning", "np.linspace(0, len(train) - 1, min(source.few, len(train)))", "np.arange(source.few)"),
+    ),
+]  # fmt: skip
