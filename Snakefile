@@ -12,12 +12,12 @@ from pathlib import Path
 
 from snakemake.exceptions import WorkflowError
 
-from mwlib.course.files import EXPERIMENT, LONGEST, course, source_hash, write_hashes
+from mwlib.course.notebooks import EXPERIMENT, LONGEST, course, source_hash, write_hashes
 from mwlib.course.manifest import MANIFEST
 from mwlib.experiments import read_grids, system
 from mwlib.experiments.grids import grids_file, row_config, row_parameters
 from mwlib.experiments.origins import data_fingerprint
-from mwlib.material import file_hash, package_hash
+from mwlib.paths import file_hash, package_hash
 from mwlib.settings import parse_changes
 
 

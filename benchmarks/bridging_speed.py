@@ -17,7 +17,7 @@ import torch
 from torch import Tensor
 
 import mwlib as mw
-from mwlib.body.fit import fit_rig
+from mwlib.body.fitting import fit_rig
 from mwlib.body.kinematics import fk, places
 from mwlib.body.rig import Rig
 from mwlib.body.rotation import from_six, multiply, rotate, six

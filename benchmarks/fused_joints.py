@@ -13,13 +13,11 @@ import torch
 
 import mwlib as mw
 from mwlib.body.kinematics import bones_of
-from mwlib.data.captions import CaptionedClip
-from mwlib.data.formats.humanml import FeatureLayout, joints_of
+from mwlib.data.captioned import load_clips, one_caption_each
+from mwlib.data.formats.humanml import CaptionedClip, FeatureLayout, joints_of
 from mwlib.metrics import foot_skate, jerk, speed
 from mwlib.text_to_motion.attributes import measured_attributes
 from mwlib.text_to_motion.config import Config
-from mwlib.text_to_motion.dataset import load_clips
-from mwlib.text_to_motion.draws import one_caption_each
 from mwlib.text_to_motion.motions import fused_joints
 
 NAMES = ("speed (m/s)", "jerk (m/s³)", "skate (m/s)", "bones from frame to frame (mm)")

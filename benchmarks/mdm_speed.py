@@ -19,7 +19,7 @@ from torch.nn import functional as F
 
 from mwlib.diffusion import alpha_bar, classifier_free, ddim_indices, posterior_mean, to_eps
 from mwlib.networks import MDM, ConditionalUNet, WordTransformer
-from mwlib.networks.encoder import Encoder
+from mwlib.networks.layers import Encoder
 
 WIDTH, LAYERS, HEADS, FEEDFORWARD, DROPOUT = 128, 4, 4, 256, 0.1
 FEATURES, FRAMES, STEPS, SENTENCES, GUIDANCE = 263, 196, 50, 32, 2.5

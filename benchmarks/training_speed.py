@@ -21,7 +21,7 @@ from torch import nn
 from torch.nn import functional as F
 
 from mwlib.data.sources import split_motions
-from mwlib.diffusion.schedule import alpha_bar
+from mwlib.diffusion.process import alpha_bar
 from mwlib.networks.translinear import TransLinear
 from mwlib.prediction.config import Config
 from mwlib.prediction.objective import PredictionObjective

@@ -6,12 +6,12 @@ from functools import cache
 
 import torch
 
-from mwlib.data.bodies import prepare
 from mwlib.data.sources import Split
-from mwlib.data.synthetic.script import synthetic_motions
+from mwlib.data.windows import prepare
 from mwlib.prediction.config import Config
 from mwlib.prediction.objective import PredictionObjective
 from mwlib.prediction.predictor import Predictor
+from mwlib.synthetic.motions import synthetic_motions
 
 SMALL = dict(
     fps=10.0, history=6, future=14, width=16, layers=2, heads=2, feedforward=16, dropout=0.1, attention_dropout=0.1,

@@ -27,21 +27,22 @@ def test_an_example_shows_what_happens(name):
 
 # The vocabulary: whoever looks one of these up finds it used.
 WITH_EXAMPLE = """
-    mwlib mwlib.transforms.dwt.WaveletTransform mwlib.transforms.dct.DCTTransform mwlib.transforms.scaled.ScaledTransform
-    mwlib.transforms.scaled.fit_scale mwlib.transforms.padding.pad_history mwlib.diffusion.schedule.alpha_bar
-    mwlib.diffusion.schedule.ddim_indices mwlib.diffusion.process.noised mwlib.diffusion.process.network_target
+    mwlib mwlib.transforms.dwt.WaveletTransform mwlib.transforms.trigonometric.DCTTransform
+    mwlib.transforms.scaled.ScaledTransform mwlib.transforms.scaled.fit_scale
+    mwlib.transforms.linear.pad_history mwlib.diffusion.process.alpha_bar
+    mwlib.diffusion.process.ddim_indices mwlib.diffusion.process.noised mwlib.diffusion.process.network_target
     mwlib.diffusion.process.to_eps mwlib.diffusion.process.y0_hat_of mwlib.diffusion.process.eps_of
     mwlib.diffusion.samplers.ddim mwlib.diffusion.samplers.dpm_solver mwlib.diffusion.samplers.posterior_mean
-    mwlib.diffusion.guidance.classifier_free mwlib.diffusion.noise.WindowNoise mwlib.data.windowing.windows
-    mwlib.data.windowing.TrainingWindows mwlib.metrics.prediction.apd mwlib.metrics.prediction.ade
+    mwlib.diffusion.conditioning.classifier_free mwlib.diffusion.samplers.WindowNoise mwlib.data.windows.windows
+    mwlib.data.windows.TrainingWindows mwlib.metrics.prediction.apd mwlib.metrics.prediction.ade
     mwlib.metrics.prediction.fde mwlib.metrics.prediction.mmade mwlib.metrics.prediction.mmfde mwlib.metrics.prediction.cmd
     mwlib.metrics.prediction.step_length mwlib.metrics.prediction.bone_length_jitter mwlib.metrics.prediction.apde
     mwlib.metrics.inbetweening.l2p mwlib.metrics.inbetweening.l2q mwlib.metrics.inbetweening.NPSS mwlib.metrics.inbetweening.npss
     mwlib.metrics.table.MetricTable mwlib.metrics.text.fid mwlib.metrics.text.r_precision
-    mwlib.metrics.multimodal.multimodal_futures mwlib.metrics.multimodal.multimodal_apd
-    mwlib.metrics.column.Column mwlib.prediction.baselines.zero_velocity
+    mwlib.metrics.prediction.multimodal_futures mwlib.metrics.prediction.multimodal_apd
+    mwlib.metrics.table.Column mwlib.prediction.baselines.zero_velocity
     mwlib.prediction.baselines.constant_velocity mwlib.prediction.baselines.NearestHistory
-    mwlib.diffusion.keyframes.keyframed mwlib.inbetweening.gaussian.GaussianBridge
+    mwlib.diffusion.conditioning.keyframed mwlib.inbetweening.gaussian.GaussianBridge
     mwlib.training.config.learning_rate mwlib.settings.parse_changes mwlib.prediction.config.Config
 """.split()
 

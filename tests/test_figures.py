@@ -12,11 +12,9 @@ import nbformat
 import pytest
 from nbformat import NotebookNode
 
-from mwlib.course.execute import PICTURES, filter_notebook
-from mwlib.course.files import LONGEST, chapter_number, course
+from mwlib.course.execute import EXECUTED, PICTURES, filter_notebook, run_notebook
 from mwlib.course.manifest import read_manifest
-from mwlib.course.parameters import read_parameters, tags
-from mwlib.course.worker import EXECUTED, run_notebook
+from mwlib.course.notebooks import LONGEST, chapter_number, course, read_parameters, tags
 
 COMPARED = "nbval-check-output"  # nbval's own tag, so that it can compare these cells, too
 

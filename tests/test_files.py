@@ -10,7 +10,7 @@ import torch
 
 from mwlib import files
 from mwlib.files import sweep, write_atomic, write_together
-from mwlib.tensor_files import DamagedFileError, load_metadata, load_tensors, save_tensors
+from mwlib.training.checkpoint import DamagedFileError, load_metadata, load_tensors, save_tensors
 
 TENSORS = {
     "x": torch.arange(6.0).reshape(2, 3), "scalar": torch.tensor(3.0, dtype=torch.float64), "none": torch.zeros(0),

@@ -16,8 +16,7 @@ import torch
 import yaml
 
 import mwlib.__main__ as command_line
-from mwlib.course.files import chapter_number, course, read_notebook
-from mwlib.course.parameters import from_text, read_parameters, resolve
+from mwlib.course.notebooks import chapter_number, course, from_text, read_notebook, read_parameters, resolve
 from mwlib.experiments.grid_options import chosen_grid, configuration
 from mwlib.experiments.systems import system
 from mwlib.settings import parse_changes

@@ -19,8 +19,8 @@ from mwlib import __version__
 from mwlib.__main__ import main
 from mwlib.course.working_copy import lay_out
 from mwlib.data.formats.h36m import write_h36m
-from mwlib.data.synthetic.script import synthetic_motions
-from mwlib.material import carried, course_folder, home, installed
+from mwlib.paths import carried, course_folder, home, installed
+from mwlib.synthetic.motions import synthetic_motions
 from tests.sample_notebooks import runnable, save
 
 ROOT = Path(__file__).parents[1]

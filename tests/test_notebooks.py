@@ -13,9 +13,19 @@ from nbformat import NotebookNode
 from nbformat.v4 import new_markdown_cell, new_output
 
 from mwlib.course.execute import execute_notebook, filter_notebook
-from mwlib.course.files import EXPERIMENT, LONGEST, chapter_number, course, find_notebook, source_hash
 from mwlib.course.learner import learner_copy, write_learner_copies
-from mwlib.course.parameters import ParameterError, from_text, read_parameters, resolve
+from mwlib.course.notebooks import (
+    EXPERIMENT,
+    LONGEST,
+    ParameterError,
+    chapter_number,
+    course,
+    find_notebook,
+    from_text,
+    read_parameters,
+    resolve,
+    source_hash,
+)
 from mwlib.course.rules import check, pictures
 from tests.sample_notebooks import code, model_notebook, save
 

@@ -23,7 +23,7 @@ from mwlib.experiments import load_run, train_run
 from mwlib.prediction import baselines
 from mwlib.prediction.config import EvaluationConfig
 from mwlib.prediction.control import controlled, feathered, frame_mask, joint_mask
-from mwlib.prediction.evaluation import METRICS, score
+from mwlib.prediction.system import METRICS, score
 from mwlib.transforms import DCTTransform, WaveletTransform, fit_scale
 from tests.sample_settings import small, two_people
 

@@ -14,11 +14,11 @@ import torch
 from torch.utils._python_dispatch import TorchDispatchMode
 from torch.utils._pytree import tree_leaves
 
-from mwlib.data.bodies import prepare
-from mwlib.data.synthetic.script import synthetic_motions
+from mwlib.data.windows import prepare
 from mwlib.prediction import system
 from mwlib.prediction.config import Config
 from mwlib.prediction.objective import PredictionObjective
+from mwlib.synthetic.motions import synthetic_motions
 
 ROOT = Path(__file__).parents[1]
 

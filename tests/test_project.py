@@ -20,14 +20,14 @@ from packaging.requirements import Requirement
 from packaging.utils import canonicalize_name
 
 import mwlib
-from mwlib.course.files import course, source_hash
 from mwlib.course.index import write_index
 from mwlib.course.manifest import FILES, read_manifest
+from mwlib.course.notebooks import course, source_hash
 from mwlib.course.stems import saved_stems
 from mwlib.experiments.origins import data_fingerprint
 from mwlib.experiments.store import parameters_hash, write_result
 from mwlib.files import write_atomic
-from mwlib.material import package_hash
+from mwlib.paths import package_hash
 from tests.sample_notebooks import bare, code, runnable, save
 
 ROOT = Path(__file__).parents[1]

@@ -160,7 +160,7 @@ class Motion:
         """Copy corresponding joints, or points between them, to another skeleton; rotations are dropped.
 
         Proportions stay the performer's. Own choice: a rotation of one skeleton says nothing about the bones of another, so the
-        result has no rig; `mwlib.body.fit.fit_rig` finds rotations for its positions.
+        result has no rig; `mwlib.body.fitting.fit_rig` finds rotations for its positions.
 
         Raises:
             ValueError: no correspondence is known; the message lists the known ones.

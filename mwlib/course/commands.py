@@ -8,12 +8,20 @@ import sys
 from argparse import ArgumentParser, Namespace, _SubParsersAction
 from pathlib import Path
 
-from mwlib.course.files import NOTEBOOKS, TIMEOUT, course, find_notebook, read_notebook
 from mwlib.course.manifest import MANIFEST
-from mwlib.course.parameters import from_text, read_parameters, read_values
+from mwlib.course.notebooks import (
+    NOTEBOOKS,
+    TIMEOUT,
+    course,
+    find_notebook,
+    from_text,
+    read_notebook,
+    read_parameters,
+    read_values,
+)
 from mwlib.course.working_copy import lay_out, told
 from mwlib.experiments.grid_options import chosen_grid, given_changes, grid_options
-from mwlib.material import CHECKOUT, PACKAGED, home
+from mwlib.paths import CHECKOUT, PACKAGED, home
 from mwlib.version import __version__
 
 
@@ -90,7 +98,7 @@ def _prepare() -> None:
 
 
 def _run(args: Namespace) -> int:
-    from mwlib.course.worker import NotDone, run_notebook
+    from mwlib.course.execute import NotDone, run_notebook
 
     _prepare()
     try:
@@ -105,7 +113,7 @@ def _run(args: Namespace) -> int:
 
 
 def _experiment(args: Namespace) -> int:
-    from mwlib.course.worker import NotDone, run_experiment
+    from mwlib.course.execute import NotDone, run_experiment
 
     _prepare()
     try:

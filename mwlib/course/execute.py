@@ -1,16 +1,31 @@
-"""Execute the committed notebooks in place and keep of their outputs what a reader and the tests need."""
+"""Execution of notebooks: in place with filtered outputs, or with other parameters into a folder of their own.
+
+Own choice: papermill's exit code and metadata do not prove success (a kernel that dies leaves a notebook that looks finished,
+``sys.exit(0)`` in a cell counts as success). A run is done if and only if its page wrote a result, and the executed notebook
+shows every cell run, in order, without an error; then the result gets the status "ok", together with the HTML page.
+"""
 
 from __future__ import annotations
 
+import json
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 import nbformat
+import papermill
 from nbclient import NotebookClient
+from nbclient.exceptions import CellTimeoutError
+from nbconvert import HTMLExporter
 from nbformat import NotebookNode
+from papermill.exceptions import PapermillExecutionError
 
-from mwlib.course.files import source_hash
-from mwlib.course.parameters import tags
-from mwlib.files import write_atomic
+from mwlib.course.manifest import FILES
+from mwlib.course.notebooks import EXPERIMENT, TIMEOUT, ParameterError, read_notebook, read_parameters, resolve, source_hash, tags
+from mwlib.experiments import store
+from mwlib.experiments.grids import Grid, row_parameters
+from mwlib.files import write_atomic, write_together
+from mwlib.paths import home, package_hash
 
 PICTURES = ("image/png", "image/gif")
 KEPT_TYPES = (*PICTURES, "text/plain", "text/latex", "text/markdown")
@@ -90,3 +105,141 @@ def _filtered(output: NotebookNode) -> NotebookNode | None:
     output.data = NotebookNode(data)
     output.metadata = NotebookNode({kind: output.metadata[kind] for kind in PICTURES if kind in output.metadata})
     return output if data else None
+
+
+EXECUTED = "notebook.ipynb"
+PAGE = "notebook.html"
+
+
+class NotDone(RuntimeError):
+    """A notebook run did not get to its end."""
+
+
+def run_notebook(notebook: Path, out: Path | None, given: Mapping[str, Any], timeout: float = TIMEOUT) -> Path:
+    """Run a notebook with some parameters changed; everything it leaves lies in one folder.
+
+    Args:
+        notebook: the notebook file; it is read, never written.
+        out: folder for `metrics.json`, `notebook.ipynb`, `notebook.html` and what the notebook saves;
+            None = build/runs/<notebook>-<hash of the parameters>. What an earlier run of the notebook left there is removed.
+        given: parameter name -> value; the others keep the notebook's defaults.
+        timeout: seconds for one cell; then the kernel is killed.
+
+    Returns:
+        The folder.
+
+    Raises:
+        FileNotFoundError, ValueError: there is no such file, or it is no notebook.
+        ParameterError: a name is unknown or a value is of the wrong type.
+        NotDone: the notebook did not get to its end; the folder then holds no `metrics.json`.
+    """
+    if timeout <= 0:
+        raise ValueError(f"timeout is {timeout}; expected more than 0 seconds")
+    tree = read_notebook(notebook)
+    values = resolve(read_parameters(tree), given)
+    if "out" not in values:
+        raise ParameterError(f"{notebook}: the parameters cell has no 'out'; expected 'out: str = \"\"  # where results go'")
+    if given.get("out"):
+        raise ParameterError(f"out is given as a parameter, {given['out']!r}; say --out, the folder for all that a run leaves")
+    depends = {"notebook": source_hash(tree), "mwlib": package_hash()}
+    digest = store.parameters_hash(values)
+    folder = (out or home() / "build" / "runs" / f"{notebook.stem}-{digest}").resolve()
+    folder.mkdir(parents=True, exist_ok=True)
+    _forget(folder, notebook.stem)
+    try:
+        papermill.execute_notebook(
+            _literally(notebook), _literally(folder / EXECUTED), {**values, "out": str(folder)}, kernel_name="python3",
+            language="python", progress_bar=False, start_timeout=120, execution_timeout=timeout, extra_arguments=QUIET,
+        )  # fmt: skip
+        _check(folder / EXECUTED)
+        if store.read_result(folder, digest, "finished") is None:
+            raise NotDone(f"{store.RESULT} is missing, half-written or of other parameters than {values}")
+        result = store.result_of(folder)
+        whole = result | {"status": "ok", "depends": result["depends"] | depends}
+        write_together({folder / PAGE: _page(folder / EXECUTED), folder / store.RESULT: json.dumps(whole, indent=1)})
+    except Exception as error:
+        (folder / store.RESULT).unlink(missing_ok=True)
+        if (folder / EXECUTED).is_file():
+            write_atomic(folder / PAGE, _page(folder / EXECUTED))
+        raise NotDone(f"{notebook.stem}: {_reason(error, folder)}\n(see {folder / EXECUTED})") from error
+    return folder
+
+
+def run_experiment(
+    grid: Grid, row: int, seed: int, preset: str, given: Mapping[str, Any], out: Path, timeout: float = TIMEOUT
+) -> Path:
+    """Run one row of a grid at one seed, as a run of the notebook `experiment.ipynb`.
+
+    Args:
+        grid: the grid.
+        row: number of the row, from 0.
+        seed: of the sampling, and of the training where the grid's rows train.
+        preset: what the row changes.
+        given: settings that somebody changed in the preset on purpose.
+        out, timeout: as for `run_notebook`.
+
+    Returns:
+        The folder.
+
+    Raises:
+        LookupError: there is no such row.
+        ValueError: rows of the grid differ in a given setting.
+        NotDone: as for `run_notebook`.
+    """
+    return run_notebook(EXPERIMENT, out, row_parameters(grid, row, seed, preset, given), timeout)
+
+
+def _forget(folder: Path, notebook: str) -> None:
+    """Remove what an earlier run of a notebook left: its result, its pages, and the pictures and tables that bear its name."""
+    for name in (store.RESULT, EXECUTED, PAGE):
+        (folder / name).unlink(missing_ok=True)
+    for sidecar in folder.glob("*.json"):
+        try:
+            about = json.loads(sidecar.read_text(encoding="utf-8"))
+        except (OSError, ValueError):
+            continue
+        kind = next((kind for kind in FILES if isinstance(about, dict) and about.get(kind) == sidecar.stem), None)
+        if kind and about.get("notebook") == notebook:
+            for ending in reversed(FILES[kind]):  # the sidecar, which proves that the others are there, first
+                sidecar.with_suffix(f".{ending}").unlink(missing_ok=True)
+
+
+def _literally(path: Path) -> str:
+    """A path as papermill takes it: braces are doubled, for single ones hold parameters to be filled in."""
+    return str(path).replace("{", "{{").replace("}", "}}")
+
+
+def _check(executed: Path) -> None:
+    """Refuse a notebook in which a cell was skipped, left by an exit, or run out of order.
+
+    Raises:
+        NotDone: it names the cell.
+    """
+    cells = [cell for cell in nbformat.read(executed, as_version=4).cells if cell.cell_type == "code" and cell.source.strip()]
+    for number, cell in enumerate(cells, 1):
+        left = next((output.ename for output in cell.outputs if output.output_type == "error"), None)
+        if left:
+            raise NotDone(f"cell {number}, {_begins(cell)}, was left by {left}")
+        if cell.execution_count != number:
+            count = "was not run" if cell.execution_count is None else f"was run as number {cell.execution_count}"
+            raise NotDone(f"cell {number}, {_begins(cell)}, {count}; expected every cell to run once, in order")
+
+
+def _page(executed: Path) -> str:
+    """An executed notebook as HTML; the classic template, for it is the one that prints alternative texts."""
+    return HTMLExporter(template_name="classic").from_filename(str(executed))[0]
+
+
+def _begins(cell: Any) -> str:
+    return repr(cell.source.strip().splitlines()[0][:60])
+
+
+def _reason(error: Exception, folder: Path) -> str:
+    """An error in few words: the cell's own traceback stands in the executed notebook."""
+    if isinstance(error, PapermillExecutionError):
+        return f"cell {error.exec_count} raised {error.ename}: {error.evalue}"
+    if isinstance(error, CellTimeoutError):
+        cells = [cell for cell in nbformat.read(folder / EXECUTED, as_version=4).cells if cell.cell_type == "code"]
+        number, cell = [(n, cell) for n, cell in enumerate(cells, 1) if cell.metadata.papermill.get("start_time")][-1]
+        return f"cell {number}, {_begins(cell)}, took longer than the timeout; the kernel was killed"
+    return str(error) or type(error).__name__

@@ -14,14 +14,13 @@ from typing import Any
 
 import jinja2
 
-from mwlib.course.files import read_notebook, source_hash
+from mwlib.course.execute import PAGE
 from mwlib.course.manifest import MANIFEST, Exhibit, read_manifest
-from mwlib.course.parameters import from_text, read_parameters, resolve
-from mwlib.course.worker import PAGE
+from mwlib.course.notebooks import from_text, read_notebook, read_parameters, resolve, source_hash
 from mwlib.experiments.origins import data_fingerprint
 from mwlib.experiments.store import parameters_hash, result_of
 from mwlib.files import write_atomic
-from mwlib.material import package_hash
+from mwlib.paths import package_hash
 from mwlib.plots import significant
 
 FIRST = ("data", "preset", "seed", "seeds")

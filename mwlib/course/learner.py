@@ -8,7 +8,7 @@ from pathlib import Path
 import nbformat
 from nbformat import NotebookNode
 
-from mwlib.course.parameters import tags
+from mwlib.course.notebooks import tags
 from mwlib.files import write_atomic
 
 BLANK = "# Your turn: write your answer here, then run the check below."

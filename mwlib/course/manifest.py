@@ -10,7 +10,7 @@ from typing import Any
 
 import yaml
 
-from mwlib.course.files import ROOT
+from mwlib.course.notebooks import ROOT
 
 MANIFEST = ROOT / "figures" / "manifest.yaml"
 FILES = {"figure": ("png", "pdf", "csv", "txt", "json"), "table": ("csv", "json")}

@@ -19,9 +19,8 @@ from nbformat import NotebookNode
 from PIL import Image
 
 from mwlib.course.execute import PICTURES, WIDGET, is_table
-from mwlib.course.files import source_hash
 from mwlib.course.learner import HOLE
-from mwlib.course.parameters import ParameterError, read_parameters, tags
+from mwlib.course.notebooks import ParameterError, read_parameters, source_hash, tags
 from mwlib.course.stems import page_calls, parsed, saved_stems
 from mwlib.plots.loops import MOST_BYTES
 

@@ -14,7 +14,7 @@ import nbformat
 from nbformat import NotebookNode
 
 from mwlib.course.learner import learner_copy
-from mwlib.course.parameters import tags
+from mwlib.course.notebooks import tags
 from mwlib.course.site_api import api_pages
 from mwlib.course.site_exhibits import committed_page, exhibit_pages
 from mwlib.files import write_atomic

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from mwlib.files import write_atomic
-from mwlib.material import carried, installed
+from mwlib.paths import carried, installed
 
 
 class LaidOut(NamedTuple):

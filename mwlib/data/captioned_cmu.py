@@ -11,13 +11,11 @@ import numpy as np
 
 from mwlib.body.motion import Motion
 from mwlib.body.skeleton import HUMANML22
-from mwlib.data.captions import CaptionedClip
-from mwlib.data.errors import MotionFormatError
-from mwlib.data.formats.humanml import HUMANML3D
+from mwlib.data.formats.humanml import HUMANML3D, CaptionedClip
 from mwlib.data.formats.humanml_encoding import Heading, features_of, with_bones
-from mwlib.data.hints import clips_row
 from mwlib.data.load import data_folder, motion_files, read_motion_file
-from mwlib.data.reading import SMALL_TEXT, read_text
+from mwlib.data.meaning import clips_row
+from mwlib.data.untrusted import SMALL_TEXT, MotionFormatError, read_text
 
 FOLDER, CAPTIONS = "cmu/asfamc", "captions_cmu.csv"
 TEST, VAL = ("2", "7", "29"), ("1",)  # subjects; all others are for training

@@ -1,25 +1,197 @@
-"""check-data: what is in a folder of motions, what will be left out of training and what looks wrong."""
+"""Reports on folders of motions: contents, known counts, clips left out of training, and doubts."""
 
 from __future__ import annotations
 
+import hashlib
+import re
 from collections import Counter
 from collections.abc import Iterable, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+from scipy.spatial import KDTree
 
+from mwlib.body.correspondence import to_h36m17
 from mwlib.body.kinematics import bone_lengths
 from mwlib.body.motion import Motion
-from mwlib.data.doubts import GLITCH, fastest, left_out, looks_wrong
-from mwlib.data.errors import MotionFormatError
+from mwlib.body.skeleton import H36M17
+from mwlib.data import known
 from mwlib.data.known import named_source
 from mwlib.data.load import caller_says, find_source, motion_files, readings
-from mwlib.data.opening import bare_suffix
-from mwlib.data.published import MOST_NAMES, frames_differ, known_frames, known_protocol, line, protocol, window_count
-from mwlib.data.stated import Reading, Stated
-from mwlib.data.synthetic.script import synthetic_motions
-from mwlib.data.units import height
+from mwlib.data.meaning import ADULT, UPRIGHT, Reading, Stated, clips_row, height, standing
+from mwlib.data.mirroring import unmirrored
+from mwlib.data.untrusted import MotionFormatError, bare_suffix
+from mwlib.data.windows import windows
+from mwlib.synthetic.motions import synthetic_motions
+
+PROTOCOLS = {"HUMANEVA15": (60.0, 15, 60, 15)}  # hertz, history, future, stride
+STANDARD = (50.0, 25, 100, 25)
+MOST_NAMES = 12
+
+
+def line(word: str, text: str) -> str:
+    """A line of a report."""
+    return f"  {word:<9} {text}"
+
+
+def protocol(motions: list[Motion]) -> tuple[float, int, int, int]:
+    """Rate, history, future and stride at which papers cut such clips."""
+    return PROTOCOLS.get(motions[0].skeleton.name, STANDARD)
+
+
+def window_count(motion: Motion, cut: tuple[float, int, int, int]) -> int:
+    """How many windows a clip gives at this rate, history, future and stride."""
+    fps, history, future, stride = cut
+    return len(range(0, frames_at(motion, fps) - history - future, stride))
+
+
+def frames_at(motion: Motion, fps: float) -> int:
+    """How many frames a clip has at another rate."""
+    return len(replace(motion, rig=None).resample(fps))  # rotations would take far longer
+
+
+def frames_differ(file: Path, motion: Motion) -> list[str]:
+    """Empty if clips.csv lists no such file; else "" or what differs."""
+    row, table = clips_row(file)
+    listed = row.get("frames") or row.get("rows")
+    if listed is None:
+        return []
+    added = row.get("tpose_frame0") or str(int("rows" in row))
+    if not re.fullmatch(r"\d{1,12}", listed) or added not in ("0", "1"):
+        return [f"{motion.name} has {len(motion)}, {table.name} says {listed[:40]!r} less {added[:40]!r}"]
+    expected = int(listed) - int(added)
+    return ["" if len(motion) == expected else f"{motion.name} has {len(motion)}, clips.csv says {expected}"]
+
+
+def known_frames(compared: list[str]) -> list[str]:
+    """Lines on how many clips are as long as clips.csv says, from what `frames_differ` gave for each."""
+    wrong = [text for text in compared if text]
+    if not compared:
+        return []
+    return [
+        line("known", f"frames as clips.csv says in {len(compared) - len(wrong)} of {len(compared)} clips"),
+        *map(_wrong, wrong),
+    ]
+
+
+def _wrong(text: str) -> str:
+    return line("DIFFERS", text)
+
+
+def known_protocol(motions: list[Motion]) -> list[str]:
+    """Published counts beside those found, for data in VideoPose3D's layout."""
+    subjects = {m.subject for m in motions}
+    if motions[0].skeleton.name == "HUMANEVA15":
+        test = sum(window_count(m, protocol([m])) for m in motions if m.subject.startswith("Validate/"))
+        return [line("known", f"{test} test windows in Validate/*; published never, at most {known.HUMANEVA_MOST_WINDOWS}")]
+    if motions[0].skeleton.name != "H36M17" or not subjects & set(known.H36M_SUBJECTS):
+        return []
+    found = {m.name: window_count(m, protocol([m])) for m in motions if m.subject in known.H36M_TEST_SUBJECTS}
+    lines = []
+    for subject in (*known.H36M_TEST_SUBJECTS, ""):
+        here, there = (sum(n for name, n in counts.items() if name.startswith(subject)) for counts in (found, known.H36M_WINDOWS))
+        lines.append(line("known", f"{subject or 'S9 + S11'}: {here} test windows, published {there}"))
+    names = [name for name in known.H36M_WINDOWS | found if found.get(name) != known.H36M_WINDOWS.get(name)]
+    lines += [_wrong(f"{n}: {found.get(n, 'none')}, published {known.H36M_WINDOWS.get(n, 'none')}") for n in names[:MOST_NAMES]]
+    lines += [_wrong(f"and {len(names) - MOST_NAMES} more sequences")] if len(names) > MOST_NAMES else []
+    return lines + (_known_neighbours(motions) if not names else [])
+
+
+def _known_neighbours(motions: list[Motion]) -> list[str]:
+    """How many test windows share their last observed pose with others, against what two published codes agree on."""
+    _, history, future, stride = STANDARD
+    test = [m for m in motions if m.subject in known.H36M_TEST_SUBJECTS]
+    last = windows(test, history, future, stride).x_history[:, -1].numpy()
+    others = KDTree(last).query_ball_point(last, known.H36M_THRESHOLD, return_length=True) - 1
+    counts = (int(np.sum(others == 0)), int(np.sum(others <= 9)))
+    published = (known.H36M_ALONE, known.H36M_FEW)
+    text = f"{counts[0]} windows without a neighbour, {counts[1]} with at most nine; published {published[0]}, {published[1]}"
+    return [line("known", text)]
+
+
+GLITCH = 25.0  # metres per second; above it are the marker glitches of CMU, below it its good clips
+
+
+def fastest(motion: Motion) -> float:
+    """Fastest joint between two frames, metres per second."""
+    steps = np.linalg.norm(np.diff(motion.positions, axis=0), axis=-1)
+    return float(steps.max(initial=0.0)) * motion.fps
+
+
+def left_out(clips: Sequence[tuple[str, Motion]], cut: tuple[float, int, int, int]) -> list[str]:
+    """One line on the clips that give no window.
+
+    Args:
+        clips: file or clip name, motion.
+        cut: rate, history, future and stride of the windows.
+    """
+    fps, history, future, _ = cut
+    short = [name for name, motion in clips if frames_at(motion, fps) <= history + future]
+    return [f"{len(short)} clips no longer than {history} + {future} frames at {fps:g} Hz: {_some(short)}"] if short else []
+
+
+def looks_wrong(clips: Sequence[tuple[str, Reading]]) -> list[str]:
+    """One line for each kind of doubt, with the names of the clips: size, axis, speed, copies, people, sides, skeletons.
+
+    Args:
+        clips: file or clip name, reading.
+    """
+    motions = [reading.motion for _, reading in clips]
+    return [*_bodies(clips), *_copies(clips), *_people(motions), *_skeletons(clips)]
+
+
+def _bodies(clips: Sequence[tuple[str, Reading]]) -> list[str]:
+    """Size, up-axis and speed."""
+    small, other, wild = [], [], []
+    for name, reading in clips:
+        m = reading.motion
+        tall, stands = height(m.positions, m.skeleton), standing(m.positions, m.skeleton, m.up)
+        small += [f"{name} ({tall:.3g} m)"] if not ADULT[0] <= tall <= ADULT[1] else []
+        other += [f"{name} (along {stands.axis})"] if stands.is_clear or stands.share < UPRIGHT else []
+        wild += [f"{name} ({fastest(m):.0f} m/s)"] if fastest(m) > GLITCH else []
+    return [
+        *([f"no adult's height: {_some(small)}. State the unit if that is wrong"] if small else []),
+        *([f"not upright along the up-axis: {_some(other)}. People who lie, or another axis is up"] if other else []),
+        *([f"faster than {GLITCH:g} m/s, so perhaps glitches: {_some(wild)}"] if wild else []),
+    ]
+
+
+def _copies(clips: Sequence[tuple[str, Reading]]) -> list[str]:
+    same: dict[bytes, list[str]] = {}
+    for name, reading in clips:
+        content = np.ascontiguousarray(reading.motion.positions, dtype=np.float32)
+        same.setdefault(hashlib.sha256(content.tobytes()).digest(), []).append(name)
+    twice = [" = ".join(names) for names in same.values() if len(names) > 1]
+    return [f"the same clip twice, perhaps in training and test: {_some(twice)}"] if twice else []
+
+
+def _people(motions: Sequence[Motion]) -> list[str]:
+    people = {m.subject for m in motions}
+    if len(people) != 1:
+        return []
+    who = f"one subject only, {next(iter(people))!r}" if people != {""} else "no clip has a subject"
+    return [f"{who}: test clips will be of people trained on. A column subject in clips.csv tells people apart"]
+
+
+def _skeletons(clips: Sequence[tuple[str, Reading]]) -> list[str]:
+    """Skeletons as training will have them: without pairs, or more than one."""
+    kinds: dict[str, list[tuple[str, Motion]]] = {}
+    for name, reading in clips:
+        m = reading.motion if to_h36m17(reading.motion.skeleton) is None else reading.motion.retarget(H36M17)
+        kinds.setdefault(m.skeleton.name, []).append((name, m))
+    reasons = [unmirrored([m for _, m in group]) for group in kinds.values()]
+    found = [f"training will not mirror: {reason}" for reason in reasons if reason]
+    if len(kinds) > 1:
+        groups = "; ".join(f"{kind} ({_some([name for name, _ in group], 3)})" for kind, group in kinds.items())
+        found.append(f"{len(kinds)} skeletons, and training takes one: {groups}")
+    return found
+
+
+def _some(names: Sequence[str], most: int = MOST_NAMES) -> str:
+    return ", ".join(names[:most]) + (f" and {len(names) - most} more" if len(names) > most else "")
+
 
 COLUMNS = ("files", "clips", "frames", "seconds", "subjects", "Hz", "skeleton", "up", "metres per unit", "height in m")
 

@@ -12,7 +12,7 @@ from mwlib.data.fetching.by_hand import BY_HAND
 from mwlib.data.fetching.collections import COLLECTIONS, NAMES, fetch, overview
 from mwlib.data.formats.h36m import write_h36m
 from mwlib.data.load import data_folder
-from mwlib.data.synthetic.script import synthetic_motions
+from mwlib.synthetic.motions import synthetic_motions
 
 
 def add_parser(subparsers: argparse._SubParsersAction) -> None:

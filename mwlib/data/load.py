@@ -17,21 +17,30 @@ from tqdm import tqdm
 from mwlib.body.kinematics import AXES
 from mwlib.body.motion import Motion
 from mwlib.body.skeleton import SKELETONS, Skeleton
-from mwlib.data.archives import archive_names, array_header, read_archive, read_array
-from mwlib.data.errors import BrokenFilesWarning, MotionFormatError
-from mwlib.data.formats.amc import read_amc
 from mwlib.data.formats.arrays import read_positions
+from mwlib.data.formats.asf_amc import read_amc
 from mwlib.data.formats.bvh import read_bvh
 from mwlib.data.formats.cmu_benchmark import COLUMNS, read_benchmark
 from mwlib.data.formats.h36m import read_positions_3d
-from mwlib.data.formats.humanml_folder import FEATURES, is_features, read_features, without_features
-from mwlib.data.hints import Given, Hints, hints
+from mwlib.data.formats.humanml import FEATURES, is_features, read_features, without_features
 from mwlib.data.known import NAMED_SOURCES, named_source
-from mwlib.data.opening import MOST_BYTES, allowed, bare_suffix, open_regular, read_bytes, read_head, without_twins
-from mwlib.data.stated import Reading
-from mwlib.data.synthetic.script import synthetic_motions
-from mwlib.data.units import check_size, metres_per_unit
-from mwlib.data.upright import check_up
+from mwlib.data.meaning import Given, Hints, Reading, check_size, check_up, hints, metres_per_unit
+from mwlib.data.untrusted import (
+    MOST_BYTES,
+    BrokenFilesWarning,
+    MotionFormatError,
+    allowed,
+    archive_names,
+    array_header,
+    bare_suffix,
+    open_regular,
+    read_archive,
+    read_array,
+    read_bytes,
+    read_head,
+    without_twins,
+)
+from mwlib.synthetic.motions import synthetic_motions
 
 MANY_FILES = 20  # from here on a progress bar is worth its line
 CONTENT = "content"  # the place of a failure that its reader did not foresee

@@ -10,9 +10,9 @@ from typing import Annotated, Literal, NamedTuple
 import numpy as np
 
 from mwlib.body.motion import Motion
-from mwlib.data.bodies import Bodies, prepare
 from mwlib.data.load import load_motions
-from mwlib.data.units import UNITS
+from mwlib.data.meaning import UNITS
+from mwlib.data.windows import Bodies, prepare
 from mwlib.settings import NotNegative, OneOf, Positive
 
 

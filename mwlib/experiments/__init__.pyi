@@ -1,8 +1,7 @@
 from .grids import Grid, read_grids
-from .keyframes import inbetween
 from .results import get_result
 from .runs import get_model, get_run, load_run, train_run
-from .sentences import generate
+from .sampling import generate, inbetween
 from .systems import register, system, system_of
 from .tables import committed, committed_pairs, lines, measure
 

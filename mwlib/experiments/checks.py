@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from mwlib.experiments.grids import read_grids
-from mwlib.material import course_folder
+from mwlib.paths import course_folder
 from mwlib.plots.tables import significant
 
 REFERENCE = re.compile(r"\{([^{}|]+)\|([^{}|]+)\|([^{}|]+)\}")

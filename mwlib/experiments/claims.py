@@ -11,7 +11,7 @@ import yaml
 
 from mwlib.experiments.checks import REFERENCE, NotMeasured, Tables, filled, holds
 from mwlib.experiments.grids import expect_fields
-from mwlib.material import course_folder
+from mwlib.paths import course_folder
 
 KINDS = ("holds", "does not hold here", "depends on the reading", "cannot be tested here")
 WITH_A_REASON = KINDS[2:]

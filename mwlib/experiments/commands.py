@@ -14,7 +14,7 @@ from mwlib.experiments.shipped import CARD, RECIPES, recipe, ship
 from mwlib.experiments.systems import system
 from mwlib.experiments.tables import details, differences, lines, measure, provenance
 from mwlib.files import write_atomic
-from mwlib.material import CONFIG, run_folder
+from mwlib.paths import CONFIG, run_folder
 from mwlib.prediction.config import Config
 from mwlib.prediction.predictor import Predictor
 from mwlib.prediction.system import load_data

@@ -10,7 +10,7 @@ from typing import Any
 from mwlib import plots
 from mwlib.body.skeleton import SKELETONS
 from mwlib.data.check import check_data
-from mwlib.data.units import UNITS
+from mwlib.data.meaning import UNITS
 from mwlib.files import write_atomic
 
 

@@ -12,7 +12,7 @@ from typing import Any
 import yaml
 
 from mwlib.experiments.systems import system
-from mwlib.material import course_folder
+from mwlib.paths import course_folder
 from mwlib.settings import Settings
 
 NAME = re.compile(r"[a-z0-9_]+")

@@ -10,8 +10,8 @@ from mwlib.body.motion import Motion
 from mwlib.data import load_motions
 from mwlib.data.formats.bvh_writing import write_bvh
 from mwlib.experiments.data_commands import add_statements, statements
-from mwlib.experiments.keyframes import SHIPPED, inbetween
 from mwlib.experiments.runs import load_run
+from mwlib.experiments.sampling import INBETWEENING_MODEL, inbetween
 
 _TEXT = (
     "Read one motion file, or two. Between two or more frames of the one (--keyframes), or the last frame of the first and the "
@@ -29,7 +29,9 @@ def add_parser(subparsers: _SubParsersAction) -> None:
     parser.add_argument("end", metavar="FILE", nargs="?", help="motion that begins with the last keyframe")
     parser.add_argument("--keyframes", type=int, nargs="+", metavar="FRAME", help="of the one file, rising, from 0")
     parser.add_argument("--between", type=int, metavar="N", help="frames between two files' poses (default: the model's own)")
-    parser.add_argument("--run", dest="run_name", default=SHIPPED, help="folder of a finished run (default: the shipped model)")
+    parser.add_argument(
+        "--run", dest="run_name", default=INBETWEENING_MODEL, help="folder of a finished run (default: the shipped model)"
+    )
     add_statements(parser)
     parser.add_argument("--samples", type=int, default=3, help="motions (default 3)")
     parser.add_argument("--seed", type=int, default=0, help="of their noise (default 0)")

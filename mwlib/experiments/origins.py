@@ -10,11 +10,11 @@ from pathlib import Path
 
 import torch
 
-from mwlib.data.hints import LEVELS_UP
 from mwlib.data.known import named_source
 from mwlib.data.load import READERS, find_source
-from mwlib.data.opening import bare_suffix
-from mwlib.material import file_hash
+from mwlib.data.meaning import LEVELS_UP
+from mwlib.data.untrusted import bare_suffix
+from mwlib.paths import file_hash
 
 HINTS = ("clips.csv", "skeleton.json")  # read along with motions that lie beside or below them
 

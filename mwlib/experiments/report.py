@@ -14,11 +14,11 @@ from torch import Tensor
 from mwlib import plots
 from mwlib.data.known import acknowledgement
 from mwlib.data.sources import Split
-from mwlib.data.windowing import Windows
+from mwlib.data.windows import Windows
 from mwlib.experiments.runs import get_run
 from mwlib.prediction.config import Config
-from mwlib.prediction.evaluation import baseline, test_windows
 from mwlib.prediction.predictor import Predictor
+from mwlib.prediction.system import baseline, test_windows
 from mwlib.training import CURVES
 from mwlib.version import __version__
 

@@ -11,7 +11,7 @@ from typing import Any
 
 from mwlib.experiments.checks import MADE_WITH, REFERENCE, Tables
 from mwlib.experiments.claims import KINDS, PENDING, Case, Claim, Shown, claims_file, decide, kind_of, read_claims
-from mwlib.material import course_folder
+from mwlib.paths import course_folder
 
 ACKNOWLEDGEMENT = (
     "The data used in this project was obtained from mocap.cs.cmu.edu. "

@@ -19,8 +19,7 @@ from mwlib.data.known import acknowledgement
 from mwlib.experiments.data_commands import add_statements, statements
 from mwlib.experiments.runs import load_run
 from mwlib.files import write_atomic, write_together
-from mwlib.prediction.continuation import continued
-from mwlib.prediction.predictor import Predictor
+from mwlib.prediction.predictor import Predictor, predicted_motions
 from mwlib.version import __version__
 
 
@@ -84,7 +83,7 @@ def _continuations(args: Namespace) -> tuple[Predictor, list[list[Motion]], list
     predictor = _predictor(args)
     motions = load_motions(args.source, **statements(args))
     motions = motions[: args.clips] if args.clips else motions
-    found = continued(predictor, motions, args.samples, args.seed, progress=sys.stderr.isatty())
+    found = predicted_motions(predictor, motions, args.samples, args.seed, progress=sys.stderr.isatty())
     return predictor, found, _names(motions)
 
 

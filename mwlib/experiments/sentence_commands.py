@@ -8,7 +8,7 @@ from argparse import Namespace, _SubParsersAction
 from pathlib import Path
 
 from mwlib.data.formats.bvh_writing import write_bvh
-from mwlib.experiments.sentences import SHIPPED, generate
+from mwlib.experiments.sampling import SENTENCE_MODEL, generate
 
 _TEXT = (
     "Sample motions that do what a sentence says, and write each as a BVH file that Blender opens. The model that comes with the "
@@ -23,7 +23,9 @@ def add_parser(subparsers: _SubParsersAction) -> None:
     parser.add_argument("--seconds", type=float, default=4.0, help="length of each motion (default 4)")
     parser.add_argument("--samples", type=int, default=1, help="motions of each sentence (default 1)")
     parser.add_argument("--seed", type=int, default=0, help="of their noise (default 0)")
-    parser.add_argument("--run", dest="run_name", default=SHIPPED, help="folder of a finished run (default: the shipped model)")
+    parser.add_argument(
+        "--run", dest="run_name", default=SENTENCE_MODEL, help="folder of a finished run (default: the shipped model)"
+    )
     parser.add_argument(
         "--plain",
         action="store_true",

@@ -15,10 +15,10 @@ from mwlib.experiments.store import read_result
 from mwlib.experiments.systems import system, system_of
 from mwlib.experiments.tables import details
 from mwlib.files import write_together
-from mwlib.material import CONFIG
+from mwlib.paths import CONFIG
 from mwlib.settings import Settings
-from mwlib.tensor_files import load_tensors, save_tensors
 from mwlib.training import MODEL
+from mwlib.training.checkpoint import load_tensors, save_tensors
 from mwlib.version import __version__
 
 CARD, METRICS = "card.md", "metrics.json"

@@ -13,7 +13,7 @@ from typing import Any, Literal
 from filelock import FileLock, Timeout
 
 from mwlib.files import write_json
-from mwlib.material import home
+from mwlib.paths import home
 
 RESULT = "metrics.json"
 Status = Literal["ok", "finished"]

@@ -63,7 +63,7 @@ _MODULES = {
     "rebuilding": "mwlib.prediction.rebuilding",
     "inbetweening": "mwlib.inbetweening.system",
     "text_to_motion": "mwlib.text_to_motion.system",
-    "matching": "mwlib.text_to_motion.matching_system",
+    "matching": "mwlib.matching.system",
 }
 _REGISTERED: dict[str, System] = {}
 

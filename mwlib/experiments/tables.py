@@ -15,8 +15,8 @@ from mwlib.data.known import acknowledgement
 from mwlib.experiments.grids import Grid, changes, row_config
 from mwlib.experiments.results import get_result
 from mwlib.experiments.systems import Data, System, system
-from mwlib.material import course_folder
 from mwlib.metrics import Column, clustered_error
+from mwlib.paths import course_folder
 from mwlib.settings import Settings
 from mwlib.version import __version__
 

@@ -21,7 +21,7 @@ from mwlib.body.motion import Motion
 from mwlib.body.rig import ROTATION_DTYPE, Rig
 from mwlib.body.rotation import continuous, from_six, six
 from mwlib.body.skeleton import Skeleton
-from mwlib.data.bodies import Bodies
+from mwlib.data.windows import Bodies
 
 UP = "z"
 STIFF = 1e-3  # half a turn in radians up to which a joint counts as not turning

@@ -6,8 +6,8 @@ from collections.abc import Mapping
 
 from torch import Tensor
 
-from mwlib.data.bodies import prepare
 from mwlib.data.sources import Split, split_motions
+from mwlib.data.windows import prepare
 from mwlib.inbetweening.bridge import Bridge
 from mwlib.inbetweening.config import Config
 from mwlib.inbetweening.evaluation import DETAILS, METRICS, evaluate

@@ -11,8 +11,8 @@ from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
 from mwlib.body.motion import Motion
-from mwlib.data.bodies import Bodies
-from mwlib.data.sides import unmirrored
+from mwlib.data.mirroring import unmirrored
+from mwlib.data.windows import Bodies
 from mwlib.inbetweening.space import UP, Placement, PositionSpace, RotationSpace, Space, rooted_rig
 
 

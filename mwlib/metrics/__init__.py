@@ -5,10 +5,22 @@ For in-betweening, per sequence: p and g are (..., F, C), quaternions (..., F, J
 For text to motion, per set: embeddings (N, E).
 """
 
-from mwlib.metrics.column import Column
-from mwlib.metrics.inbetweening import NPSS, continued, l2p, l2q, npss
-from mwlib.metrics.multimodal import MultimodalFutures, multimodal_apd, multimodal_futures
+from mwlib.metrics.inbetweening import (
+    NPSS,
+    bone_length_error,
+    continued,
+    foot_contacts,
+    foot_skate,
+    keyframe_error,
+    l2p,
+    l2q,
+    nearer_share,
+    npss,
+    path_length,
+    seam_ratio,
+)
 from mwlib.metrics.prediction import (
+    MultimodalFutures,
     ade,
     apd,
     apde,
@@ -18,22 +30,14 @@ from mwlib.metrics.prediction import (
     mean_ade,
     mmade,
     mmfde,
+    multimodal_apd,
+    multimodal_futures,
     sample_ade,
     step_length,
 )  # fmt: skip
 from mwlib.metrics.realism import coverage, error_at, jerk, pose_change, speed
-from mwlib.metrics.table import MetricTable
+from mwlib.metrics.table import Column, MetricTable, clustered_error
 from mwlib.metrics.text import confidence, diversity, fid, mm_dist, multimodality, r_precision
-from mwlib.metrics.transition import (
-    bone_length_error,
-    foot_contacts,
-    foot_skate,
-    keyframe_error,
-    nearer_share,
-    path_length,
-    seam_ratio,
-)
-from mwlib.metrics.uncertainty import clustered_error
 
 __all__ = [
     "Column",

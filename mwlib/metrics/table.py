@@ -1,18 +1,80 @@
-"""Metrics over a whole test set, streamed."""
+"""Tables of metrics: columns, standard errors clustered by clip, and the streamed evaluation of a test set."""
 
 from __future__ import annotations
 
 from collections.abc import Hashable, Sequence
+from typing import NamedTuple
 
+import numpy as np
 import torch
 from jaxtyping import Float, Int
 from torch import Tensor
 
 from mwlib.body.skeleton import Skeleton
-from mwlib.metrics.multimodal import MultimodalFutures
-from mwlib.metrics.prediction import ade, apd, bone_length_jitter, by_action, check_shapes, cmd, fde, mmade, mmfde, step_length
+from mwlib.metrics.prediction import (
+    MultimodalFutures,
+    ade,
+    apd,
+    bone_length_jitter,
+    by_action,
+    check_shapes,
+    cmd,
+    fde,
+    mmade,
+    mmfde,
+    step_length,
+)
 from mwlib.metrics.realism import motion_metrics
-from mwlib.metrics.uncertainty import clustered_error
+
+
+class Column(NamedTuple):
+    """A metric's column: heading, which values are better ("lower", "higher" or ""), and the factor to the unit shown.
+
+    >>> Column("bone jitter (mm)", scale=1000.0)
+    Column(heading='bone jitter (mm)', better='', scale=1000.0)
+    """
+
+    heading: str
+    better: str = ""
+    scale: float = 1.0
+
+
+def clustered_error(values: Float[np.ndarray, " N"], clusters: Sequence[Hashable]) -> float:
+    """Standard error of a mean over values that are alike within clusters.
+
+    Windows of one clip overlap and show the same person doing the same, so they are not independent; their number
+    flatters. What varies freely is a clip's total deviation from the mean:
+    sqrt(C/(C-1) Σ_c (Σ_{i in c} (v_i - mean))²) / N. This is what a bootstrap over whole clips tends to; where every
+    value is a cluster of its own it is the usual deviation / sqrt(N).
+
+    Source: the cluster-robust variance of Liang and Zeger, 1986, for a mean.
+
+    Args:
+        values: one per window; those that are not finite are left out.
+        clusters: the clip of each window.
+
+    Returns:
+        NaN with fewer than two clusters.
+
+    Raises:
+        ValueError: values and clusters are not equally many.
+
+    >>> apart = clustered_error(np.array([0.0, 1.0, 0.0, 1.0]), "abcd")
+    >>> alike = clustered_error(np.array([0.0, 0.0, 1.0, 1.0]), "aabb")
+    >>> round(apart, 4), round(alike, 4)
+    (0.2887, 0.5)
+    """
+    if len(values) != len(clusters):
+        raise ValueError(f"{len(values)} values of {len(clusters)} clusters; expected one each")
+    kept = np.isfinite(values)
+    names = {name: i for i, name in enumerate(dict.fromkeys(c for c, k in zip(clusters, kept, strict=True) if k))}
+    if len(names) < 2:
+        return float("nan")
+    found = values[kept]
+    number = [names[c] for c, k in zip(clusters, kept, strict=True) if k]
+    totals = np.bincount(number, found - found.mean())
+    return float(np.sqrt(len(names) / (len(names) - 1) * (totals**2).sum()) / len(found))
+
 
 MM_SINGLETONS = ("keep", "skip_all", "skip_mm")
 

@@ -1,8 +1,7 @@
 """Networks."""
 
-from mwlib.networks.clip_text import ClipText
 from mwlib.networks.mdm import MDM
-from mwlib.networks.text import EncodedText, HashedNgrams, TextEncoder, WordTransformer, vocabulary_of, words_of
+from mwlib.networks.text import ClipText, EncodedText, HashedNgrams, TextEncoder, WordTransformer, vocabulary_of, words_of
 from mwlib.networks.translinear import TransLinear
 from mwlib.networks.unet1d import ConditionalUNet
 

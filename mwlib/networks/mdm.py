@@ -6,8 +6,7 @@ import torch
 from jaxtyping import Bool, Float, Int
 from torch import Tensor, nn
 
-from mwlib.networks.dropout import Dropout
-from mwlib.networks.encoder import Encoder, sinusoids
+from mwlib.networks.layers import Dropout, Encoder, sinusoids
 from mwlib.networks.text import EncodedText
 
 

@@ -9,7 +9,7 @@ from jaxtyping import Bool, Float, Int
 from torch import Tensor, nn
 from torch.nn import functional as F
 
-from mwlib.networks.dropout import Dropout
+from mwlib.networks.layers import Dropout
 
 
 def _zero_linear(inputs: int, outputs: int) -> nn.Linear:

@@ -10,8 +10,7 @@ from jaxtyping import Bool, Float, Int
 from torch import Tensor, nn
 from torch.nn import functional as F
 
-from mwlib.networks.dropout import Dropout
-from mwlib.networks.encoder import Encoder, sinusoids
+from mwlib.networks.layers import Dropout, Encoder, sinusoids
 from mwlib.networks.text import EncodedText
 
 GROUPS = 8  # of the group norms

@@ -1,30 +1,18 @@
 """Every picture. Functions return (fig, ax) and show nothing; `show` puts a figure into a notebook, `save` into files."""
 
-from mwlib.plots.attention import attention_heads, attention_over_steps, attention_part, attention_vectors, row_support
-from mwlib.plots.bases import basis_card, dots
-from mwlib.plots.bridging import bridged_coordinate, imposed_steps, seams, spectra, training_view
-from mwlib.plots.coefficients import energy_bars, matrix, projection_change, subbands
-from mwlib.plots.control import controlled_poses
-from mwlib.plots.curves import curves, histograms, sampling_paths
-from mwlib.plots.diagrams import bridging_overview, overview, tabg_diagram
-from mwlib.plots.diffusion import band_snr, ddim_path, loss_curves, noising, schedules
-from mwlib.plots.evaluation import bars_per_action, trajectories
-from mwlib.plots.filmstrip import filmstrip
-from mwlib.plots.frequency import cascade, responses, same_spectrum, sliding_filter, tilings
-from mwlib.plots.guidance import arrows, claimed_and_measured, noised_rows, pose_grid
-from mwlib.plots.keyframes import keyframe_samples, scheme_errors
-from mwlib.plots.look import CYCLE, STYLE, style, use_style
-from mwlib.plots.loops import Loop, loop
-from mwlib.plots.metric_picture import metric_picture
-from mwlib.plots.particles import density_map, particles
-from mwlib.plots.passages import broken_bodies, passages
-from mwlib.plots.phase import error_by_size, phase_circles, predicted_curves, windows_and_sinusoids
-from mwlib.plots.player import Player, player
-from mwlib.plots.save import save, save_table, show
-from mwlib.plots.sentences import emerging_way, free_overview, ways
-from mwlib.plots.signals import filters, padding_modes, scaling_and_wavelet, signal_and_coefficients
-from mwlib.plots.skeletons import end_poses, overlay_futures, storyboard
-from mwlib.plots.spectra_of_motion import (
+from mwlib.plots.bodies import end_poses, filmstrip, overlay_futures, storyboard
+from mwlib.plots.chapters.bridging import (
+    bridged_coordinate,
+    imposed_steps,
+    keyframe_samples,
+    scheme_errors,
+    seams,
+    spectra,
+    training_view,
+)
+from mwlib.plots.chapters.diagrams import bridging_overview, overview, tabg_diagram
+from mwlib.plots.chapters.diffusion import band_snr, ddim_path, density_map, loss_curves, noising, particles, schedules
+from mwlib.plots.chapters.frequencies import (
     coupling_bars,
     energy_by_coefficient,
     kept_power,
@@ -32,6 +20,41 @@ from mwlib.plots.spectra_of_motion import (
     parallel_snr,
     recovery_by_coefficient,
 )
+from mwlib.plots.chapters.guidance import (
+    arrows,
+    attention_heads,
+    attention_over_steps,
+    attention_part,
+    attention_vectors,
+    claimed_and_measured,
+    controlled_poses,
+    noised_rows,
+    pose_grid,
+    row_support,
+)
+from mwlib.plots.chapters.metrics import metric_picture
+from mwlib.plots.chapters.phase import error_by_size, phase_circles, predicted_curves, windows_and_sinusoids
+from mwlib.plots.chapters.sentences import emerging_way, free_overview, ways
+from mwlib.plots.chapters.wavelets import (
+    basis_card,
+    cascade,
+    dots,
+    filters,
+    padding_modes,
+    responses,
+    same_spectrum,
+    scaling_and_wavelet,
+    signal_and_coefficients,
+    sliding_filter,
+    tilings,
+)
+from mwlib.plots.coefficients import energy_bars, matrix, projection_change, subbands
+from mwlib.plots.curves import bars_per_action, curves, histograms, sampling_paths, trajectories
+from mwlib.plots.look import CYCLE, STYLE, style, use_style
+from mwlib.plots.loops import Loop, loop
+from mwlib.plots.passages import broken_bodies, passages
+from mwlib.plots.player import Player, player
+from mwlib.plots.save import save, save_table, show
 from mwlib.plots.tables import Table, results_table, significant
 
 __all__ = [

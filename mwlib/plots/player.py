@@ -1,12 +1,15 @@
-"""A player of motions in three dimensions, for a notebook and for any web page; nothing is fetched from anywhere."""
+"""Three-dimensional player of motions for notebooks and web pages; nothing is fetched from anywhere."""
 
 from __future__ import annotations
 
 import base64
+import gzip
+import hashlib
 import html
 import json
 import os
 from collections.abc import Mapping, Sequence
+from functools import lru_cache
 from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
@@ -17,14 +20,59 @@ from jaxtyping import Float
 from mwlib.body.skeleton import Skeleton
 from mwlib.files import write_atomic
 from mwlib.plots.bodies import COLOURS, ELEVATION, THREE_QUARTER, facing
-from mwlib.plots.bundle import packed, script
 from mwlib.plots.look import CYCLE
-from mwlib.plots.loops import Loop, loop_of
+from mwlib.plots.loops import Actor, Film, Loop, Shown, film, loop_of, placed_pose
 from mwlib.plots.save import described
-from mwlib.plots.stage import Actor, Shown, Stage, placed_pose, stage
 
 if TYPE_CHECKING:
     from mwlib.plots.player_widget import PlayerWidget
+
+
+ASSETS = Path(__file__).with_name("assets")
+BUNDLE = ASSETS / "player.js"
+SOURCES = ("player.src.js", "scene.src.js", "player.css", "package.json", "package-lock.json")
+RECORD = "// sources "  # the bundle's first line: this, and `sources_hash`
+
+# The first copy on a page serves all its players; a page may hold players of several versions, each with its own key.
+LOAD = """
+function load(key, packed) {
+  const unpack = async () => {
+    const bytes = Uint8Array.from(atob(packed), (letter) => letter.charCodeAt(0));
+    const stream = new Blob([bytes]).stream().pipeThrough(new DecompressionStream("gzip"));
+    const code = new Blob([await new Response(stream).text()], { type: "text/javascript" });
+    return import(URL.createObjectURL(code));
+  };
+  if (packed) globalThis[key] ??= unpack();
+  return globalThis[key];
+}
+"""
+FILL = """
+const ready = document.readyState === "loading" && new Promise((go) => document.addEventListener("DOMContentLoaded", go));
+Promise.all([load(%(key)s, %(packed)s), ready]).then(([player]) => player?.mountAll(%(key)s));
+"""
+
+
+def sources_hash() -> str:
+    """SHA-256 over what the bundle is built of; line ends do not count."""
+    digest = hashlib.sha256()
+    for name in SOURCES:
+        text = (ASSETS / name).read_text(encoding="utf-8")
+        digest.update(f"{name}\n{len(text)}\n{text}".encode())
+    return digest.hexdigest()
+
+
+@lru_cache(maxsize=1)
+def packed() -> tuple[str, str]:
+    """A key that tells bundles apart, and the bundle as base64 of gzip."""
+    code = BUNDLE.read_bytes()
+    return f"mwlibPlayer_{hashlib.sha256(code).hexdigest()[:12]}", base64.b64encode(gzip.compress(code, 9, mtime=0)).decode()
+
+
+def script(embed: bool) -> str:
+    """A script element that fills the players of its page; without the bundle it needs another that has it."""
+    key, code = packed()
+    return f"<script>(() => {{{LOAD}{FILL % {'key': json.dumps(key), 'packed': json.dumps(code if embed else '')}}}})();</script>"
+
 
 ShownAs = Literal["widget", "html", "loop"]
 MILLIMETRE, LARGEST = 0.001, 32767  # positions are int16
@@ -62,7 +110,7 @@ class Player:
         alt: the alternative text.
     """
 
-    def __init__(self, shown: Stage, payload: Mapping[str, Any], shown_as: ShownAs | None = None) -> None:
+    def __init__(self, shown: Film, payload: Mapping[str, Any], shown_as: ShownAs | None = None) -> None:
         self._stage, self._shown_as = shown, shown_as
         self.payload: dict[str, Any] = json.loads(json.dumps(payload))  # as the browser will see it
         self.alt: str = self.payload["alt"]
@@ -189,7 +237,7 @@ def player(
             raise ValueError(f"{name} is {value!r}; expected one of {', '.join(map(repr, known))}")
     if not (np.isfinite(speed) and speed > 0):
         raise ValueError(f"speed is {speed}; expected a positive number, 1 for true speed")
-    shown = stage(motions, skeleton, fps, history)
+    shown = film(motions, skeleton, fps, history)
     first = next(iter(shown.actors.values()))
     marks = {_frame(frame, shown.frames): frame for frame in keyframes}
     payload = {
@@ -209,7 +257,7 @@ def _live() -> ShownAs:
     return "widget" if find_spec("anywidget") and getattr(get_ipython(), "kernel", None) else "html"
 
 
-def _body(name: str, actor: Actor, shown: Stage) -> dict[str, Any]:
+def _body(name: str, actor: Actor, shown: Film) -> dict[str, Any]:
     size = _size(next(iter(shown.actors.values())))
     kind = "truth" if name == "truth" else "predicted"
     return {"name": name, "kind": kind, "start": actor.start, **_drawn(actor.positions, actor.skeleton, size)}
@@ -230,7 +278,7 @@ def _size(actor: Actor) -> float:
     return float(np.median(np.linalg.norm(np.ptp(actor.positions, axis=1), axis=-1)))
 
 
-def _ghosts(shown: Stage, marks: Mapping[int, int], keyframes: object) -> list[dict[str, Any]]:
+def _ghosts(shown: Film, marks: Mapping[int, int], keyframes: object) -> list[dict[str, Any]]:
     """Poses at the keyframes, each with the numbers of the bodies that it belongs to."""
     found: dict[str, dict[str, Any]] = {}
     for number, actor in enumerate(shown.actors.values()):
@@ -256,11 +304,11 @@ def _frame(frame: int, frames: int) -> int:
     return frame % frames
 
 
-def _wanders(shown: Stage) -> bool:
+def _wanders(shown: Film) -> bool:
     return any(np.linalg.norm(np.ptp(actor.positions[:, 0, :2], axis=0)) > LONG_WAY for actor in shown.actors.values())
 
 
-def _counted(shown: Stage, history: int) -> str:
+def _counted(shown: Film, history: int) -> str:
     names, count = [name for name in shown.actors if name], len(shown.actors)
     listed = f": {', '.join(names)}" if names else ""
     film = f"{shown.frames} frames at {shown.fps:g} Hz, {shown.frames / shown.fps:.1f} s"

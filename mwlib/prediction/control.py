@@ -13,8 +13,7 @@ from tqdm import tqdm
 
 from mwlib.body.skeleton import Skeleton
 from mwlib.diffusion import Mask, OnEstimate, masked, pasted
-from mwlib.prediction.histories import histories, identities
-from mwlib.prediction.predictor import Predictor
+from mwlib.prediction.predictor import Predictor, histories, identities
 
 _STREAM = 1912  # own stream of noise beside the sampler's
 

@@ -9,12 +9,11 @@ from jaxtyping import Float
 from torch import Tensor, nn
 
 from mwlib.body.motion import Motion
-from mwlib.data.bodies import Bodies
 from mwlib.data.sources import Split
-from mwlib.data.windowing import windows
+from mwlib.data.windows import Bodies, windows
 from mwlib.diffusion import DiffusionConfig, alpha_bar, network_target, noised
 from mwlib.prediction.config import Config, ObjectiveConfig
-from mwlib.prediction.network import make_network
+from mwlib.prediction.guidance import make_network
 from mwlib.prediction.representation import (
     Representation,
     fit_representation,

@@ -1,18 +1,21 @@
-"""A trained model: history in, futures out."""
+"""A trained model: histories in, futures out."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from functools import reduce
 from typing import Any
 
+import numpy as np
 import torch
 from jaxtyping import Float
 from torch import Tensor
 from tqdm import tqdm
 
 from mwlib.body.kinematics import bones_of, scale_bones
-from mwlib.data.bodies import Bodies
+from mwlib.body.motion import Motion
+from mwlib.data.windows import Bodies, Windows
 from mwlib.diffusion import (
     AfterStep,
     DiffusionConfig,
@@ -25,14 +28,84 @@ from mwlib.diffusion import (
     dpm_solver,
     history_completion,
     posterior_mean,
-)  # fmt: skip
+)
 from mwlib.networks import TransLinear
 from mwlib.prediction.config import Config, SamplingConfig
-from mwlib.prediction.guidance import TABG, guided
-from mwlib.prediction.histories import Histories, histories, identities
-from mwlib.prediction.network import NetworkBranches, make_network
+from mwlib.prediction.guidance import TABG, NetworkBranches, guided, make_network
 from mwlib.prediction.representation import Representation, make_representation, make_transform
 from mwlib.transforms import PhaseTransform, ScaledTransform, pad_history
+
+Histories = Float[Tensor, "N H C"] | Float[np.ndarray, "N H C"] | Windows | Sequence[Motion]
+
+
+def histories(source: Histories, bodies: Bodies, history: int) -> Float[Tensor, "N H C"]:
+    """Observed frames as a model takes them, metres, root-relative.
+
+    Args:
+        source: clips, of which the last H frames are taken (turned, carried over to the skeleton and resampled as in training);
+            windows of clips in the model's own form; or an array of that form.
+        bodies: the model's form.
+        history: H.
+
+    Raises:
+        ValueError: a clip is too short or of a body that does not fit; windows or an array have another form, or values that are
+            no numbers. The message says what to call instead.
+    """
+    if isinstance(source, Windows):
+        return _checked(_of_windows(source, bodies), bodies, history)
+    if isinstance(source, (Tensor, np.ndarray)):
+        return _checked(torch.as_tensor(source), bodies, history)
+    if not source or not all(isinstance(m, Motion) for m in source):
+        kinds = sorted({type(m).__name__ for m in source}) or "nothing"
+        raise ValueError(f"the source holds {kinds}; expected Motions, Windows or a tensor (N, {history}, C)")
+    return _checked(_of_motions(bodies.prepare(source), history), bodies, history)
+
+
+def _of_motions(motions: Sequence[Motion], history: int) -> Float[Tensor, "N H C"]:
+    for m in motions:
+        if len(m) < history:
+            raise ValueError(
+                f"{m.name or 'a clip'} has {len(m)} frames at {m.fps:g} Hz; expected at least {history}, the history"
+            )
+    return torch.stack([torch.from_numpy(m.cut(len(m) - history, len(m)).root_relative()).float() for m in motions])
+
+
+def _of_windows(windows: Windows, bodies: Bodies) -> Float[Tensor, "N H C"]:
+    found = Bodies.of(windows.motions)
+    if found != bodies:
+        raise ValueError(
+            f"the windows are of {found.skeleton.name} at {found.fps:g} Hz, {found.up} up; the model was trained on "
+            f"{bodies.skeleton.name} at {bodies.fps:g} Hz, {bodies.up} up. Give predict the motions instead: it prepares them"
+        )
+    return windows.x_history
+
+
+def _checked(x: Tensor, bodies: Bodies, history: int) -> Float[Tensor, "N H C"]:
+    channels = 3 * (len(bodies.skeleton) - 1)
+    if x.ndim != 3 or tuple(x.shape[1:]) != (history, channels):
+        raise ValueError(
+            f"x_history has shape {tuple(x.shape)}; expected (N, {history}, {channels}): {history} frames of "
+            f"{bodies.skeleton.name} at {bodies.fps:g} Hz, {bodies.up} up, root dropped. Give predict the motions instead: it "
+            "prepares them"
+        )
+    if len(x) == 0:
+        raise ValueError("there are no windows; expected at least one history")
+    if not x.isfinite().all():
+        raise ValueError(f"x_history of window {int((~x.isfinite()).nonzero()[0, 0])} is not finite; expected metres")
+    return x
+
+
+def identities(window_ids: Sequence[int] | None, count: int) -> list[int]:
+    """The identity of each window, on which its noise depends: as given, or 0..N-1.
+
+    Raises:
+        ValueError: there are more or fewer than windows.
+    """
+    ids = list(range(count)) if window_ids is None else list(window_ids)
+    if len(ids) != count:
+        raise ValueError(f"window_ids has {len(ids)} entries for {count} windows; expected one each")
+    return ids
+
 
 CHUNK = 8  # windows sampled together on a processor; more would not be faster
 
@@ -269,3 +342,35 @@ def _chain(functions: list[AfterStep]) -> AfterStep | None:
         return y
 
     return run
+
+
+def predicted_motions(
+    predictor: Predictor, motions: Sequence[Motion], samples: int | None = None, seed: int | None = None, progress: bool = False
+) -> list[list[Motion]]:
+    """Each clip's last H frames and sampled futures of them, as motions in the form that the model was trained on.
+
+    The model knows no root: in the future it stays where it was last seen (own choice).
+
+    Args:
+        predictor: a trained model.
+        motions: clips of at least H frames after resampling.
+        samples, seed, progress: as in `Predictor.predict`.
+
+    Returns:
+        For each clip a list of S motions of H + F frames, positions only.
+
+    Raises:
+        ValueError: a clip does not fit the model.
+    """
+    futures = predictor.predict(motions, samples, seed, progress=progress)
+    history = predictor.representation.history
+    ready = [m.cut(len(m) - history, len(m)) for m in predictor.bodies.prepare(motions)]
+    return [[_joined(m, future) for future in row] for m, row in zip(ready, futures, strict=True)]
+
+
+def _joined(observed: Motion, future: Float[Tensor, "F C"]) -> Motion:
+    joints = future.numpy().reshape(len(future), -1, 3)
+    root = observed.positions[-1, :1]
+    ahead = np.concatenate([np.zeros_like(joints[:, :1]), joints], axis=1) + root
+    positions = np.concatenate([observed.positions, ahead.astype(observed.positions.dtype)])
+    return replace(observed, positions=positions, rig=None)

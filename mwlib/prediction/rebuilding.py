@@ -16,7 +16,7 @@ from jaxtyping import Float
 from torch import Tensor
 
 from mwlib.data.sources import Split
-from mwlib.data.windowing import Windows, windows
+from mwlib.data.windows import Windows, windows
 from mwlib.metrics import Column, clustered_error
 from mwlib.prediction import config
 from mwlib.prediction.representation import LEARNING_WINDOWS, learning_windows, make_transform

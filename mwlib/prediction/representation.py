@@ -11,9 +11,7 @@ from torch import Tensor
 
 from mwlib.body.kinematics import heading, turn_heading
 from mwlib.body.motion import Motion
-from mwlib.data.bodies import Bodies
-from mwlib.data.variation import Variation
-from mwlib.data.windowing import TrainingWindows
+from mwlib.data.windows import Bodies, TrainingWindows, Variation
 from mwlib.prediction.config import ModelConfig, WindowConfig
 from mwlib.transforms import (
     DCTTransform,

@@ -9,17 +9,15 @@ import torch
 from jaxtyping import Float
 from torch import Tensor, nn
 
-from mwlib.data.captions import CaptionedClip
+from mwlib.data.captioned import Batch, Parts, Pool
+from mwlib.data.formats.humanml import CaptionedClip
+from mwlib.data.normalisation import Statistics
 from mwlib.diffusion import alpha_bar, noised
+from mwlib.matching.evaluators import Matcher, finished_run, open_matcher
 from mwlib.networks.text import WordTransformer, vocabulary_of
 from mwlib.text_to_motion.config import Config
-from mwlib.text_to_motion.dataset import Parts
-from mwlib.text_to_motion.draws import Batch, Pool
-from mwlib.text_to_motion.judges import finished_run, open_matcher
 from mwlib.text_to_motion.losses import LowPass, low_frequency_loss, masked_error, semantic_loss, stage_weights
-from mwlib.text_to_motion.matching import Matcher
-from mwlib.text_to_motion.network import TextDenoiser
-from mwlib.text_to_motion.statistics import Statistics
+from mwlib.text_to_motion.model import TextDenoiser
 from mwlib.training import Objective, read_model, seeded
 
 VALIDATION_BATCHES = 4  # of 64 clips

@@ -6,11 +6,11 @@ from collections.abc import Mapping
 
 from torch import Tensor
 
+from mwlib.data.captioned import Parts, load_clips
+from mwlib.matching.evaluators import stands_on
 from mwlib.text_to_motion.config import Config
-from mwlib.text_to_motion.dataset import Parts, load_clips
 from mwlib.text_to_motion.evaluation import DETAILS, METRICS, evaluate
-from mwlib.text_to_motion.generator import TextToMotion
-from mwlib.text_to_motion.judges import stands_on
+from mwlib.text_to_motion.model import TextToMotion
 from mwlib.text_to_motion.objective import TextObjective
 
 __all__ = ["DETAILS", "METRICS", "Config", "built_on", "evaluate", "judged_by", "load_data", "make_objective", "open_model"]

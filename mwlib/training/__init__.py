@@ -1,10 +1,8 @@
 """Training of any system: the loop, its settings, the moving average, checkpoints."""
 
-from mwlib.training.average import MovingAverage
-from mwlib.training.checkpoint import CHECKPOINT, CURVES, MODEL, PREVIOUS, read_model, read_outcome
+from mwlib.training.checkpoint import CHECKPOINT, CURVES, MODEL, PREVIOUS, MovingAverage, read_model, read_outcome
 from mwlib.training.config import TrainingConfig, learning_rate
-from mwlib.training.loop import Objective, TrainingStep, train
-from mwlib.training.randomness import seeded
+from mwlib.training.loop import Objective, TrainingStep, seeded, train
 
 __all__ = [
     "CHECKPOINT", "CURVES", "MODEL", "PREVIOUS", "MovingAverage", "Objective", "TrainingConfig", "TrainingStep", "learning_rate",

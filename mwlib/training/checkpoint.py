@@ -1,7 +1,9 @@
-"""What a training keeps on disk: a checkpoint to go on from, and the finished model."""
+"""Tensor files with checksums, the moving average of weights, and checkpoints of a training."""
 
 from __future__ import annotations
 
+import copy
+import hashlib
 import json
 import os
 import time
@@ -10,11 +12,115 @@ from pathlib import Path
 from typing import Any
 
 import torch
+from safetensors import SafetensorError, safe_open
+from safetensors.torch import save
 from torch import Tensor, nn
+from torch.optim.swa_utils import get_ema_multi_avg_fn
 
-from mwlib.files import write_json
-from mwlib.tensor_files import DamagedFileError, load_metadata, load_tensors, save_tensors
-from mwlib.training.average import MovingAverage
+from mwlib.files import write_atomic, write_json
+
+
+class DamagedFileError(ValueError):
+    """A file that this library wrote does not hold what was written: truncated, flipped, or another kind of file."""
+
+
+def save_tensors(file: Path, tensors: Mapping[str, Tensor], metadata: Mapping[str, str]) -> None:
+    """Tensors and text to one safetensors file, atomically. No code can hide in it, and the same content gives the same bytes."""
+    whole = {name: tensor.detach().cpu().contiguous().clone() for name, tensor in sorted(tensors.items())}
+    text = json.dumps(dict(metadata), sort_keys=True)
+    # one entry, as safetensors writes several in random order
+    write_atomic(file, save(whole, {"mwlib": json.dumps([text, _sha256(whole, text)])}))
+
+
+def load_tensors(file: Path) -> tuple[dict[str, Tensor], dict[str, str]]:
+    """Inverse of `save_tensors`, onto the CPU.
+
+    Raises:
+        FileNotFoundError: there is no such file.
+        DamagedFileError: it is truncated or changed; or not written by this library, or by a version before 0.2.
+    """
+    try:
+        with safe_open(file, framework="pt") as handle:
+            tensors = {name: handle.get_tensor(name) for name in sorted(handle.keys())}
+    except SafetensorError as error:
+        raise DamagedFileError(f"{file} is damaged: {error}; expected a whole file as mwlib wrote it") from None
+    text, expected = _said(file)
+    found = _sha256(tensors, text)
+    if found != expected:
+        raise DamagedFileError(f"{file} is damaged: its content has SHA-256 {found[:12]}…; expected {expected[:12]}…")
+    return tensors, json.loads(text)
+
+
+def load_metadata(file: Path) -> dict[str, str]:
+    """The text of a tensor file alone, unchecked.
+
+    Raises:
+        FileNotFoundError, DamagedFileError: as in `load_tensors`.
+    """
+    return json.loads(_said(file)[0])
+
+
+def _said(file: Path) -> tuple[str, str]:
+    """Text and SHA-256 in a file's head."""
+    try:
+        with safe_open(file, framework="pt") as handle:
+            text, expected = json.loads((handle.metadata() or {})["mwlib"])
+    except (SafetensorError, KeyError, ValueError, TypeError):
+        raise DamagedFileError(
+            f"{file} has no SHA-256 of mwlib's in its head; expected a file written by mwlib 0.2 or later"
+        ) from None
+    return text, expected
+
+
+def _sha256(tensors: Mapping[str, Tensor], text: str) -> str:
+    digest = hashlib.sha256(text.encode())
+    for name, tensor in tensors.items():
+        digest.update(f"{name} {tensor.dtype} {tuple(tensor.shape)}".encode())
+        digest.update(tensor.reshape(-1).view(torch.uint8).numpy().tobytes())
+    return digest.hexdigest()
+
+
+class MovingAverage:
+    """Exponential moving average of weights: a copy of them until `start` steps, decayed by `decay` after that.
+
+    Source: HumanMAC (its code); MotionWavelet, Appendix A, gives the decay.
+
+    Args:
+        network: whose weights are averaged.
+        decay: share of the old average that stays at each step.
+        start: step until which the average is a copy.
+    """
+
+    def __init__(self, network: nn.Module, decay: float, start: int) -> None:
+        self.network, self.decay, self.start = network, decay, start
+        self.weights = [p.detach().clone() for p in network.parameters()]
+
+    @torch.no_grad()
+    def update(self, step: int) -> None:
+        """Take in the weights after step 1, 2, ..."""
+        decay = self.decay if step > self.start else 0.0
+        average = get_ema_multi_avg_fn(decay)
+        average(self.weights, [p.detach() for p in self.network.parameters()], step)
+
+    @torch.no_grad()
+    def averaged(self) -> nn.Module:
+        """A copy of the network, in evaluation mode, with the averaged weights."""
+        network = copy.deepcopy(self.network).eval()
+        for parameter, average in zip(network.parameters(), self.weights, strict=True):
+            parameter.copy_(average)
+        return network
+
+    def tensors(self) -> dict[str, Tensor]:
+        """The averages by the names of the weights."""
+        names = [name for name, _ in self.network.named_parameters()]
+        return dict(zip(names, self.weights, strict=True))
+
+    @torch.no_grad()
+    def restore(self, tensors: Mapping[str, Tensor]) -> None:
+        """Take over what `tensors` gave."""
+        for (name, _), average in zip(self.network.named_parameters(), self.weights, strict=True):
+            average.copy_(tensors[name])
+
 
 CHECKPOINT, PREVIOUS, MODEL, CURVES = "checkpoint.safetensors", "previous.safetensors", "model.safetensors", "curves.json"
 

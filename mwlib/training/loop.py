@@ -1,23 +1,36 @@
-"""The training loop: yields every step, averages the weights, resumes to the bit. It knows no system's configuration."""
+"""The training loop: it yields every step, averages the weights, and resumes to the bit."""
 
 from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, NamedTuple
 
+import numpy as np
 import torch
 from accelerate import Accelerator
 from accelerate.state import AcceleratorState
 from torch import Tensor, nn
 
-from mwlib.training.average import MovingAverage
-from mwlib.training.checkpoint import State, read_checkpoint
+from mwlib.training.checkpoint import MovingAverage, State, read_checkpoint
 from mwlib.training.checkpoint import part as part_of
 from mwlib.training.config import TrainingConfig, learning_rate
-from mwlib.training.randomness import seeded
+
+
+@contextmanager
+def seeded(*numbers: int) -> Iterator[torch.Generator]:
+    """Yield a generator seeded from the numbers; seed torch's global one too, and restore it on exit.
+
+    Dropout and initial weights draw from the global one. Own choice: every step's randomness is a function of (seed, step,
+    process). The numbers are mixed first, as torch's CPU generator looks at the low 32 bits of a seed only.
+    """
+    seed, other = (int(n) for n in np.random.SeedSequence(numbers).generate_state(2))
+    with torch.random.fork_rng([torch.cuda.current_device()] if torch.cuda.is_available() else []):
+        torch.manual_seed(seed)
+        yield torch.Generator().manual_seed(other)
 
 
 class Objective(ABC):

@@ -1,13 +1,10 @@
 """Frequency views of a motion, one interface: ``tf(x)``, ``tf.inverse(y)``, ``tf.project(y)``, ``tf.shape``."""
 
-from mwlib.transforms.dct import DCTTransform
-from mwlib.transforms.dst import DSTTransform
-from mwlib.transforms.dwt import WaveletTransform
-from mwlib.transforms.linear import LinearTransform, Transform
-from mwlib.transforms.padding import pad_history
+from mwlib.transforms.dwt import TimeWaveletTransform, WaveletTransform
+from mwlib.transforms.linear import LinearTransform, Transform, pad_history
 from mwlib.transforms.phase import PhaseTransform, periodic_parameters
 from mwlib.transforms.scaled import ScaledTransform, fit_scale
-from mwlib.transforms.time_wavelet import TimeWaveletTransform
+from mwlib.transforms.trigonometric import DCTTransform, DSTTransform
 
 __all__ = [
     "DCTTransform", "DSTTransform", "LinearTransform", "PhaseTransform", "ScaledTransform", "TimeWaveletTransform", "Transform",

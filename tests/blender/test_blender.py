@@ -13,13 +13,13 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from mwlib.body.fit import fit_rig
+from mwlib.body.fitting import fit_rig
 from mwlib.body.motion import Motion
 from mwlib.body.skeleton import LAFAN1, Skeleton
 from mwlib.data.formats.bvh_writing import write_bvh
 from mwlib.data.load import load_motions, motion_files, read_motion_file
-from mwlib.data.synthetic.script import synthetic_motions
 from mwlib.experiments import inbetween
+from mwlib.synthetic.motions import synthetic_motions
 
 LOOK = Path(__file__).with_name("look.py")
 pytestmark = pytest.mark.skipif("MWLIB_BLENDER" not in os.environ, reason="make test-blender runs it")

@@ -8,9 +8,9 @@ import pytest
 from mwlib.body.correspondence import KNOWN, KNOWN22, SCHEMES, to_h36m17, to_humanml22
 from mwlib.body.motion import Motion
 from mwlib.body.skeleton import BANDAI21, CMU, H36M17, HUMANEVA15, HUMANML22, LAFAN1, Skeleton
-from mwlib.data.bodies import Bodies, prepare
 from mwlib.data.load import read_motion_file
-from mwlib.data.naming import own_skeleton
+from mwlib.data.mirroring import own_skeleton
+from mwlib.data.windows import Bodies, prepare
 
 SIDES = {"right": ("right", "r", "R"), "left": ("left", "l", "L")}
 

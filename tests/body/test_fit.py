@@ -9,11 +9,11 @@ import pytest
 import torch
 from scipy.spatial.transform import Rotation
 
-from mwlib.body.fit import fit_rig
+from mwlib.body.fitting import fit_rig
 from mwlib.body.kinematics import bone_lengths, fk
 from mwlib.body.motion import Motion
 from mwlib.body.skeleton import CMU, H36M17, Skeleton
-from mwlib.data.synthetic.script import synthetic_motions
+from mwlib.synthetic.motions import synthetic_motions
 
 ARM = Skeleton("arm", ("shoulder", "elbow", "wrist"), (-1, 0, 1))
 

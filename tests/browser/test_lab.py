@@ -19,7 +19,7 @@ import nbformat
 import pytest
 from playwright.sync_api import Browser, Locator, Page
 
-from mwlib.course.files import find_notebook
+from mwlib.course.notebooks import find_notebook
 from mwlib.course.working_copy import lay_out
 from mwlib.files import write_atomic
 from tests.browser.chromium import PATIENCE, SHOTS, asked_for

@@ -11,7 +11,7 @@ from PIL import Image
 from playwright.sync_api import Page
 
 from mwlib import plots
-from mwlib.data.synthetic.script import synthetic_motions
+from mwlib.synthetic.motions import synthetic_motions
 from tests.browser.chromium import PATIENCE, SHOTS, asked_for
 
 pytestmark = asked_for

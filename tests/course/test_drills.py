@@ -17,14 +17,13 @@ from nbformat.v4 import new_notebook
 
 from mwlib import files
 from mwlib.__main__ import main
-from mwlib.course import worker
-from mwlib.course.files import source_hash
+from mwlib.course import execute
+from mwlib.course.execute import NotDone, run_notebook
 from mwlib.course.manifest import FILES
-from mwlib.course.parameters import ParameterError
-from mwlib.course.worker import NotDone, run_notebook
+from mwlib.course.notebooks import ParameterError, source_hash
 from mwlib.experiments import store
 from mwlib.files import write_together
-from mwlib.material import package_hash
+from mwlib.paths import package_hash
 from tests.sample_notebooks import NASTY, PARAMETERS, code, runnable, save
 
 ROOT = Path(__file__).parents[2]
@@ -102,8 +101,8 @@ def test_what_an_earlier_run_left_is_removed_and_nothing_else(tmp_path):
 
 
 def test_the_result_and_its_page_appear_together_or_not_at_all(tmp_path, monkeypatch):
-    monkeypatch.setattr(worker.papermill, "execute_notebook", pretend)
-    monkeypatch.setattr(worker, "_page", lambda executed: "<html>")
+    monkeypatch.setattr(execute.papermill, "execute_notebook", pretend)
+    monkeypatch.setattr(execute, "_page", lambda executed: "<html>")
     out = run_notebook(save(runnable(), tmp_path), tmp_path / "out", {})
     result = store.result_of(out)
     assert result["status"] == "ok" and result["depends"] == {

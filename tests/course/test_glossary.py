@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import pytest
 
-from mwlib.course.files import NOTEBOOKS, chapter_number, course
+from mwlib.course.notebooks import NOTEBOOKS, chapter_number, course
 
 ROW = re.compile(r"^\|(?P<cells>.*)\|$", re.M)
 LINK = re.compile(r"\[(\w+)\]\((\S+)\)")

@@ -12,8 +12,8 @@ from nbformat import NotebookNode
 from nbformat.v4 import new_code_cell, new_notebook
 
 from mwlib.course.execute import QUIET
-from mwlib.course.files import NOTEBOOKS, course, find_notebook
 from mwlib.course.learner import HOLE, learner_copy
+from mwlib.course.notebooks import NOTEBOOKS, course, find_notebook
 
 
 def opened(source: str) -> str:

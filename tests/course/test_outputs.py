@@ -7,8 +7,8 @@ from base64 import b64encode
 
 import pytest
 
-from mwlib.course.files import course
 from mwlib.course.manifest import read_manifest
+from mwlib.course.notebooks import course
 from mwlib.course.outputs import alternative_texts, kept_outputs
 from tests.sample_notebooks import code
 

@@ -14,8 +14,8 @@ from mwlib.__main__ import main
 from mwlib.body.skeleton import H36M17
 from mwlib.data import known
 from mwlib.data.check import check_data
-from mwlib.data.synthetic.script import synthetic_motions
-from mwlib.data.units import height
+from mwlib.data.meaning import height
+from mwlib.synthetic.motions import synthetic_motions
 from tests.sample_motions import BVH, write_positions_3d
 
 

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from mwlib import MotionFormatError, load_motions
-from mwlib.data import BrokenFilesWarning, opening
+from mwlib.data import BrokenFilesWarning, untrusted
 from mwlib.data.check import check_data
 from mwlib.data.load import motion_files
 from tests.sample_motions import BENCHMARK, BVH
@@ -120,7 +120,7 @@ def test_looking_for_motions_reads_heads_only(folder, monkeypatch):
         def __exit__(self, *error):
             self.stream.close()
 
-    monkeypatch.setattr(opening.Path, "open", lambda path, mode: Counting(open_plainly(path, mode)))
+    monkeypatch.setattr(untrusted.Path, "open", lambda path, mode: Counting(open_plainly(path, mode)))
     assert [file.name for file in motion_files(folder)] == ["good.bvh", "long.npy", "long.npz", "long.txt"]
     assert seen < 4 * 2**16 + 10_000
 

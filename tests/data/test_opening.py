@@ -17,10 +17,10 @@ import numpy as np
 import pytest
 
 from mwlib import MotionFormatError, load_motions
-from mwlib.data import load, opening
-from mwlib.data.formats import blocks
+from mwlib.data import load, untrusted
+from mwlib.data.formats import frames
 from mwlib.data.load import read_motion_file
-from mwlib.data.opening import MOST_POINTS, SMALL_FILE, allowed, read_bytes, read_head
+from mwlib.data.untrusted import MOST_POINTS, SMALL_FILE, allowed, read_bytes, read_head
 from tests.sample_motions import AMC, ASF, BENCHMARK, BVH
 
 
@@ -90,7 +90,7 @@ MOTION = "HIERARCHY ROOT a { OFFSET 0 0 0 CHANNELS 0 JOINT b { OFFSET 0 0 0 CHAN
     ],
 )  # fmt: skip
 def test_nonsense_is_refused_at_the_cost_of_a_few_copies(tmp_path, monkeypatch, name, start, words):
-    monkeypatch.setattr("mwlib.data.reading.BLOCK", 20_000)
+    monkeypatch.setattr("mwlib.data.untrusted.BLOCK", 20_000)
     np.save(tmp_path / "a.npy", np.zeros((2, 17, 3)))
     (tmp_path / "05.asf").write_text(ASF)
     (tmp_path / "05_01.amc").write_text(AMC)
@@ -145,7 +145,7 @@ def test_frames_of_many_joints_are_counted_before_they_are_read(tmp_path):
 
 
 def test_an_amc_of_many_frames_is_refused_as_soon_as_there_are_too_many(tmp_path, monkeypatch):
-    monkeypatch.setattr("mwlib.data.formats.amc.MOST_POINTS", 4)
+    monkeypatch.setattr("mwlib.data.formats.asf_amc.MOST_POINTS", 4)
     (tmp_path / "05.asf").write_text(ASF)
     (tmp_path / "05_01.amc").write_text(AMC)
     with pytest.raises(MotionFormatError, match="frames: found more than 1 frames; expected at most that for 4 bones"):
@@ -154,7 +154,7 @@ def test_an_amc_of_many_frames_is_refused_as_soon_as_there_are_too_many(tmp_path
 
 def test_a_table_has_so_many_numbers_and_no_endless_line(tmp_path, monkeypatch):
     (tmp_path / "a.txt").write_text(BENCHMARK)
-    monkeypatch.setattr("mwlib.data.reading.MOST_VALUES", 200)
+    monkeypatch.setattr("mwlib.data.untrusted.MOST_VALUES", 200)
     with pytest.raises(MotionFormatError, match="table: found more than 200 numbers"):
         load_motions(tmp_path / "a.txt")
     (tmp_path / "a.txt").write_text("0," * 10**6)
@@ -186,10 +186,10 @@ def many_frames(kind: str, folder: Path) -> Path:
 def test_blocks_of_frames_change_not_a_bit(tmp_path, monkeypatch, kind):
     file = many_frames(kind, tmp_path)
     (whole,) = load_motions(file, unit="cm")
-    monkeypatch.setattr(blocks, "POINTS_AT_ONCE", 1)
-    monkeypatch.setattr("mwlib.data.reading.BLOCK", 5000 if kind == "txt" else 500)
-    for frames in (1, 7, 69):
-        monkeypatch.setattr(blocks, "FEWEST_FRAMES", frames)
+    monkeypatch.setattr(frames, "POINTS_AT_ONCE", 1)
+    monkeypatch.setattr("mwlib.data.untrusted.BLOCK", 5000 if kind == "txt" else 500)
+    for fewest in (1, 7, 69):
+        monkeypatch.setattr(frames, "FEWEST_FRAMES", fewest)
         (again,) = load_motions(file, unit="cm")
         np.testing.assert_array_equal(again.positions, whole.positions)
         if whole.rig is not None:
@@ -228,4 +228,4 @@ def test_what_a_reader_raises_names_the_file_and_faults_are_seen(tmp_path, monke
 
 
 def test_memory_of_an_xz_dictionary_is_bounded():
-    assert opening.UNPACK_MEMORY < 2**28
+    assert untrusted.UNPACK_MEMORY < 2**28

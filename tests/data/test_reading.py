@@ -12,10 +12,8 @@ import numpy as np
 import pytest
 
 from mwlib import MotionFormatError, load_motions
-from mwlib.data import opening as files
-from mwlib.data.archives import read_array
-from mwlib.data.opening import read_bytes
-from mwlib.data.reading import number_table, read_text
+from mwlib.data import untrusted as files
+from mwlib.data.untrusted import number_table, read_array, read_bytes, read_text
 from tests.sample_motions import BVH, mutate
 
 FILE = Path("file")

@@ -15,11 +15,9 @@ from mwlib import load_motions
 from mwlib.body.kinematics import AXES, bone_lengths
 from mwlib.body.motion import Motion
 from mwlib.data import sources
-from mwlib.data.check import check_data
-from mwlib.data.doubts import GLITCH, fastest
+from mwlib.data.check import GLITCH, check_data, fastest
 from mwlib.data.load import motion_files, read_motion_file
-from mwlib.data.units import ADULT, height
-from mwlib.data.upright import UPRIGHT, standing
+from mwlib.data.meaning import ADULT, UPRIGHT, height, standing
 from mwlib.prediction.config import Config
 
 FOLDERS = ("cmu/asfamc", "cmu/bvh", "cmu_benchmark", "lafan1", "bandai_namco")

@@ -12,10 +12,9 @@ import torch
 
 from mwlib import Motion, load_motions
 from mwlib.body.skeleton import H36M17, HUMANML22, Skeleton
-from mwlib.data.naming import own_skeleton, paired
-from mwlib.data.sides import unmirrored
-from mwlib.data.synthetic.script import synthetic_motions
-from mwlib.data.windowing import TrainingWindows
+from mwlib.data.mirroring import own_skeleton, paired, unmirrored
+from mwlib.data.windows import TrainingWindows
+from mwlib.synthetic.motions import synthetic_motions
 
 # Joints in the middle, then the left ones, whose right ones are spelt as the second pattern says.
 FINGERS = [f"{finger}{i}" for finger in ("Thumb", "Index", "Middle", "Ring", "Pinky") for i in (1, 2, 3)]

@@ -10,12 +10,11 @@ import pytest
 from mwlib import Motion
 from mwlib.body.skeleton import CMU, H36M17
 from mwlib.data import sources
-from mwlib.data.bodies import Bodies, prepare
 from mwlib.data.known import acknowledgement
 from mwlib.data.sources import SourceConfig, Split, fingerprint, split_motions
-from mwlib.data.synthetic.script import synthetic_motions
-from mwlib.data.windowing import windows
+from mwlib.data.windows import Bodies, prepare, windows
 from mwlib.prediction.config import Config
+from mwlib.synthetic.motions import synthetic_motions
 
 
 def clip(subject: str, frames: int = 60) -> Motion:

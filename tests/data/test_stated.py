@@ -10,12 +10,10 @@ import pytest
 
 from mwlib import Motion, MotionFormatError, load_motions, write_bvh
 from mwlib.body.skeleton import CMU, H36M17, Skeleton
-from mwlib.data.formats.tpose import starts_in_tpose
-from mwlib.data.hints import hints
+from mwlib.data.formats.frames import starts_in_tpose
 from mwlib.data.load import motion_files, readings
-from mwlib.data.synthetic.script import synthetic_motions
-from mwlib.data.units import height
-from mwlib.data.upright import standing
+from mwlib.data.meaning import height, hints, standing
+from mwlib.synthetic.motions import synthetic_motions
 from tests.sample_motions import AMC, ASF, BENCHMARK, BVH, write_positions_3d
 
 WALK = synthetic_motions(subjects=1, seconds=2.0)[0]

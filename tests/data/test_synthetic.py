@@ -7,10 +7,9 @@ import pytest
 
 from mwlib.body.kinematics import bone_lengths
 from mwlib.body.skeleton import H36M17
-from mwlib.data.synthetic.gait import MARCH, RUN, WALK, gait_pose
-from mwlib.data.synthetic.gestures import GESTURES, gesture_tracks
-from mwlib.data.synthetic.person import AT, FEET, FPS, POSE, SIDES, draw_body, positions_of
-from mwlib.data.synthetic.script import ACTIONS, synthetic_motions
+from mwlib.synthetic.motions import ACTIONS, synthetic_motions
+from mwlib.synthetic.movements import GESTURES, MARCH, RUN, WALK, gait_pose, gesture_tracks
+from mwlib.synthetic.person import AT, FEET, FPS, POSE, SIDES, draw_body, positions_of
 
 JOINT = {name: i for i, name in enumerate(H36M17.joints)}
 

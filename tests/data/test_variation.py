@@ -10,7 +10,7 @@ import torch
 
 from mwlib.body.kinematics import bones_of, heading
 from mwlib.body.skeleton import H36M17, Skeleton
-from mwlib.data.variation import Variation, other_arms, slowed
+from mwlib.data.windows import Variation, other_arms, slowed
 
 T = 12
 ARMS = [joint - 1 for name in ("left_arm", "right_arm") for joint in H36M17.parts[name]]

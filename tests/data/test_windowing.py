@@ -12,10 +12,8 @@ import torch
 from mwlib import Motion
 from mwlib.body.kinematics import bone_lengths, bones_of
 from mwlib.body.skeleton import H36M17
-from mwlib.data.bodies import prepare
-from mwlib.data.synthetic.script import synthetic_motions
-from mwlib.data.variation import Variation, at_speed
-from mwlib.data.windowing import TrainingWindows, windows
+from mwlib.data.windows import TrainingWindows, Variation, at_speed, prepare, windows
+from mwlib.synthetic.motions import synthetic_motions
 
 T = 10
 JOINT = {name: i for i, name in enumerate(H36M17.joints)}

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import torch
 
-from mwlib.diffusion.masks import history_completion, masked, pasted
+from mwlib.diffusion.conditioning import history_completion, masked, pasted
 from mwlib.diffusion.process import noised
 from mwlib.transforms import DCTTransform, WaveletTransform, pad_history
 

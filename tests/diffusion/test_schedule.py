@@ -7,7 +7,7 @@ import math
 import pytest
 import torch
 
-from mwlib.diffusion.schedule import alpha_bar, ddim_indices
+from mwlib.diffusion.process import alpha_bar, ddim_indices
 
 KINDS = ["linear", "cosine", "sigmoid", "sqrt"]
 

@@ -17,8 +17,8 @@ import torch
 
 from mwlib import files
 from mwlib.experiments import get_run
-from mwlib.tensor_files import load_tensors
 from mwlib.training import CHECKPOINT, MODEL
+from mwlib.training.checkpoint import load_tensors
 from tests.sample_settings import small, two_people
 
 CFG = small(train_steps=8, checkpoint_every=2, ema_start=2)

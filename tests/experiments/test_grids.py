@@ -11,13 +11,13 @@ import yaml
 
 from mwlib import plots
 from mwlib.__main__ import main
-from mwlib.course.files import course
+from mwlib.course.notebooks import course
 from mwlib.experiments import committed, committed_pairs, lines, measure, read_grids, results, tables
 from mwlib.experiments.grids import changes, row_config
 from mwlib.experiments.systems import system
-from mwlib.material import course_folder
+from mwlib.paths import course_folder
 from mwlib.prediction.config import Config
-from mwlib.prediction.evaluation import METRICS
+from mwlib.prediction.system import METRICS
 from tests.sample_settings import SMALL
 
 MICRO = {**SMALL, "train_steps": 3, "test_windows": 3, "samples": 3, "ddim_steps": 4}

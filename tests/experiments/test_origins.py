@@ -13,7 +13,7 @@ from mwlib.experiments import get_model, get_result, load_run, runs
 from mwlib.experiments.origins import data_fingerprint, models_used
 from mwlib.experiments.results import result_file
 from mwlib.experiments.store import result_of
-from mwlib.material import CONFIG, file_hash, package_hash
+from mwlib.paths import CONFIG, file_hash, package_hash
 from mwlib.text_to_motion.config import Config as SentencesConfig
 from mwlib.training import MODEL
 from tests.sample_settings import small, two_people

@@ -10,8 +10,8 @@ import yaml
 
 from mwlib.experiments import get_model, get_run, load_run, measure, read_grids, register, system, train_run
 from mwlib.experiments.tables import lines
-from mwlib.tensor_files import load_tensors
 from mwlib.training import CHECKPOINT, MODEL
+from mwlib.training.checkpoint import load_tensors
 from tests.experiments import curves_system
 from tests.experiments.curves_system import Config
 

@@ -10,7 +10,7 @@ import pytest
 import mwlib as mw
 from mwlib.__main__ import main
 from mwlib.data.formats.humanml import joints_of
-from mwlib.experiments import sentences
+from mwlib.experiments import sampling
 from mwlib.text_to_motion.motions import fused_joints
 from tests.text_to_motion.sample import untrained
 
@@ -87,13 +87,13 @@ def test_what_no_motion_can_follow_from_is_refused(model, texts, options, messag
 def test_runs_that_are_missing_or_of_another_system_are_refused(monkeypatch, tmp_path):
     with pytest.raises(FileNotFoundError, match=r"config.yaml is missing: no training run in this folder.*sentences"):
         mw.generate("someone falls", run=tmp_path / "nowhere")
-    monkeypatch.setattr(sentences, "load_run", lambda run: object())
+    monkeypatch.setattr(sampling, "load_run", lambda run: object())
     with pytest.raises(ValueError, match="synthetic is a run of another system; expected one of text_to_motion"):
         mw.generate("someone falls", run="synthetic")
 
 
 def test_the_command_writes_what_the_function_makes(monkeypatch, tmp_path, capsys, model):
-    monkeypatch.setattr(sentences, "load_run", {"my/run": model}.__getitem__)
+    monkeypatch.setattr(sampling, "load_run", {"my/run": model}.__getitem__)
     asked = ["A person goes up!", "走"]
     words = ["generate", *asked, "--seconds", "0.6", "--samples", "2", "--seed", "3", "--run", "my/run", "--out", str(tmp_path)]
     assert main(words) == 0

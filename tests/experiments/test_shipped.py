@@ -12,11 +12,10 @@ from mwlib.__main__ import main
 from mwlib.experiments import get_run, load_run
 from mwlib.experiments.shipped import CARD, METRICS, RECIPES, card, recipe, ship
 from mwlib.experiments.systems import read_config
-from mwlib.material import CONFIG, MODELS, shipped
-from mwlib.prediction.evaluation import score, test_windows
-from mwlib.prediction.system import load_data
-from mwlib.tensor_files import load_tensors
+from mwlib.paths import CONFIG, MODELS, shipped
+from mwlib.prediction.system import load_data, score, test_windows
 from mwlib.training import MODEL
+from mwlib.training.checkpoint import load_tensors
 from tests.sample_settings import small
 
 

@@ -11,7 +11,7 @@ from mwlib.experiments.grids import Budget, Grid, Row, row_config
 from mwlib.experiments.tables import differences, lines, measure
 from mwlib.metrics import Column
 from mwlib.prediction.config import Config
-from mwlib.prediction.evaluation import METRICS
+from mwlib.prediction.system import METRICS
 
 ROWS = (Row("haar", {"wavelet": "haar"}, {"ade": 0.4}), Row("db2", {"wavelet": "db2"}, {}), Row("once", {}, {}, seeds=1))
 DATA = object()

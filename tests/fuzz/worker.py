@@ -35,8 +35,8 @@ class Outcome:
 
 def read(file: Path) -> tuple[str, bool]:
     """Read a motion file; what is wrong with how that ended, and whether it was read."""
-    from mwlib.data.errors import MotionFormatError
     from mwlib.data.load import CONTENT, motion_files, read_motion_file
+    from mwlib.data.untrusted import MotionFormatError
 
     try:
         with warnings.catch_warnings(action="error"):

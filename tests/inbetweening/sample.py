@@ -12,14 +12,14 @@ from mwlib.body.motion import Motion
 from mwlib.body.rig import ANGLES, MOVES, Rig
 from mwlib.body.rotation import continuous, euler_quaternions
 from mwlib.body.skeleton import LAFAN1
-from mwlib.data.bodies import prepare
 from mwlib.data.sources import Split
-from mwlib.data.synthetic.script import synthetic_motions
+from mwlib.data.windows import prepare
 from mwlib.inbetweening.bridge import Bridge
 from mwlib.inbetweening.config import Config
 from mwlib.inbetweening.objective import InbetweeningObjective, make_network
 from mwlib.inbetweening.representation import Representation
 from mwlib.inbetweening.windows import Clips, make_space, ready
+from mwlib.synthetic.motions import synthetic_motions
 
 SMALL = dict(
     fps=10.0, between=6, shortest=0, state="positions", mirror=False, test_stride=8, test_windows=0,

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from mwlib.inbetweening.config import Config
-from mwlib.inbetweening.presets import PRESETS
+from mwlib.inbetweening.config import PRESETS, Config
 from tests.inbetweening.sample import PAPER, small
 
 

@@ -9,8 +9,7 @@ import pytest
 
 from mwlib.body.motion import Motion
 from mwlib.body.skeleton import CMU, Skeleton
-from mwlib.inbetweening.bridge import Bridge
-from mwlib.inbetweening.motions import filled
+from mwlib.inbetweening.bridge import Bridge, filled
 from tests.inbetweening.sample import data_of, untrained
 
 

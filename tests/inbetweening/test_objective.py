@@ -13,8 +13,8 @@ from mwlib.inbetweening import losses
 from mwlib.inbetweening.losses import bone_angles
 from mwlib.inbetweening.objective import Batch, InbetweeningObjective
 from mwlib.inbetweening.space import PositionSpace, space_from_json
-from mwlib.tensor_files import load_tensors
 from mwlib.training import CHECKPOINT, MODEL, train
+from mwlib.training.checkpoint import load_tensors
 from tests.inbetweening.sample import PAPER, data_of, objective, people, shaken, small
 
 KINDS = {

@@ -13,9 +13,9 @@ from mwlib.body.kinematics import heading
 from mwlib.body.motion import Motion
 from mwlib.body.rig import ANGLES, MOVES
 from mwlib.body.skeleton import LAFAN1, Skeleton
-from mwlib.data.bodies import Bodies
 from mwlib.data.formats.bvh_writing import write_bvh
 from mwlib.data.load import load_motions
+from mwlib.data.windows import Bodies
 from mwlib.inbetweening.space import Placement, PositionSpace, RotationSpace, Space, space_from_json
 from tests.inbetweening.sample import lafan_motion
 

@@ -7,11 +7,11 @@ import pytest
 import torch
 
 from mwlib.data.formats.bvh_writing import write_bvh
-from mwlib.data.synthetic.script import synthetic_motions
 from mwlib.experiments import get_model, get_result, get_run, load_run, system
 from mwlib.inbetweening import system as module
 from mwlib.inbetweening.bridge import Bridge
 from mwlib.inbetweening.evaluation import METRICS
+from mwlib.synthetic.motions import synthetic_motions
 from mwlib.training import MODEL
 from tests.inbetweening.sample import data_of, lafan_motion, small, windows_for
 

@@ -10,7 +10,7 @@ import torch
 from torch.nn import functional as F
 
 from mwlib.networks import MDM, EncodedText
-from mwlib.networks.encoder import Encoder, sinusoids
+from mwlib.networks.layers import Encoder, sinusoids
 
 
 def network(**kw) -> MDM:

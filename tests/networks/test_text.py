@@ -88,7 +88,7 @@ def test_unknown_words_share_one_token():
 
 def test_without_layers_a_sentence_is_a_bag_of_words_with_places():
     encoder = learned(layers=0)
-    from mwlib.networks.encoder import sinusoids
+    from mwlib.networks.layers import sinusoids
 
     expected = encoder.words.weight[[1, 7, 9]] + sinusoids(torch.arange(3), 16)
     torch.testing.assert_close(encoder(["man walks"]).tokens[0], expected)

@@ -9,7 +9,7 @@ import torch
 from torch.nn import functional as F
 
 from mwlib.networks import TransLinear
-from mwlib.networks.dropout import Dropout
+from mwlib.networks.layers import Dropout
 
 
 def network(dropout: float = 0.0, **kw) -> TransLinear:

@@ -10,7 +10,7 @@ import pywt
 from PIL import Image
 
 from mwlib import plots
-from mwlib.plots.frequency import _slid
+from mwlib.plots.chapters.wavelets import _slid
 from tests.plots.legible import legible
 
 SIGNAL = np.sin(np.arange(16) / 3)

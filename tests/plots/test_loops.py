@@ -15,7 +15,7 @@ from mwlib import plots
 from mwlib.body.skeleton import H36M17
 from mwlib.course.execute import filter_notebook
 from mwlib.course.rules import described, moving, outputs
-from mwlib.data.synthetic.script import synthetic_motions
+from mwlib.synthetic.motions import synthetic_motions
 
 FPS, HISTORY = 25.0, 5
 WALK = synthetic_motions(1, seconds=2)[0].resample(FPS).cut(0, 26)

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from mwlib import plots
+from mwlib.plots.chapters.diffusion import _moment
 from mwlib.plots.loops import MOST_BYTES
-from mwlib.plots.particles import _moment
 
 TS = [30, 20, 10, 0]
 VALUES = np.linspace(-3, 3, 61)

@@ -9,7 +9,7 @@ import pytest
 from matplotlib.collections import LineCollection
 
 from mwlib import plots
-from mwlib.data.synthetic.script import synthetic_motions
+from mwlib.synthetic.motions import synthetic_motions
 from tests.plots.legible import legible
 
 WALK = synthetic_motions(1, seconds=2)[0].resample(25.0).cut(0, 41)

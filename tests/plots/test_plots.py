@@ -22,13 +22,12 @@ from matplotlib.figure import Figure
 
 from mwlib import metrics, plots
 from mwlib.body.skeleton import CMU, H36M17, SKELETONS
-from mwlib.data.synthetic.script import synthetic_motions
+from mwlib.diffusion.process import alpha_bar, ddim_indices
 from mwlib.diffusion.samplers import ddim
-from mwlib.diffusion.schedule import alpha_bar, ddim_indices
-from mwlib.plots.bodies import facing, poses, project
+from mwlib.plots.bodies import _spread, facing, poses, project
+from mwlib.plots.chapters.metrics import FUTURES, TRUTHS
 from mwlib.plots.look import INK, OBSERVED
-from mwlib.plots.metric_picture import FUTURES, TRUTHS
-from mwlib.plots.skeletons import _spread
+from mwlib.synthetic.motions import synthetic_motions
 from mwlib.transforms import WaveletTransform
 
 FPS, HISTORY, FRAMES = 25.0, 8, 32

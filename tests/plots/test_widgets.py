@@ -10,8 +10,8 @@ from ipywidgets import Dropdown, FloatSlider, IntSlider, Text
 
 from mwlib import plots
 from mwlib.body.skeleton import H36M17
-from mwlib.data.synthetic.script import synthetic_motions
 from mwlib.plots import widgets
+from mwlib.synthetic.motions import synthetic_motions
 
 
 @pytest.fixture

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from mwlib.prediction.config import Config
-from mwlib.prediction.presets import PRESETS
+from mwlib.prediction.config import PRESETS, Config
 
 
 @pytest.mark.parametrize("name", sorted(PRESETS))

@@ -8,7 +8,7 @@ import pytest
 import torch
 
 from mwlib.body.skeleton import H36M17
-from mwlib.data.windowing import windows
+from mwlib.data.windows import windows
 from mwlib.prediction.control import constraint_error, controlled, feathered, frame_mask, joint_mask, seam
 from mwlib.prediction.predictor import Predictor
 from tests.sample_settings import two_people, untrained

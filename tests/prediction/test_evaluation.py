@@ -12,8 +12,8 @@ import torch
 from mwlib import metrics
 from mwlib.data.sources import Split
 from mwlib.prediction.config import EvaluationConfig
-from mwlib.prediction.evaluation import DETAILS, METRICS, baseline, evaluate, score, test_windows, trained
 from mwlib.prediction.predictor import Predictor
+from mwlib.prediction.system import DETAILS, METRICS, baseline, evaluate, score, test_windows, trained
 from tests.sample_settings import small, two_people
 
 BASELINES = ("zero_velocity", "constant_velocity", "nearest_history", "nearest_displacement", "truth")

@@ -10,12 +10,12 @@ import torch
 
 import mwlib as mw
 from mwlib.body.skeleton import H36M17, Skeleton
-from mwlib.data.bodies import Bodies, prepare
 from mwlib.data.sources import Split
-from mwlib.data.synthetic import synthetic_motions
+from mwlib.data.windows import Bodies, prepare
 from mwlib.experiments import load_run, train_run
 from mwlib.prediction.config import Config
-from mwlib.prediction.continuation import continued
+from mwlib.prediction.predictor import predicted_motions
+from mwlib.synthetic import synthetic_motions
 
 SMALL = dict(
     fps=10.0, history=6, future=14, width=16, layers=2, heads=2, feedforward=16, train_steps=4, batch=8, checkpoint_every=4,
@@ -73,7 +73,7 @@ def test_what_cannot_fit_is_refused_with_the_way_out(predictor, originals):
 
 
 def test_continued_motions_begin_with_what_was_seen(predictor, originals):
-    found = continued(predictor, originals, 2, 1)
+    found = predicted_motions(predictor, originals, 2, 1)
     seen = prepare(originals, 10.0)
     assert [len(row) for row in found] == [2, 2, 2] and {len(m) for row in found for m in row} == {20}
     for m, row in zip(seen, found, strict=True):

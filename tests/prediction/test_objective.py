@@ -7,7 +7,7 @@ import pytest
 import torch
 
 from mwlib.body.motion import Motion
-from mwlib.data.windowing import TrainingWindows, windows
+from mwlib.data.windows import TrainingWindows, windows
 from mwlib.diffusion import alpha_bar
 from mwlib.prediction.objective import DenoisingLoss, PredictionObjective
 from mwlib.training import train

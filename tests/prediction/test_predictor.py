@@ -9,7 +9,7 @@ import torch
 
 import mwlib.prediction.predictor as predictor_module
 from mwlib.body.kinematics import bones_of, turn_heading
-from mwlib.data.windowing import windows
+from mwlib.data.windows import windows
 from mwlib.diffusion import Step, WindowNoise
 from mwlib.experiments import load_run
 from mwlib.prediction.config import SamplingConfig

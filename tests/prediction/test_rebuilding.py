@@ -7,7 +7,7 @@ import pytest
 import torch
 
 from mwlib.data.sources import Split
-from mwlib.data.windowing import windows
+from mwlib.data.windows import windows
 from mwlib.experiments import read_grids, system
 from mwlib.experiments.grids import row_config
 from mwlib.metrics import clustered_error

@@ -9,8 +9,7 @@ import torch
 
 from mwlib.body.kinematics import turn_heading
 from mwlib.body.skeleton import H36M17
-from mwlib.data.bodies import Bodies
-from mwlib.data.windowing import windows
+from mwlib.data.windows import Bodies, windows
 from mwlib.prediction.objective import PredictionObjective
 from mwlib.prediction.representation import Representation, fit_scales, make_representation, make_transform, turned
 from tests.sample_settings import small, two_people

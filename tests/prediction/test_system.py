@@ -7,8 +7,8 @@ import warnings
 import pytest
 
 from mwlib import write_bvh
-from mwlib.data.synthetic.script import synthetic_motions
 from mwlib.prediction.system import load_data
+from mwlib.synthetic.motions import synthetic_motions
 from tests.sample_settings import small
 
 WALK = synthetic_motions(subjects=1, seconds=4.0)[0].resample(10.0)

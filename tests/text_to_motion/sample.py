@@ -6,11 +6,10 @@ import numpy as np
 import torch
 from scipy.ndimage import gaussian_filter1d
 
-from mwlib.data.captions import CaptionedClip
-from mwlib.data.formats.humanml import HUMANML3D
+from mwlib.data.captioned import Parts
+from mwlib.data.formats.humanml import HUMANML3D, CaptionedClip
 from mwlib.text_to_motion.config import Config
-from mwlib.text_to_motion.dataset import Parts
-from mwlib.text_to_motion.generator import TextToMotion
+from mwlib.text_to_motion.model import TextToMotion
 from mwlib.text_to_motion.objective import TextObjective
 
 SMALL = dict(

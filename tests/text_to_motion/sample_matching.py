@@ -7,11 +7,11 @@ from functools import cache
 
 import numpy as np
 
-from mwlib.data.captions import CaptionedClip
-from mwlib.text_to_motion.dataset import Parts
-from mwlib.text_to_motion.matching import Matcher
-from mwlib.text_to_motion.matching_config import Config
-from mwlib.text_to_motion.matching_objective import MatchingObjective
+from mwlib.data.captioned import Parts
+from mwlib.data.formats.humanml import CaptionedClip
+from mwlib.matching.config import Config
+from mwlib.matching.evaluators import Matcher
+from mwlib.matching.objective import MatchingObjective
 
 LIMBS, AMOUNTS = ("arm", "leg", "head", "hip"), ("little", "much", "nothing")
 SMALL = dict(

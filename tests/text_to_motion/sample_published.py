@@ -10,9 +10,9 @@ import numpy as np
 import torch
 from scipy.ndimage import gaussian_filter1d
 
+from mwlib.data.captioned import Parts, load_clips
 from mwlib.networks.matching import MotionEncoder, MovementEncoder, SentenceEncoder
 from mwlib.text_to_motion.config import Config
-from mwlib.text_to_motion.dataset import Parts, load_clips
 from tests.text_to_motion.sample import small
 
 WORDS = "unk sos eos a the man walk left hand chair slowly kick to and then turn".split()

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from mwlib.body.skeleton import HUMANML22
+from mwlib.data.captioned_people import captioned_positions
 from mwlib.data.formats.humanml import HUMANML3D, joints_of
 from mwlib.data.formats.humanml_encoding import features_of
-from mwlib.data.synthetic.acts import act_out
-from mwlib.data.synthetic.captioned import captioned_positions
-from mwlib.data.synthetic.figure import draw_figure
+from mwlib.synthetic.acts import act_out
+from mwlib.synthetic.person import draw_figure
 from mwlib.text_to_motion.attributes import attribute_accuracy, attribute_chance, measured_attributes
 
 OTHER = {"left": "right", "right": "left"}

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import pytest
 
-from mwlib.inbetweening.presets import PRESETS as INBETWEENING
-from mwlib.prediction.presets import PRESETS as PREDICTION
-from mwlib.text_to_motion import matching_config
+from mwlib.inbetweening.config import PRESETS as INBETWEENING
+from mwlib.matching import config
+from mwlib.prediction.config import PRESETS as PREDICTION
 from mwlib.text_to_motion.config import Config
 
 
@@ -60,7 +60,7 @@ def test_the_embedded_data_go_by_the_name_that_they_have_in_other_systems():
 def test_one_preset_name_builds_the_figures_of_all_systems():
     shared = (set(PREDICTION) & set(INBETWEENING)) - {"lafan1"}
     assert {"h36m", "humaneva", "cmu_paper", "laptop_paper"} <= shared
-    for kind in (Config, matching_config.Config):
+    for kind in (Config, config.Config):
         assert shared <= set(kind.presets)
         for name in kind.presets:
             assert kind.from_yaml(kind.preset(name).to_yaml()) == kind.preset(name)

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from mwlib.data.captioned import CaptionsConfig, load_clips
 from mwlib.data.formats.humanml import KIT
-from mwlib.text_to_motion.dataset import CaptionsConfig, load_clips
 
 
 def test_a_folder_is_looked_up_where_data_are(tmp_path, monkeypatch):

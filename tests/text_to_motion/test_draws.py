@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import torch
 
-from mwlib.text_to_motion.draws import Pool, one_caption_each
+from mwlib.data.captioned import Pool, one_caption_each
 from tests.text_to_motion.sample import toy
 
 

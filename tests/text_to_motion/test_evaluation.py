@@ -9,16 +9,14 @@ import pytest
 import torch
 
 import mwlib as mw
-from mwlib.data.captions import CaptionedClip
-from mwlib.data.formats.humanml import HUMANML3D, KIT
-from mwlib.data.synthetic.captioned import captioned_people
-from mwlib.text_to_motion import baselines, evaluation
-from mwlib.text_to_motion.baselines import any_clip, mean_pose, nearest_caption
-from mwlib.text_to_motion.dataset import CaptionsConfig, Parts, fingerprint, load_clips
-from mwlib.text_to_motion.evaluation import evaluate, thinned
-from mwlib.text_to_motion.matching import Matcher
-from mwlib.text_to_motion.matching_clips import Vocabulary
-from mwlib.text_to_motion.realism import CLAIMS, claims_met, movement
+from mwlib.data.captioned import CaptionsConfig, Parts, fingerprint, load_clips
+from mwlib.data.captioned_people import captioned_people
+from mwlib.data.formats.humanml import HUMANML3D, KIT, CaptionedClip
+from mwlib.matching.clips import Vocabulary
+from mwlib.matching.evaluators import Matcher
+from mwlib.text_to_motion import evaluation
+from mwlib.text_to_motion.attributes import CLAIMS, claims_met, movement
+from mwlib.text_to_motion.evaluation import any_clip, evaluate, mean_pose, nearest_caption, thinned
 from tests.text_to_motion.sample import clip, small, toy
 
 
@@ -172,7 +170,7 @@ def test_sentences_without_words_and_many_sentences_are_looked_up(monkeypatch):
     assert nearest_caption(train, ["...", "!"]) == [0, 0]
     texts = ["someone falls", "a person goes up", "..."] * 3
     whole = nearest_caption(train, texts)
-    monkeypatch.setattr(baselines, "ROWS", 2)
+    monkeypatch.setattr(evaluation, "ROWS", 2)
     assert nearest_caption(train, texts) == whole
 
 

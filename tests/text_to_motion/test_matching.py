@@ -7,9 +7,9 @@ import pytest
 import torch
 
 from mwlib.experiments import get_model, get_result, get_run, system
+from mwlib.matching import system as matching_system
+from mwlib.matching.evaluation import DETAILS, METRICS, null_checks
 from mwlib.metrics import fid, r_precision
-from mwlib.text_to_motion import matching_system
-from mwlib.text_to_motion.matching_evaluation import DETAILS, METRICS, null_checks
 from tests.text_to_motion.sample_matching import parts, small, toy_clips, untrained
 
 

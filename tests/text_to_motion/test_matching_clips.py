@@ -9,8 +9,8 @@ import pytest
 import torch
 
 from mwlib.data.formats.humanml import HUMANML3D
-from mwlib.text_to_motion.matching_clips import PairedClips, Vocabulary, of_half
-from mwlib.text_to_motion.statistics import Statistics
+from mwlib.data.normalisation import Statistics
+from mwlib.matching.clips import PairedClips, Vocabulary, of_half
 from tests.text_to_motion.sample_matching import toy_clips
 
 

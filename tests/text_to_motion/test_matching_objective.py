@@ -7,18 +7,12 @@ import pytest
 import torch
 from torch.nn import functional as F
 
-from mwlib.tensor_files import load_tensors
-from mwlib.text_to_motion.dataset import Parts
-from mwlib.text_to_motion.matching_clips import Pairs, of_half
-from mwlib.text_to_motion.matching_config import Config
-from mwlib.text_to_motion.matching_objective import (
-    MatchingObjective,
-    contrastive_loss,
-    infonce_loss,
-    movement_loss,
-    train_movements,
-)
+from mwlib.data.captioned import Parts
+from mwlib.matching.clips import Pairs, of_half
+from mwlib.matching.config import Config
+from mwlib.matching.objective import MatchingObjective, contrastive_loss, infonce_loss, movement_loss, train_movements
 from mwlib.training import CHECKPOINT, MODEL, train
+from mwlib.training.checkpoint import load_tensors
 from tests.text_to_motion.sample_matching import objective, parts, small, toy_clips
 
 TEXT, MOTION = torch.tensor([[0.0, 0.0], [3.0, 4.0]]), torch.tensor([[0.0, 1.0], [3.0, 0.0]])
@@ -44,7 +38,7 @@ def test_every_other_shift_is_drawn(monkeypatch):
     made, seen = objective(), set()
     given = made.draw(4, torch.Generator().manual_seed(0))
     monkeypatch.setattr(
-        "mwlib.text_to_motion.matching_objective.contrastive_loss",
+        "mwlib.matching.objective.contrastive_loss",
         lambda text, motion, shift, margin: (seen.add(shift), contrastive_loss(text, motion, shift, margin))[1],
     )
     for seed in range(40):

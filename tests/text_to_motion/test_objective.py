@@ -6,11 +6,11 @@ import pytest
 import torch
 from torch.testing import assert_close
 
+from mwlib.data.captioned import CaptionsConfig, load_clips
+from mwlib.matching.evaluators import Matcher
 from mwlib.networks.text import HashedNgrams
-from mwlib.text_to_motion import network, objective
-from mwlib.text_to_motion.dataset import CaptionsConfig, load_clips
+from mwlib.text_to_motion import model, objective
 from mwlib.text_to_motion.losses import LowPass, low_frequency_loss, masked_error
-from mwlib.text_to_motion.matching import Matcher
 from mwlib.text_to_motion.objective import TextObjective
 from mwlib.training import seeded, train
 from tests.text_to_motion.sample import small, toy
@@ -151,9 +151,9 @@ def test_meaning_passes_through_the_critic_of_the_package():
 
 def test_clip_reads_as_many_words_as_was_published(monkeypatch):
     asked = []
-    monkeypatch.setattr(network, "ClipText", lambda folder, **given: asked.append(given) or HashedNgrams(8, width=4))
+    monkeypatch.setattr(model, "ClipText", lambda folder, **given: asked.append(given) or HashedNgrams(8, width=4))
     for kind in ("mdm", "unet"):
-        network.make_text(small(text="clip", clip_folder="clip", network=kind, width=32).model, ())
+        model.make_text(small(text="clip", clip_folder="clip", network=kind, width=32).model, ())
     assert asked == [{}, {"longest": 75, "padded": True}]
 
 

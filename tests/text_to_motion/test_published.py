@@ -12,18 +12,16 @@ import pytest
 import torch
 
 from mwlib import MotionFormatError
-from mwlib.data.captions import TaggedCaption
-from mwlib.data.formats.humanml import HUMANML3D, KIT
+from mwlib.data.captioned import one_caption_each
+from mwlib.data.formats.humanml import HUMANML3D, KIT, TaggedCaption
 from mwlib.experiments import get_result
 from mwlib.experiments.results import result_file
 from mwlib.experiments.runs import models_behind
+from mwlib.matching.clips import KINDS, PARTS, TaggedVocabulary
+from mwlib.matching.evaluators import FILES, open_matcher, open_published, published_files
 from mwlib.networks.matching import published_weights
-from mwlib.text_to_motion.draws import one_caption_each
 from mwlib.text_to_motion.evaluation import evaluate
-from mwlib.text_to_motion.judges import open_matcher
 from mwlib.text_to_motion.objective import TextObjective
-from mwlib.text_to_motion.published import FILES, open_published, published_files
-from mwlib.text_to_motion.tagged_words import KINDS, PARTS, TaggedVocabulary
 from tests.networks.test_matching import slowly
 from tests.text_to_motion.sample import small, toy
 from tests.text_to_motion.sample_published import ROWS, WORDS, Published, features, scored, write_collection, write_evaluator

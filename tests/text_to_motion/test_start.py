@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 import torch
 
-from mwlib.tensor_files import save_tensors
 from mwlib.text_to_motion.objective import TextObjective
+from mwlib.training.checkpoint import save_tensors
 from tests.text_to_motion.sample import small, toy
 
 

@@ -9,7 +9,7 @@ from jaxtyping import TypeCheckError
 
 from mwlib import MotionFormatError
 from mwlib.data.formats.humanml import HUMANML3D, KIT
-from mwlib.text_to_motion.statistics import Scaled, Statistics
+from mwlib.data.normalisation import Scaled, Statistics
 
 # Of the statistics that MDM evaluates with (t2m_std.npy): yaw rate, root velocity, height, contacts.
 EVALUATORS = {"yaw_rate": 0.00051467, "root_velocity": 0.00067693, "height": 0.00612082}

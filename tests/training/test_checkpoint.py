@@ -9,12 +9,10 @@ import torch
 
 from mwlib.experiments import get_run, load_run, train_run
 from mwlib.experiments.store import RESULT, read_result
-from mwlib.material import CONFIG
+from mwlib.paths import CONFIG
 from mwlib.prediction.objective import PredictionObjective
-from mwlib.tensor_files import DamagedFileError, load_metadata, load_tensors
 from mwlib.training import CHECKPOINT, MODEL, PREVIOUS, train
-from mwlib.training.average import MovingAverage
-from mwlib.training.checkpoint import State, read_checkpoint
+from mwlib.training.checkpoint import DamagedFileError, MovingAverage, State, load_metadata, load_tensors, read_checkpoint
 from tests.sample_settings import small, two_people
 
 

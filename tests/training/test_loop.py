@@ -17,8 +17,8 @@ from accelerate.state import AcceleratorState
 from mwlib.diffusion import noised
 from mwlib.experiments import load_run, train_run
 from mwlib.prediction.objective import PredictionObjective
-from mwlib.tensor_files import load_tensors
 from mwlib.training import CHECKPOINT, MODEL, TrainingConfig, learning_rate, read_model, seeded, train
+from mwlib.training.checkpoint import load_tensors
 from tests.sample_settings import small, two_people
 from tests.training.line import SETTINGS, Line
 

@@ -11,8 +11,8 @@ from mwlib.data.sources import Split
 from mwlib.experiments import load_run, train_run
 from mwlib.prediction.config import Config
 from mwlib.prediction.representation import make_transform
-from mwlib.tensor_files import load_tensors
 from mwlib.training import CHECKPOINT, MODEL
+from mwlib.training.checkpoint import load_tensors
 from mwlib.transforms import PhaseTransform, Transform, periodic_parameters
 from mwlib.transforms.phase import Straightened
 from tests.sample_settings import small, two_people

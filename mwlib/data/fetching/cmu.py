@@ -9,13 +9,13 @@ from pathlib import Path
 
 from tqdm import tqdm
 
-from mwlib.data.errors import MotionFormatError
 from mwlib.data.fetching.download import Patience, download
 from mwlib.data.fetching.errors import FetchError, NotOfferedError
 from mwlib.data.fetching.lists import Listed, at, listed, motion_fault, table_text
 from mwlib.data.fetching.workplace import in_turn, progress, workplace
-from mwlib.data.formats.asf import read_asf
-from mwlib.data.hints import clips_row
+from mwlib.data.formats.asf_amc import read_asf
+from mwlib.data.meaning import clips_row
+from mwlib.data.untrusted import MotionFormatError
 from mwlib.files import write_atomic
 
 URL = "http://mocap.cs.cmu.edu/subjects"

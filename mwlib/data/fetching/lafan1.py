@@ -12,13 +12,13 @@ from pathlib import Path
 
 import pooch
 
-from mwlib.data.errors import MotionFormatError
 from mwlib.data.fetching.download import Patience, download
 from mwlib.data.fetching.errors import NotOfferedError
 from mwlib.data.fetching.lists import byte_fault, listed, motion_fault
 from mwlib.data.fetching.unpack import unpack
 from mwlib.data.fetching.workplace import in_turn, progress, workplace
 from mwlib.data.load import read_motion_file
+from mwlib.data.untrusted import MotionFormatError
 from mwlib.files import write_atomic, write_json
 
 _REPOSITORY = "ubisoft/ubisoft-laforge-animation-dataset/94084601bacdf9cc3764b5c73daaeccae6035fac"

@@ -12,9 +12,8 @@ from typing import NamedTuple
 import numpy as np
 
 from mwlib.body.motion import Motion
-from mwlib.data.errors import MotionFormatError
 from mwlib.data.load import motion_files, read_motion_file
-from mwlib.data.opening import MOST_BYTES, PACKED, allowed, bare_name, read_bytes
+from mwlib.data.untrusted import MOST_BYTES, PACKED, MotionFormatError, allowed, bare_name, read_bytes
 from mwlib.files import write_atomic
 
 FINENESS = 1e-4  # metres

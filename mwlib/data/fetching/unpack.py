@@ -8,8 +8,7 @@ import stat
 import zipfile
 from pathlib import Path, PurePosixPath
 
-from mwlib.data.archives import METHODS
-from mwlib.data.errors import MotionFormatError
+from mwlib.data.untrusted import METHODS, MotionFormatError
 
 PIECE = 2**20  # bytes
 MOST_ENTRIES = 10_000

@@ -12,14 +12,23 @@ from jaxtyping import Shaped
 from mwlib.body.kinematics import AXES
 from mwlib.body.motion import Motion
 from mwlib.body.skeleton import SKELETONS, Skeleton
-from mwlib.data.archives import single
-from mwlib.data.errors import MotionFormatError
 from mwlib.data.formats.humanml import HUMANML3D, KIT
-from mwlib.data.hints import LEVELS_UP, Hints, frame_rate
-from mwlib.data.naming import paired
-from mwlib.data.reading import MOST_JOINTS, SMALL_TEXT, bounded, label, read_text
-from mwlib.data.stated import BESIDE, DEFAULT, ENTRY, FORMAT, Reading, Stated, stated
-from mwlib.data.units import infer_unit, metres_per_unit
+from mwlib.data.meaning import (
+    BESIDE,
+    DEFAULT,
+    ENTRY,
+    FORMAT,
+    LEVELS_UP,
+    Hints,
+    Reading,
+    Stated,
+    frame_rate,
+    infer_unit,
+    metres_per_unit,
+    stated,
+)
+from mwlib.data.mirroring import paired
+from mwlib.data.untrusted import MOST_JOINTS, SMALL_TEXT, MotionFormatError, bounded, label, read_text, single
 
 SKELETON_FILE = "skeleton.json"
 JOINTS_FOLDER = "new_joints"  # of HumanML3D (22 joints) and KIT-ML (21)

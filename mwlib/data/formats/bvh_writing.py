@@ -8,13 +8,12 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float
 
-from mwlib.body.fit import FitError, distance, fit_rig
+from mwlib.body.fitting import FitError, distance, fit_rig
 from mwlib.body.motion import Motion
 from mwlib.body.rig import ANGLES, MOVES, Rig
 from mwlib.body.rotation import euler_angles, euler_quaternions
-from mwlib.data.hints import FASTEST, SLOWEST
-from mwlib.data.reading import LARGEST
-from mwlib.data.units import metres_per_unit
+from mwlib.data.meaning import FASTEST, SLOWEST, metres_per_unit
+from mwlib.data.untrusted import LARGEST
 from mwlib.files import write_atomic
 
 ALIKE = 1e-6  # metres and radians: far above the rounding of float32, far below what is seen
@@ -44,7 +43,7 @@ def write_bvh(motion: Motion, file: str | Path, *, unit: float | str = "cm") -> 
 
     >>> import tempfile
     >>> from mwlib.data.load import load_motions
-    >>> from mwlib.data.synthetic.script import synthetic_motions
+    >>> from mwlib.synthetic.motions import synthetic_motions
     >>> file = Path(tempfile.mkdtemp()) / "walk.bvh"
     >>> walk = synthetic_motions(subjects=1, seconds=1.0)[0]
     >>> write_bvh(walk, file).max < 1e-5

@@ -15,12 +15,9 @@ from scipy.spatial.transform import Rotation
 from mwlib.body.kinematics import forward_kinematics
 from mwlib.body.motion import Motion
 from mwlib.body.skeleton import CMU, Skeleton
-from mwlib.data.formats.blocks import in_blocks
-from mwlib.data.formats.tpose import starts_in_tpose
-from mwlib.data.hints import Hints
-from mwlib.data.reading import number_table, read_text
-from mwlib.data.stated import FORMAT, Reading, Stated
-from mwlib.data.units import UNITS
+from mwlib.data.formats.frames import in_blocks, starts_in_tpose
+from mwlib.data.meaning import FORMAT, UNITS, Hints, Reading, Stated
+from mwlib.data.untrusted import number_table, read_text
 
 COLUMNS = 117  # root translation, then 38 rotation vectors
 FPS = 120.0  # every row; the usual protocol keeps every second one

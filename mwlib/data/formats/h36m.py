@@ -16,12 +16,9 @@ from jaxtyping import Float
 
 from mwlib.body.motion import Motion
 from mwlib.body.skeleton import H36M17, HUMANEVA15
-from mwlib.data.archives import array_header
-from mwlib.data.errors import MotionFormatError
 from mwlib.data.formats.pickles import unpickle
-from mwlib.data.hints import Hints
-from mwlib.data.reading import bounded, label
-from mwlib.data.stated import FORMAT, Reading, Stated
+from mwlib.data.meaning import FORMAT, Hints, Reading, Stated
+from mwlib.data.untrusted import MotionFormatError, array_header, bounded, label
 
 FPS = {17: 50.0, 15: 60.0}
 PARENTS_32 = [int(p) for p in "-1 0 1 2 3 4 0 6 7 8 9 0 11 12 13 14 12 16 17 18 19 20 19 22 12 24 25 26 27 28 27 30".split()]

@@ -17,9 +17,7 @@ from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 
-from mwlib.data.archives import MOST_DIMENSIONS
-from mwlib.data.errors import MotionFormatError
-from mwlib.data.opening import MOST_VALUES, allowed
+from mwlib.data.untrusted import MOST_DIMENSIONS, MOST_VALUES, MotionFormatError, allowed
 
 EXPECTED = "a pickle of dictionaries and NumPy arrays of numbers"
 WORDS = "a pickle of a list of words, or of a dictionary from words to whole numbers"

@@ -10,8 +10,8 @@ import mwlib as mw
 from mwlib.data.fetching.bandai_namco import FOLDER, LICENCE, fetch_bandai_namco, wanted
 from mwlib.data.fetching.errors import FetchError
 from mwlib.data.fetching.lists import at, clips_of, listed
-from mwlib.data.opening import read_bytes
 from mwlib.data.sources import fingerprint
+from mwlib.data.untrusted import read_bytes
 from tests.data.fetching.publisher import HASTY
 from tests.sample_motions import BVH
 

@@ -20,10 +20,9 @@ from mwlib.data.fetching.cmu import FOLDER, fetch_cmu
 from mwlib.data.fetching.errors import FetchError
 from mwlib.data.fetching.lists import at, clips_of, listed, motion_digest, motion_fault
 from mwlib.data.known import acknowledgement, named_source
-from mwlib.data.opening import read_bytes
 from mwlib.data.sources import fingerprint, split_motions
-from mwlib.prediction.config import Config
-from mwlib.prediction.presets import PRESETS
+from mwlib.data.untrusted import read_bytes
+from mwlib.prediction.config import PRESETS, Config
 from tests.data.fetching.publisher import HASTY, PAGE, clip, publish_two_people
 from tests.sample_motions import ASF
 

@@ -14,7 +14,7 @@ from mwlib.data.fetching.by_hand import BY_HAND
 from mwlib.data.fetching.collections import COLLECTIONS, NAMES, fetch
 from mwlib.data.fetching.lists import list_file, listed
 from mwlib.data.load import data_folder, find_source
-from mwlib.prediction.presets import PRESETS
+from mwlib.prediction.config import PRESETS
 
 
 @pytest.fixture

@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 from mwlib import MotionFormatError, load_motions
 from mwlib.body.kinematics import bone_lengths
 from mwlib.body.skeleton import BANDAI21, LAFAN1
-from mwlib.data.formats.bvh_rig import CGSPEED_PARENTS
+from mwlib.data.formats.bvh import CGSPEED_PARENTS
 from tests.sample_motions import BVH, mutate
 
 

@@ -11,14 +11,14 @@ import numpy as np
 import pytest
 
 from mwlib import load_motions
-from mwlib.body.fit import fit_rig
+from mwlib.body.fitting import fit_rig
 from mwlib.body.motion import Motion
 from mwlib.body.skeleton import BANDAI21, CMU, H36M17, LAFAN1, SKELETONS, Skeleton
-from mwlib.data.formats.asf import CMU_BONES, far_ends
+from mwlib.data.formats.asf_amc import CMU_BONES, far_ends
 from mwlib.data.formats.bvh_writing import write_bvh
 from mwlib.data.load import motion_files, read_motion_file
-from mwlib.data.naming import rig_skeleton
-from mwlib.data.synthetic.script import synthetic_motions
+from mwlib.data.mirroring import rig_skeleton
+from mwlib.synthetic.motions import synthetic_motions
 
 MOVES = ["Xposition", "Yposition", "Zposition"]
 NAMES = ["Hips", "Left Leg", "Left Foot", "Right Leg", "Right Foot", "Chest", "Left Hand", "Right Hand"]

@@ -10,12 +10,19 @@ import pytest
 
 from mwlib import MotionFormatError, load_motions
 from mwlib.body.skeleton import HUMANML22, KIT21
-from mwlib.data.captions import CaptionedClip, TaggedCaption
-from mwlib.data.errors import BrokenFilesWarning
-from mwlib.data.formats.humanml import HUMANML3D, KIT, FeatureLayout, joints_of
+from mwlib.data.captioned import fingerprint
+from mwlib.data.formats.humanml import (
+    HUMANML3D,
+    KIT,
+    CaptionedClip,
+    FeatureLayout,
+    TaggedCaption,
+    folder_contents,
+    joints_of,
+    read_folder,
+)
 from mwlib.data.formats.humanml_encoding import features_of
-from mwlib.data.formats.humanml_folder import folder_contents, read_folder
-from mwlib.text_to_motion.dataset import fingerprint
+from mwlib.data.untrusted import BrokenFilesWarning
 from tests.data.formats.sample_features import wandering
 
 WHOLE = "a person walks#a/DET person/NOUN walk/VERB#0.0#0.0\n"

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from mwlib.body.skeleton import HUMANML22
-from mwlib.data.synthetic.acts import JUMP_HEIGHTS, SPEEDS, act_out
-from mwlib.data.synthetic.figure import draw_figure
-from mwlib.data.synthetic.recipes import PAIRS, RECIPES, draw_attributes
+from mwlib.synthetic.acts import JUMP_HEIGHTS, SPEEDS, act_out
+from mwlib.synthetic.person import draw_figure
+from mwlib.synthetic.sentences import PAIRS, RECIPES, draw_attributes
 
 JOINT = {name: joint for joint, name in enumerate(HUMANML22.joints)}
 OTHER = {"left": "right", "right": "left"}

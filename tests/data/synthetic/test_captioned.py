@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from mwlib.data.captioned_people import PEOPLE, captioned_people, captioned_positions
 from mwlib.data.formats.humanml import HUMANML3D, joints_of
-from mwlib.data.synthetic.captioned import PEOPLE, captioned_people, captioned_positions
 
 
 @pytest.fixture(scope="module")

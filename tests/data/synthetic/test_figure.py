@@ -7,10 +7,8 @@ import pytest
 
 from mwlib.body.kinematics import bone_lengths
 from mwlib.body.skeleton import H36M17, HUMANML22
-from mwlib.data.synthetic.figure import ANKLES, TOES, draw_figure, figure_positions
-from mwlib.data.synthetic.gait import RUN, WALK, gait_pose
-from mwlib.data.synthetic.gestures import stand_pose
-from mwlib.data.synthetic.person import AT, POSE, SIDES, positions_of
+from mwlib.synthetic.movements import RUN, WALK, gait_pose, stand_pose
+from mwlib.synthetic.person import ANKLES, AT, POSE, SIDES, TOES, draw_figure, figure_positions, positions_of
 
 FPS = 40.0
 JOINT = {name: joint for joint, name in enumerate(HUMANML22.joints)}

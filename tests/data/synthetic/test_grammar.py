@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mwlib.data.synthetic.grammar import RULES, captions_of, vocabulary
-from mwlib.data.synthetic.recipes import draw_attributes
+from mwlib.synthetic.sentences import RULES, captions_of, draw_attributes, vocabulary
 
 NUMBERS = {1: {"once", "one", "single", "a"}, 2: {"twice", "two"}, 3: {"three", "thrice"}}
 

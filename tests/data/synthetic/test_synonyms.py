@@ -5,9 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mwlib.data.synthetic.grammar import captions_of, vocabulary
-from mwlib.data.synthetic.recipes import draw_attributes
-from mwlib.data.synthetic.synonyms import SYNONYMS, perturbed
+from mwlib.synthetic.sentences import SYNONYMS, captions_of, draw_attributes, perturbed, vocabulary
 
 KEPT = {"left", "right", "clockwise", "counterclockwise", "not", "both", "first", "half", "quarter", "ninety", "single"}
 KEPT |= {"one", "two", "three", "once", "twice", "thrice"}

@@ -4,7 +4,7 @@ from tests.mutants.mutant import of
 
 MUTANTS = [
     *of(
-        "data/windowing.py", "data/test_windowing.py",
+        "data/windows.py", "data/test_windowing.py",
         ("one-window-too-many", "np.arange(0, max(n - frames, 0), stride)", "np.arange(0, max(n - frames + 1, 0), stride)"),
         ("stride-ignored", "np.arange(0, max(n - frames, 0), stride)", "np.arange(0, max(n - frames, 0))"),
         ("thinning-takes-the-first", "torch.linspace(0, len(self) - 1, count", "torch.linspace(0, count - 1, count"),
@@ -24,7 +24,7 @@ MUTANTS = [
         ("people-by-their-clips", "subjects.count(m.subject) * (len(m) - frames)", "(len(m) - frames)"),
     ),
     *of(
-        "data/variation.py", "data/test_variation.py",
+        "data/windows.py", "data/test_variation.py",
         ("bones-of-one-length-for-all", "generator=generator)[..., pair[1:]]", "generator=generator)[..., pair[1:]] * 0",
          "data/test_windowing.py"),
         ("left-and-right-apart", "generator=generator)[..., pair[1:]]", "generator=generator)[..., 1:]",

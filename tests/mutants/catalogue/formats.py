@@ -28,7 +28,7 @@ MUTANTS = [
         ("first-heading-as-it-is-smoothed", "    angle[0] = 0.0\n", ""),
     ),
     *of(
-        "data/formats/humanml_folder.py", "data/formats/test_humanml_folder.py",
+        "data/formats/humanml.py", "data/formats/test_humanml_folder.py",
         ("longest-clip-one-frame-longer", "if frames >= TOO_LONG", "if frames > TOO_LONG"),
         ("stamps-at-the-rate-of-kit", "STAMP_FPS = 20.0", "STAMP_FPS = 12.5"),
         ("whole-clips-with-captions-of-stretches", "if caption.start == caption.end == 0)", ")"),

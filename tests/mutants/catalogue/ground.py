@@ -13,7 +13,7 @@ MUTANTS = [
         ("every-room-for-one-command", "for room in asked or ROOMS:", "for room in ROOMS:"),
     ),
     *of(
-        "material.py", "experiments/test_shipped.py",
+        "paths.py", "experiments/test_shipped.py",
         ("a-name-comes-before-a-folder", "if not (own / CONFIG).exists() and str(name) in shipped():",
          "if str(name) in shipped():"),
     ),

@@ -104,7 +104,7 @@ MUTANTS = [
         ("past-scored-too", "p[:, :, lead:], g[:, :, lead:]", "p, g"),
     ),
     *of(
-        "inbetweening/motions.py", "inbetweening/test_motions.py",
+        "inbetweening/bridge.py", "inbetweening/test_motions.py",
         ("past-of-frames-left-out", "mask[[n - numbers[0] + lead for n in numbers]] = True", "mask[:lead] = False"),
         ("past-half-as-long-at-another-rate", "motion.fps / bridge.space.bodies.fps - 1e-6", "1"),
         ("leaves-from-the-first-pose", "motion.cut(max(len(motion) - 1 - steps, 0), len(motion))", "motion.cut(0, steps + 1)",

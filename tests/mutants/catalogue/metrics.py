@@ -18,7 +18,7 @@ MUTANTS = [
         ("apde-of-all-windows", "(predicted - multimodal)[multimodal > 0]", "(predicted - multimodal)"),
     ),
     *of(
-        "metrics/multimodal.py", "metrics/test_prediction.py",
+        "metrics/prediction.py", "metrics/test_prediction.py",
         ("threshold-is-close-enough", '_for_euclid_dist") < threshold', '_for_euclid_dist") <= threshold'),
         ("sets-of-the-window-alone", '_for_euclid_dist") < threshold', '_for_euclid_dist") <= 0'),
     ),
@@ -31,7 +31,7 @@ MUTANTS = [
         ("paths-of-the-truth-alone", "(p, g[:, None]), strict=True", "(g[:, None], g[:, None]), strict=True"),
     ),
     *of(
-        "metrics/uncertainty.py", "metrics/test_uncertainty.py",
+        "metrics/table.py", "metrics/test_uncertainty.py",
         ("clusters-are-not-few", "len(names) / (len(names) - 1) * ", ""),
         ("windows-for-clips", "np.bincount(number, found - found.mean())", "found - found.mean()"),
         ("clusters-for-windows", ".sum()) / len(found))", ".sum()) / len(names))"),
@@ -61,7 +61,7 @@ MUTANTS = [
         ("npss-of-shares-not-cumulated", "power.cumsum(-2)", "power"),
     ),
     *of(
-        "metrics/transition.py", "metrics/test_transition.py",
+        "metrics/inbetweening.py", "metrics/test_transition.py",
         ("seam-of-the-start-alone", "(step[..., 0] + step[..., -1]) / 2", "step[..., 0]"),
         ("seam-among-the-steps", "step[..., 1:-1].mean(-1)", "step.mean(-1)"),
         ("keyframes-on-average", ".norm(dim=-1).amax((-2, -1))", ".norm(dim=-1).mean((-2, -1))"),

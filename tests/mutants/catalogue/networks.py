@@ -16,7 +16,7 @@ MUTANTS = [
          "networks/test_matching.py::test_contacts_are_not_looked_at_and_all_else_is"),
     ),
     *of(
-        "networks/encoder.py", "networks/test_mdm.py",
+        "networks/layers.py", "networks/test_mdm.py",
         ("sines-and-cosines-exchanged", "torch.stack([angle.sin(), angle.cos()]", "torch.stack([angle.cos(), angle.sin()]"),
         ("norm-before-the-attention", "x = self.norm1(src + self.after(", "x = src + self.norm1(self.after("),
         ("tokens-that-are-masked-are-seen", "else ~mask)", "else mask & False)"),
@@ -45,7 +45,7 @@ MUTANTS = [
          "networks/test_text.py::test_hashed_vectors_do_not_depend_on_words_met_before"),
     ),
     *of(
-        "networks/clip_text.py", "networks/test_clip_text.py",
+        "networks/text.py", "networks/test_clip_text.py",
         ("clip-cut-without-its-ends", "max_length=self.longest + 2)", "max_length=self.longest)"),
     ),
 ]  # fmt: skip

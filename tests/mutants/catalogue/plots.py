@@ -12,7 +12,7 @@ MUTANTS = [
         ("truth-coloured-as-the-rest", 'if name == "truth" else', 'if name == "" else'),
     ),
     *of(
-        "plots/guidance.py", "plots/test_guidance.py::test_numbers_of_an_axis_do_not_run_into_each_other",
+        "plots/chapters/guidance.py", "plots/test_guidance.py::test_numbers_of_an_axis_do_not_run_into_each_other",
         ("ticks-of-changes-are-left-to-matplotlib", "ax.set_xticks(_three_ticks(*ax.get_xlim()))", "pass"),
     ),
     *of(
@@ -22,7 +22,7 @@ MUTANTS = [
         ("bone-errors-in-metres", "1000 * np.abs(", "np.abs("),
     ),
     *of(
-        "plots/bridging.py", "plots/test_bridging.py",
+        "plots/chapters/bridging.py", "plots/test_bridging.py",
         ("step-at-its-first-frame", "(np.arange(frames - 1) + 0.5) / fps", "np.arange(frames - 1) / fps"),
         ("seam-after-the-keyframe-only", "for step in (k - 1, k) if", "for step in (k,) if"),
         ("cosines-at-twice-their-frequency", "fps / (2 * len(x))", "fps / len(x)"),
@@ -34,7 +34,7 @@ MUTANTS = [
         ("a-button-is-not-waited-for", '"manual": bool(button)', '"manual": False'),
     ),
     *of(
-        "plots/stage.py", "plots/test_player.py",
+        "plots/loops.py", "plots/test_player.py",
         ("short-motions-begin-with-the-film", "frames - len(positions) if history else 0", "0"),
         ("floor-at-the-root", "positions[..., 2].min(axis=1)", "positions[:, 0, 2]"),
         ("given-pose-not-moved-along", "return positions[0] - actor.offset", "return positions[0]"),

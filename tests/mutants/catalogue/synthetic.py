@@ -4,22 +4,22 @@ from tests.mutants.mutant import of
 
 MUTANTS = [
     *of(
-        "data/synthetic/figure.py", "data/synthetic/test_figure.py",
+        "synthetic/person.py", "data/synthetic/test_figure.py",
         ("toes-through-the-floor", "np.minimum(np.clip(neutral, highest, LARGEST_PITCH), deepest)",
          "np.clip(neutral, highest, LARGEST_PITCH)"),
         ("standing-feet-turn-along", "return np.interp(np.arange(len(heading)), frames, mean[run])", "return heading"),
     ),
     *of(
-        "data/synthetic/stage.py", "data/synthetic/test_acts.py",
+        "synthetic/acts.py", "data/synthetic/test_acts.py",
         ("left-turns-go-right", "self.heading += angle * self.rise", "self.heading -= angle * self.rise"),
         ("half-the-time-in-the-air", "float(2 * np.sqrt(2 * height / GRAVITY))", "float(np.sqrt(2 * height / GRAVITY))"),
     ),
     *of(
-        "data/synthetic/synonyms.py", "data/synthetic/test_synonyms.py",
+        "synthetic/sentences.py", "data/synthetic/test_synonyms.py",
         ("every-word-replaced", "rng.permutation(places)[:replacements]", "rng.permutation(places)"),
     ),
     *of(
-        "data/synthetic/captioned.py", "data/synthetic/test_captioned.py",
+        "data/captioned_people.py", "data/synthetic/test_captioned.py",
         ("a-new-body-in-every-clip", "spawn_key=(2, person)", "spawn_key=(2, number)"),
     ),
 ]  # fmt: skip

@@ -9,12 +9,13 @@ MUTANTS = [
         ("evaluator-without-a-hash", "return stands_on(cfg.sampling.evaluator)", "return []"),
     ),
     *of(
-        "text_to_motion/tagged_words.py", "text_to_motion/test_published.py",
+        "matching/clips.py", "text_to_motion/test_published.py",
         ("tag-wins-over-the-lists", "_KIND.get(word, tag)", "tag if tag in PARTS else _KIND.get(word, tag)"),
-        ("unknown-words-keep-their-tag", "word, tag = UNKNOWN, OTHER", "word = UNKNOWN"),
-        ("padding-counted-as-words", "torch.tensor([len(row) for row in rows])", "torch.tensor([table.shape[1]] * len(rows))"),
+        ("unknown-words-keep-their-tag", "word, tag = UNKNOWN_WORD, OTHER", "word = UNKNOWN_WORD"),
+        ("padding-counted-as-words",
+         "counts = torch.tensor([len(row) for row in rows])", "counts = torch.tensor([table.shape[1]] * len(rows))"),
         ("captions-not-cut", "LONGEST = 20", "LONGEST = 200"),
-        ("ends-not-marked", ", (END, OTHER)]", "]"),
+        ("ends-not-marked", ", (END_WORD, OTHER)]", "]"),
         ("plain-captions-have-no-words", "    if not isinstance(sentence, TaggedCaption) or not sentence.tagged:\n",
          "    if not isinstance(sentence, TaggedCaption):\n        return ()\n    if not sentence.tagged:\n"),
     ),
@@ -32,13 +33,13 @@ MUTANTS = [
         ("spectrum-unscaled", 'axis=-2, norm="ortho"))', "axis=-2))"),
     ),
     *of(
-        "text_to_motion/coupling.py", "text_to_motion/test_coupling.py",
+        "text_to_motion/spectra.py", "text_to_motion/test_coupling.py",
         ("harmonic-of-the-same-phase", "1j * (2 * phi if bound else own)", "1j * (phi if bound else own)"),
         ("error-on-what-was-fitted", "missed = target[half:] - inputs[half:] @", "missed = target[:half] - inputs[:half] @"),
         ("noisy-phase-taken-for-the-true-one", "* (1 - torch.exp(-1 / sigma.square())) if bound", "* 0 if bound"),
     ),
     *of(
-        "text_to_motion/statistics.py", "text_to_motion/test_statistics.py",
+        "data/normalisation.py", "text_to_motion/test_statistics.py",
         ("deviations-of-each-feature", "deviation[block].mean() or 1.0", "deviation[block] + 1e-9"),
         ("weights-upside-down", "*= WEIGHT[self.kind] / WEIGHT[kind]", "*= WEIGHT[kind] / WEIGHT[self.kind]"),
         ("any-statistics-will-do", "if not self.by.is_same(expected):", "if self.by.layout != expected.layout:"),
@@ -58,7 +59,7 @@ MUTANTS = [
          "return (~low).float(), low.float()\n    if stage == \"mdm"),
     ),
     *of(
-        "text_to_motion/draws.py", "text_to_motion/test_draws.py",
+        "data/captioned.py", "text_to_motion/test_draws.py",
         ("pieces-from-the-beginning-only", "self.starts[picked] + offset", "self.starts[picked]"),
         ("never-four-frames-shorter", "SHORTENED = 1 / 3", "SHORTENED = 0"),
         ("padding-that-is-not-zero", "Batch(y * mask[..., None], mask", "Batch(y, mask"),
@@ -71,12 +72,12 @@ MUTANTS = [
          "critic.embed_motion(y0_hat[rows], lengths"),
     ),
     *of(
-        "text_to_motion/generator.py", "text_to_motion/test_generator.py",
+        "text_to_motion/model.py", "text_to_motion/test_generator.py",
         ("guidance-of-eq-7", 'self.cfg.sampling.guidance, "alg1")', 'self.cfg.sampling.guidance, "eq7")'),
         ("noise-of-the-chunk", "[ids[i] for i in part]", "[*range(len(part))]"),
     ),
     *of(
-        "text_to_motion/body_signals.py", "text_to_motion/test_attributes.py",
+        "text_to_motion/attributes.py", "text_to_motion/test_attributes.py",
         ("faces-backwards", "np.cross(left, [0.0, 1.0, 0.0])", "np.cross([0.0, 1.0, 0.0], left)"),
     ),
     *of(
@@ -93,7 +94,7 @@ MUTANTS = [
         ("replicates-with-holes-count-less", "there.sum(axis=0), np.nan)", "len(values), np.nan)"),
     ),
     *of(
-        "text_to_motion/realism.py", "text_to_motion/test_evaluation.py",
+        "text_to_motion/attributes.py", "text_to_motion/test_evaluation.py",
         ("way-of-height-and-depth", "joints[:, 0, [0, 2]]", "joints[:, 0, [1, 2]]"),
         ("claims-always-met", "float(found.get(name) == value)", "float(name in found)"),
     ),
@@ -106,7 +107,7 @@ MUTANTS = [
         ("weights-of-squares", "difference.T * weights.T[:, None]", "difference.T * weights.T[:, None] ** 2"),
     ),
     *of(
-        "text_to_motion/dataset.py", "text_to_motion/test_evaluation.py",
+        "data/captioned.py", "text_to_motion/test_evaluation.py",
         ("parts-of-speech-without-a-hash", "{tagged or ''}", "", "data/formats/test_humanml_folder.py"),
         ("few-from-the-beginning", "np.linspace(0, len(train) - 1, min(source.few, len(train)))", "np.arange(source.few)"),
     ),

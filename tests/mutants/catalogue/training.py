@@ -4,7 +4,7 @@ from tests.mutants.mutant import of
 
 MUTANTS = [
     *of(
-        "training/average.py", "training/test_average.py",
+        "training/checkpoint.py", "training/test_average.py",
         ("average-never", "self.decay if step > self.start else 0.0", "0.0"),
         ("average-inverted", "get_ema_multi_avg_fn(decay)", "get_ema_multi_avg_fn(1 - decay)"),
         ("average-begins-a-step-early", "step > self.start", "step >= self.start"),
@@ -44,7 +44,7 @@ MUTANTS = [
          "return cfg.lr * 0.5 * (1 + math.cos(math.pi * step / cfg.train_steps))"),
     ),
     *of(
-        "training/randomness.py", "training/test_loop.py::test_the_callers_randomness_is_left_alone",
+        "training/loop.py", "training/test_loop.py::test_the_callers_randomness_is_left_alone",
         ("seeds-the-callers-noise", "if torch.cuda.is_available() else []):",
          "if torch.cuda.is_available() else [], enabled=False):"),
     ),

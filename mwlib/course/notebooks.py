@@ -1,0 +1,246 @@
+"""Notebooks of the course: their files, hashes of their sources, and their parameters."""
+
+from __future__ import annotations
+
+import ast
+import hashlib
+import io
+import json
+import re
+import tokenize
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from mwlib.files import write_atomic
+from mwlib.paths import course_folder
+
+ROOT = course_folder()  # of the folder that the process was started in
+NOTEBOOKS = ROOT / "notebooks"
+EXPERIMENT = NOTEBOOKS / "experiment.ipynb"  # one row of a grid
+TIMEOUT = 86400.0  # seconds for one cell: the paper's own presets train for hours in one
+# Chapters that take minutes: whoever runs several begins with them, with 06 first, whose model others wait for.
+LONGEST = ("06", "11", "08", "03", "13", "10", "07", "04")
+CHAPTER = re.compile(r"\d\d[a-z]?")  # a chapter's number: 05, or 05b for its second half
+
+
+def course(folder: Path = NOTEBOOKS) -> list[Path]:
+    """The notebooks of the course, in order."""
+    return sorted(path for path in folder.glob("*_*.ipynb") if CHAPTER.fullmatch(chapter_number(path)))
+
+
+def chapter_number(path: Path) -> str:
+    """What a notebook's name begins with.
+
+    >>> chapter_number(Path("notebooks/05b_diffusion_on_the_manifold.ipynb"))
+    '05b'
+    """
+    return path.stem.partition("_")[0]
+
+
+def find_notebook(name: str, folder: Path = NOTEBOOKS) -> Path:
+    """A notebook by path, by name, or by its number: two digits, and a letter where it has one. "05" is never "05b".
+
+    Raises:
+        FileNotFoundError: there is none, or more than one; the message lists the course.
+    """
+    if name.endswith(".ipynb") and Path(name).is_file():
+        return Path(name)
+    found = [path for path in course(folder) if path.stem == name or chapter_number(path) == name]
+    if len(found) != 1:
+        names = ", ".join(path.stem for path in course(folder)) or "nothing"
+        raise FileNotFoundError(f"no notebook {name!r}; expected a path, a name or a number of: {names}")
+    return found[0]
+
+
+def read_notebook(path: Path) -> dict[str, Any]:
+    """A notebook file as a tree, with all that is relied on later: cells that have a type and a source.
+
+    Raises:
+        FileNotFoundError: there is no such file.
+        ValueError: it is no notebook; the message names the file and what was found.
+    """
+    try:
+        tree = json.loads(path.read_text(encoding="utf-8"))
+    except ValueError as error:
+        raise ValueError(f"{path} is not a notebook: {error}; expected JSON with a list of cells") from None
+    cells = tree.get("cells") if isinstance(tree, dict) else None
+    if not isinstance(cells, list) or not all(map(_is_cell, cells)):
+        raise ValueError(f"{path} is not a notebook: {str(tree)[:40]}; expected cells, each with a type, metadata and a source")
+    return tree
+
+
+def _is_cell(cell: Any) -> bool:
+    if not isinstance(cell, dict) or not isinstance(cell.get("cell_type"), str) or not isinstance(cell.get("metadata", {}), dict):
+        return False
+    source = cell.get("source")
+    return isinstance(source, str) or (isinstance(source, list) and all(isinstance(line, str) for line in source))
+
+
+def source_hash(notebook: Path | Mapping[str, Any]) -> str:
+    """Hash of what a notebook says, not of what running it produced: types, tags and sources of its cells.
+
+    Raises:
+        FileNotFoundError, ValueError: as in `read_notebook`.
+    """
+    tree = read_notebook(notebook) if isinstance(notebook, Path) else notebook
+    cells = [
+        (cell["cell_type"], cell.get("metadata", {}).get("tags", []), "".join(cell["source"]).strip())
+        for cell in tree["cells"]
+    ]  # fmt: skip
+    return hashlib.sha256(json.dumps(cells).encode()).hexdigest()
+
+
+def write_hashes(folder: Path, hashes: Mapping[str, str]) -> None:
+    """Write `<name>.sha256` for each; a file whose content stays is not touched.
+
+    Snakemake rules depend on these files instead of on what was hashed: executing a notebook in place or touching a file of the
+    data schedules nothing, and no path of a user's is taken for a pattern.
+    """
+    for name, text in hashes.items():
+        target = folder / f"{name}.sha256"
+        if not target.is_file() or target.read_text(encoding="utf-8") != text:
+            write_atomic(target, text)
+
+
+SCALARS = {"str": str, "int": int, "float": float, "bool": bool}
+KINDS = (*SCALARS, "list[str]", "list[int]", "list[float]")
+
+
+class ParameterError(ValueError):
+    """A notebook's parameters cell, or a value given for it, is not as it should be."""
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """One line of a parameters cell: ``name: kind = default  # comment``."""
+
+    name: str
+    kind: str
+    default: Any
+    comment: str
+
+    def __str__(self) -> str:
+        return f"{self.name}: {self.kind} = {self.default!r}  # {self.comment}"
+
+
+def tags(cell: Mapping) -> list[str]:
+    """The tags of a notebook cell."""
+    return cell.get("metadata", {}).get("tags", [])
+
+
+def read_parameters(notebook: Mapping) -> dict[str, Parameter]:
+    """Parameters that a notebook offers, by name, in order.
+
+    Raises:
+        ParameterError: there is not exactly one cell tagged `parameters`, or a line of it is not a typed
+            and commented literal.
+    """
+    cells = [cell for cell in notebook["cells"] if "parameters" in tags(cell)]
+    if len(cells) != 1:
+        raise ParameterError(f"{len(cells)} cells are tagged 'parameters'; expected one")
+    source = "".join(cells[0]["source"])
+    try:
+        tree = ast.parse(source)
+    except SyntaxError as error:
+        raise ParameterError(f"parameters cell: {error}; expected lines of the form 'name: type = literal  # comment'") from None
+    comments = _comments(source)
+    parameters = [_parameter(node, comments) for node in tree.body]
+    return {parameter.name: parameter for parameter in parameters}
+
+
+def resolve(offered: Mapping[str, Parameter], given: Mapping[str, Any]) -> dict[str, Any]:
+    """All values of a run: the defaults, with the given ones checked and put in their place.
+
+    Raises:
+        ParameterError: a name is unknown or a value is of the wrong type; the message lists what is offered.
+    """
+    for name in given:
+        if name not in offered:
+            raise ParameterError(f"unknown parameter {name!r}; the notebook offers\n{_listing(offered)}")
+    return {name: _fit(parameter, given.get(name, parameter.default)) for name, parameter in offered.items()}
+
+
+def from_text(offered: Mapping[str, Parameter], assignments: list[str]) -> dict[str, Any]:
+    """Values of ``name=text`` words, each read as its parameter's type demands: for `str` the text as it stands,
+    otherwise a Python literal.
+
+    Raises:
+        ParameterError: a word has no ``=``, its name is unknown, or its text is not a literal.
+    """
+    given = {}
+    for word in assignments:
+        name, equals, text = word.partition("=")
+        if not equals or name not in offered:
+            raise ParameterError(f"unknown parameter in {word!r}; expected name=value with one of\n{_listing(offered)}")
+        given[name] = text if offered[name].kind == "str" else _literal(offered[name], text)
+    return given
+
+
+def read_values(file: Path) -> dict[str, Any]:
+    """Values by parameter name, from a YAML file; an empty file gives none.
+
+    Raises:
+        FileNotFoundError: there is no such file.
+        ParameterError: it is not YAML, or not a mapping.
+    """
+    try:
+        tree = yaml.safe_load(file.read_text(encoding="utf-8"))
+    except (yaml.YAMLError, UnicodeDecodeError) as error:
+        raise ParameterError(f"{file} is not YAML: {' '.join(str(error).split())}") from None
+    if not isinstance(tree, dict | None) or not all(isinstance(name, str) for name in tree or {}):
+        raise ParameterError(f"{file} holds {str(tree)[:40]!r}; expected a mapping of parameters, e.g. preset: tiny")
+    return tree or {}
+
+
+def _literal(parameter: Parameter, text: str) -> Any:
+    try:
+        return ast.literal_eval({"true": "True", "false": "False"}.get(text, text))
+    except (ValueError, TypeError, SyntaxError):
+        raise ParameterError(f"{parameter.name} is {text!r}; expected {parameter.kind}, e.g. {parameter.default!r}") from None
+
+
+def _fit(parameter: Parameter, value: Any) -> Any:
+    """The value, whole numbers turned to float where a float is wanted; papermill alone would pass anything."""
+    kind = parameter.kind.removeprefix("list[").removesuffix("]")
+    if kind == parameter.kind and _is(kind, value):
+        return SCALARS[kind](value)
+    if kind != parameter.kind and isinstance(value, list | tuple) and all(_is(kind, item) for item in value):
+        return [SCALARS[kind](item) for item in value]
+    found = f"{parameter.name} is {value!r} ({type(value).__name__})"
+    hint = " (YAML reads 1e-3 as text; write 1.0e-3)" if kind == "float" and isinstance(value, str) else ""
+    raise ParameterError(f"{found}; expected {parameter.kind}, e.g. {parameter.default!r}{hint}")
+
+
+def _is(kind: str, value: Any) -> bool:
+    return type(value) is SCALARS[kind] or (kind == "float" and type(value) is int)
+
+
+def _parameter(node: ast.stmt, comments: Mapping[int, str]) -> Parameter:
+    text = ast.unparse(node)
+    if not (isinstance(node, ast.AnnAssign) and isinstance(node.target, ast.Name) and node.value is not None):
+        raise ParameterError(f"parameters cell: {text!r} is not of the form 'name: type = literal  # comment'")
+    kind, comment = ast.unparse(node.annotation), comments.get(node.end_lineno or 0, "")
+    if kind not in KINDS:
+        raise ParameterError(f"parameters cell: {text!r} has the type {kind}; expected one of {', '.join(KINDS)}")
+    if not comment:
+        raise ParameterError(f"parameters cell: {text!r} has no comment that says what it is")
+    try:
+        value = ast.literal_eval(node.value)
+    except (ValueError, TypeError):
+        raise ParameterError(f"parameters cell: {text!r} is not a literal; derive values in the next cell") from None
+    parameter = Parameter(node.target.id, kind, value, comment)
+    _fit(parameter, value)
+    return parameter
+
+
+def _comments(source: str) -> dict[int, str]:
+    tokens = tokenize.generate_tokens(io.StringIO(source).readline)
+    return {token.start[0]: token.string.lstrip("# ").strip() for token in tokens if token.type == tokenize.COMMENT}
+
+
+def _listing(offered: Mapping[str, Parameter]) -> str:
+    return "\n".join(f"  {parameter}" for parameter in offered.values())

@@ -1,0 +1,365 @@
+"""Meaning of a file's numbers: unit, up-axis, frame rate, and the provenance of each."""
+
+from __future__ import annotations
+
+import csv
+import re
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from itertools import islice
+from pathlib import Path
+from typing import Generic, NamedTuple, TypedDict, TypeVar, Unpack
+
+import numpy as np
+from jaxtyping import Float
+
+from mwlib.body.kinematics import AXES, bone_lengths
+from mwlib.body.motion import FASTEST, Motion
+from mwlib.body.skeleton import Skeleton
+from mwlib.data.untrusted import PACKED, SMALL_TEXT, MotionFormatError, bare_name, number, read_text
+
+Value = TypeVar("Value")
+
+CALLER, TABLE, ENTRY, BESIDE = "the caller", "clips.csv", "its own entry", "skeleton.json"
+FILE, FORMAT, SKELETON, SIZE, DEFAULT = "the file", "the format", "the skeleton", "the body's size", "the default"
+BY_USER = (CALLER, TABLE, ENTRY, BESIDE)  # said by somebody who looked at these very data
+
+
+@dataclass(frozen=True)
+class Stated(Generic[Value]):
+    """A value, and who says so: one of the words above."""
+
+    value: Value
+    source: str
+
+    @property
+    def is_users(self) -> bool:
+        """Whether the user said it: it is believed even where the body looks odd then."""
+        return self.source in BY_USER
+
+
+def stated(value: Value | None, source: str) -> Stated[Value] | None:
+    """A value and its source; None if there is no value."""
+    return None if value is None else Stated(value, source)
+
+
+@dataclass(frozen=True)
+class Reading:
+    """A motion as its file has it, in metres, and who said so: metres per unit, the up-axis, frames per second."""
+
+    motion: Motion
+    unit: Stated[float]
+    up: Stated[str]
+    fps: Stated[float]
+
+
+UNITS = {"m": 1.0, "cmu": 0.0254 / 0.45, "inch": 0.0254, "cm": 0.01, "mm": 0.001}  # metres
+METRIC = ("m", "cm", "mm")
+USUAL = {"CMU": "cmu", "LAFAN1": "cm", "BANDAI21": "cm"}  # the unit of the files that these skeletons come from
+LONGEST_UNIT = 1000.0
+HEIGHT_BY_REACH = 1.7 / 2.4  # of an adult: standing height by the way from a toe to the fingers of the other side
+SMALLEST, TALLEST = 0.5, 2.5  # metres, of a human
+ADULT = 1.2, 2.3  # metres; heights of known skeletons come out as 1.3 to 1.8
+SWING = 0.5  # a bone whose length varies by more of itself is none: it ties the body to the world's origin
+STATE_UNIT = "unit= (of load_motions, as a setting or an option; or a column unit in clips.csv, or unit in skeleton.json)"
+
+
+def metres_per_unit(unit: float | str) -> float:
+    """A unit's length in metres.
+
+    Args:
+        unit: a name, or metres per unit, as a number or in text.
+
+    Raises:
+        ValueError: an unknown name, or not a positive number of sensible size.
+    """
+    if unit in UNITS:
+        return UNITS[unit]
+    try:
+        metres = float(unit)
+    except (TypeError, ValueError):
+        metres = 0.0
+    if not 0 < metres <= LONGEST_UNIT:
+        raise ValueError(f"unit is {unit!r}; expected metres per unit up to {LONGEST_UNIT:g}, or one of {', '.join(UNITS)}")
+    return metres
+
+
+def height(positions: Float[np.ndarray, "T joints 3"], skeleton: Skeleton) -> float:
+    """Standing height of the body whatever its pose, in the unit of `positions`.
+
+    Own choice: the body is measured along its bones, from the toe to the fingers of the other side, and an adult's
+    proportions do the rest; that is right to a quarter for skeletons with and without fingers, toes and the top of the head.
+    Bone lengths are medians over at most 100 frames.
+    """
+    if len(skeleton) < 2:
+        return 0.0
+    frames = np.linspace(0, len(positions) - 1, min(len(positions), 100)).astype(int)
+    every = bone_lengths(positions[frames], skeleton)
+    lengths = np.median(every, axis=0)
+    low, high = np.percentile(every, (10, 90), axis=0)
+    lengths = np.where(high - low > SWING * lengths, 0.0, lengths)
+    deepest, longest = np.zeros(len(skeleton)), 0.0
+    for (parent, child), length in reversed(list(zip(skeleton.bones, lengths, strict=True))):
+        way = deepest[child] + length
+        longest = max(longest, deepest[parent] + way)
+        deepest[parent] = max(deepest[parent], way)
+    return HEIGHT_BY_REACH * float(longest)
+
+
+def infer_unit(
+    positions: Float[np.ndarray, "T joints 3"], skeleton: Skeleton, file: Path, usual: str | None = None
+) -> Stated[float]:
+    """Metres per unit, so that the body has the size of a human.
+
+    The usual unit of the skeleton's or the format's files is taken if it makes an adult. Else exactly one unit must make a human
+    of 0.5 to 2.5 m, and a metric one: inches and CMU's units are told from nothing but a known skeleton.
+
+    Raises:
+        MotionFormatError: no unit does, or several do; the message says how to state it.
+    """
+    found = height(positions, skeleton)
+    usual = usual or USUAL.get(skeleton.name)
+    if usual and ADULT[0] < found * UNITS[usual] < ADULT[1]:
+        return Stated(UNITS[usual], SKELETON)
+    fitting = _fitting(found)
+    if len(fitting) == 1 and fitting[0] in METRIC:
+        return Stated(UNITS[fitting[0]], SIZE)
+    sizes = f"{found / HEIGHT_BY_REACH:.4g} units along the bones from end to end{_readings(found, fitting)}"
+    raise MotionFormatError(file, "body size", sizes, f"a human of {SMALLEST} to {TALLEST} m in one unit only; say {STATE_UNIT}")
+
+
+def check_size(positions: Float[np.ndarray, "T joints 3"], skeleton: Skeleton, unit: Stated[float], file: Path) -> None:
+    """Refuse a body of no human's size, unless the user stated the unit.
+
+    Args:
+        positions: metres.
+
+    Raises:
+        MotionFormatError: it is too small or too large; the message names the likely unit.
+    """
+    tall = height(positions, skeleton)
+    if unit.is_users or SMALLEST <= tall <= TALLEST:
+        return
+    readings = _readings(tall / unit.value, _fitting(tall / unit.value))
+    sizes = f"a body of {tall:.3g} m in the unit of {unit.source}, {unit.value:.4g} m{readings}"
+    raise MotionFormatError(
+        file, "body size", sizes, f"a human of {SMALLEST} to {TALLEST} m; if the body is right, say {STATE_UNIT}"
+    )
+
+
+def _fitting(found: float) -> list[str]:
+    """Units in which a height is a human's."""
+    return [name for name, metres in UNITS.items() if SMALLEST <= found * metres <= TALLEST]
+
+
+def _readings(found: float, names: list[str]) -> str:
+    return f": a person of {' or '.join(f'{found * UNITS[n]:.2f} m if the unit is {n}' for n in names)}" if names else ""
+
+
+UPPER = [re.compile(words, re.I) for words in ("head|neck|skull|nose", "chest|thorax|torso|spine|clavicle|collar|shoulder")]
+LOWER = [re.compile(words, re.I) for words in ("foot|feet|toe|ankle|heel|tibia|shin|calf", "knee|leg|thigh|femur")]
+MOST_FRAMES_LOOKED_AT = 200
+UPRIGHT = 0.5  # share of the way from feet to head along an axis, median over frames; people who stand or bend have 0.69 and more
+OTHERWISE = 0.75  # along another axis; people who lie and roll have 0.42 at most
+STEADY = 0.8  # how far the lowest joint wanders along it, by the body's length: over steps and boxes 0.6, in crawling far
+STATE_AXIS = "(of load_motions, as a setting or an option; or a column up in clips.csv, or up in skeleton.json)"
+LONGER = 2.0  # without names of joints: how much longer than along both others the body is
+
+
+class Standing(NamedTuple):
+    """What a clip says about its up-axis.
+
+    Args:
+        axis: the one that the body is stretched along, feet to head, as "y" or "-z"; of its extent, if no joint is known.
+        share: how much of the way from feet to head is along the axis that is said to be up, 0 to 1; of the extent.
+        is_clear: whether it stands along another axis for sure.
+    """
+
+    axis: str
+    share: float
+    is_clear: bool
+
+
+def standing(positions: Float[np.ndarray, "T joints 3"], skeleton: Skeleton, up: str) -> Standing:
+    """Along which axis the body stands.
+
+    Own choice: the mean of head and neck above the mean of the feet, median over at most 200 frames. A short clip of
+    somebody who lies still along an axis can look like another axis up; one who crawls or rolls does not.
+    """
+    frames = np.linspace(0, len(positions) - 1, min(len(positions), MOST_FRAMES_LOOKED_AT)).astype(int)
+    places, here = positions[frames], AXES[up]
+    ends = _joints(skeleton, UPPER), _joints(skeleton, LOWER)
+    if all(ends):
+        way = np.subtract(*(places[:, joints].mean(axis=1) for joints in ends))
+        length = np.maximum(np.linalg.norm(way, axis=-1), 1e-9)
+        lean = np.median(way / length[:, None], axis=0)
+        axis = int(np.argmax(np.abs(lean)))
+        low, high = np.percentile((places * np.sign(lean)).min(axis=1)[:, axis], (10, 90))
+        is_clear = (axis != here or lean[axis] < 0) and abs(lean[axis]) > OTHERWISE and lean[here] < UPRIGHT
+        is_clear = bool(is_clear and high - low < STEADY * length.max())
+        return Standing("-" * bool(lean[axis] < 0) + "xyz"[axis], float(lean[here]), is_clear)
+    extent = np.median(np.ptp(places, axis=1), axis=0)
+    axis = int(np.argmax(extent))
+    others = np.delete(extent, axis)
+    is_clear = bool(axis != here and extent[axis] > LONGER * others.max())
+    return Standing("xyz"[axis], float(extent[here] / max(extent[axis], 1e-9)), is_clear)
+
+
+def check_up(positions: Float[np.ndarray, "T joints 3"], skeleton: Skeleton, up: Stated[str], file: Path) -> None:
+    """Refuse a body that clearly stands along another axis, unless the user stated which one is up.
+
+    Raises:
+        MotionFormatError: it does; the message names both axes, and how to state the right one.
+    """
+    found = standing(positions, skeleton, up.value)
+    if up.is_users or not found.is_clear:
+        return
+    fits = found.axis in AXES
+    say = f"say up={found.axis}" if fits else "turn the positions so that y or z points up, and say which by up="
+    expected = f"{up.value} up, as {up.source} has it; {say} {STATE_AXIS}; if somebody lies there, up={up.value}"
+    raise MotionFormatError(file, "up-axis", f"a body that stands along {found.axis}", expected)
+
+
+def _joints(skeleton: Skeleton, kinds: list[re.Pattern[str]]) -> list[int]:
+    """Joints named by the first of the patterns that names any."""
+    every = ([joint for joint, name in enumerate(skeleton.joints) if kind.search(name)] for kind in kinds)
+    return next((joints for joints in every if joints), [])
+
+
+LEVELS_UP = 4  # folders above a file in which its clips.csv or skeleton.json may lie
+SLOWEST = 1.0  # frames per second; a rate below looks like milliseconds taken for seconds
+MOST_COLUMNS, MOST_ROWS = 100, 100_000  # of clips.csv; all of CMU are 2435 rows
+
+# What file names of the known collections say: "05_12.amc", "walk4_subject1.bvh", "dataset-1_bow_normal_001.bvh". The last names
+# no person: its style stands for one, so that whole styles can be held out.
+NAMES = (
+    re.compile(r"(?P<subject>\d+)_\d+"),
+    re.compile(r"(?P<action>[A-Za-z]+?)\d*_subject(?P<subject>\d+)"),
+    re.compile(r"dataset-\d+_(?P<action>[^_]+)_(?P<subject>[^_]+)_\d+"),
+)
+
+
+@dataclass(frozen=True)
+class Hints:
+    """What a reader may use beyond the file itself.
+
+    One order holds for unit, up-axis and frame rate: what the caller says, else the file's row in clips.csv, else the file
+    or the skeleton.json beside it, else what its format or skeleton implies; a unit that is still open is told from the
+    body's size (`infer_unit`).
+
+    Args:
+        unit: metres per unit; None: neither caller nor clips.csv say.
+        up: "y" or "z".
+        fps: the true frame rate (cgspeed writes 120 Hz into 60 Hz files).
+        subject, action: who and what, "" if unknown.
+        fallback_skeleton: used where the file states none.
+    """
+
+    unit: Stated[float] | None = None
+    up: Stated[str] | None = None
+    fps: Stated[float] | None = None
+    subject: str = ""
+    action: str = ""
+    fallback_skeleton: Skeleton | None = None
+
+    def label(self, motion: Motion, file: Path) -> Motion:
+        """The motion named like its file; subject and action from clips.csv, else as they are, else from the file's name."""
+        stem = Path(bare_name(file)).stem
+        said = next((m.groupdict() for pattern in NAMES if (m := pattern.fullmatch(stem))), {})
+        subject = self.subject or motion.subject or said.get("subject", "").lstrip("0")
+        return replace(motion, subject=subject, action=self.action or motion.action or said.get("action", ""), name=stem)
+
+
+class Given(TypedDict, total=False):
+    """What the caller says of all files of a source: metres per unit, up-axis, rate, and a skeleton where none is stated."""
+
+    unit: float | None
+    up: str | None
+    fps: float | None
+    fallback_skeleton: Skeleton | None
+
+
+def hints(file: Path, **given: Unpack[Given]) -> Hints:
+    """Hints for a file: what the caller gave, and its row in the nearest clips.csv that lists it.
+
+    clips.csv has a column `file` (relative to its own folder or to one above) and any of fps, unit, up, subject, action (or
+    content).
+
+    Raises:
+        MotionFormatError: clips.csv is malformed.
+    """
+    row, table = clips_row(file)
+    place = f"row of {row.get('file')}"
+    listed = {
+        "unit": _unit(row["unit"], table, place) if row.get("unit") else None,
+        "up": _up(row["up"], table, place) if row.get("up") else None,
+        "fps": frame_rate(row["fps"], table, place) if row.get("fps") else None,
+    }
+    return Hints(
+        unit=stated(given.get("unit"), CALLER) or stated(listed["unit"], TABLE),
+        up=stated(given.get("up"), CALLER) or stated(listed["up"], TABLE),
+        fps=stated(given.get("fps"), CALLER) or stated(listed["fps"], TABLE),
+        subject=row.get("subject") or "",
+        action=row.get("action") or row.get("content") or "",
+        fallback_skeleton=given.get("fallback_skeleton"),
+    )
+
+
+def _unit(word: str, table: Path, place: str) -> float:
+    try:
+        return metres_per_unit(word)
+    except ValueError as error:
+        raise MotionFormatError(table, place, f"unit {word[:40]!r}", str(error).split("expected ")[-1]) from error
+
+
+def _up(word: str, table: Path, place: str) -> str:
+    if word not in AXES:
+        raise MotionFormatError(table, place, f"up {word[:40]!r}", " or ".join(AXES))
+    return word
+
+
+def clips_row(file: Path) -> tuple[dict[str, str], Path]:
+    """The file's row in the nearest clips.csv that lists it, and that clips.csv; an empty row if there is none."""
+    path = file.resolve()
+    for depth, folder in enumerate(path.parents[:LEVELS_UP]):
+        table = folder / "clips.csv"
+        rows = _clips(table, table.stat().st_mtime_ns) if table.is_file() else {}
+        for start in range(len(path.parts) - depth - 1, 0, -1):
+            if (key := _key(path.parts[start:])) in rows:
+                return rows[key], table
+    return {}, path
+
+
+def frame_rate(word: str, file: Path, place: str) -> float:
+    """A frame rate in hertz.
+
+    Raises:
+        MotionFormatError: not a number, or none that a camera has.
+    """
+    fps = number(word, file, place)
+    if not SLOWEST <= fps <= FASTEST:
+        raise MotionFormatError(file, place, f"{fps:g} frames per second", f"{SLOWEST:g} to {FASTEST:g}")
+    return fps
+
+
+def _key(parts: tuple[str, ...]) -> str:
+    """A path as clips.csv is searched for it: packing left out."""
+    whole = "/".join(parts)
+    return whole[: -len(PACKED[0])] if whole.lower().endswith(PACKED) else whole
+
+
+@lru_cache(maxsize=16)
+def _clips(table: Path, changed: int) -> dict[str, dict[str, str]]:
+    """Rows of one clips.csv by file; `changed` makes an edited file be read again."""
+    try:
+        reader = csv.DictReader(read_text(table, SMALL_TEXT).splitlines())
+        if len(columns := reader.fieldnames or ()) > MOST_COLUMNS:
+            raise MotionFormatError(table, "header", f"{len(columns)} columns", f"at most {MOST_COLUMNS}")
+        rows = list(islice(reader, MOST_ROWS + 1))
+    except csv.Error as error:
+        raise MotionFormatError(table, "table", str(error), "comma-separated values with a header line") from error
+    if len(rows) > MOST_ROWS:
+        raise MotionFormatError(table, "table", f"more than {MOST_ROWS} rows", "at most that")
+    if rows and "file" not in rows[0]:
+        raise MotionFormatError(table, "header", f"columns {', '.join(map(str, rows[0]))[:200]}", "a column named file")
+    return {_key(tuple(row["file"].replace("\\", "/").split("/"))): row for row in rows if row["file"]}

@@ -1,0 +1,435 @@
+"""Bounded reading of untrusted files: bytes, text, numbers, and NumPy's archives, of which nothing is unpickled."""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import lzma
+import math
+import re
+import stat
+import warnings
+import zipfile
+import zlib
+from collections.abc import Callable, Container, Iterator
+from pathlib import Path
+from typing import BinaryIO, Protocol, cast
+
+import numpy as np
+from jaxtyping import Float, Shaped
+
+
+class MotionFormatError(ValueError):
+    """A motion file cannot be read.
+
+    Args:
+        file: the file at fault.
+        place: where in it (line, key, column, frame).
+        found: what stands there.
+        expected: what should.
+    """
+
+    def __init__(self, file: object, place: str, found: str, expected: str) -> None:
+        super().__init__(f"{file}, {place}: found {found}; expected {expected}")
+        self.file, self.place, self.found, self.expected = str(file), place, found, expected
+
+
+class BrokenFilesWarning(UserWarning):
+    """Some motion files of a folder cannot be read and are left out; the message gives the reasons."""
+
+
+PACKED = (".xz", ".gz")
+# What a file of up to SMALL_FILE bytes on disk may unfold to; a larger one may in proportion. So many take less than 5 s and
+# 1 GiB. Own choice, by measurement: a byte on disk holds at most 7.2 bytes of text and 0.23 points in 309 public files, so that
+# 10 MB of them come to 72 MB and 2.3 million points; an hour of 22 joints at 30 Hz is 67 MB of BVH and 2.9 million points.
+SMALL_FILE = 10_000_000
+MOST_BYTES = 80_000_000
+MOST_VALUES = 9_000_000
+MOST_POINTS = 3_000_000  # frames times joints
+MOST_STREAMS = 1000  # of packing one after another in one file
+UNPACK_MEMORY = 2**27  # bytes that an .xz dictionary may ask for; the largest that `xz -9` writes is 2**26
+PIECE = 2**16
+
+
+def allowed(most: int, file: Path) -> int:
+    """How many bytes, values or points a file may unfold to: `most` up to SMALL_FILE bytes on disk, in proportion beyond."""
+    try:
+        size = file.stat().st_size
+    except OSError:  # who reads it says why
+        size = 0
+    return most * max(size, SMALL_FILE) // SMALL_FILE
+
+
+def bare_name(path: Path) -> str:
+    """The file name without .xz or .gz."""
+    return path.stem if path.suffix.lower() in PACKED else path.name
+
+
+def bare_suffix(path: Path) -> str:
+    """The suffix in lower case, .xz or .gz left out: ".bvh" for "walk.BVH.xz"."""
+    return Path(bare_name(path)).suffix.lower()
+
+
+def without_twins(files: list[Path]) -> list[Path]:
+    """The files, sorted; of walk.bvh beside walk.bvh.xz only the first, which is the plain one."""
+    first: dict[tuple[Path, str], Path] = {}
+    for file in sorted(files):
+        first.setdefault((file.parent, bare_name(file)), file)
+    return list(first.values())
+
+
+@contextlib.contextmanager
+def open_regular(path: Path) -> Iterator[BinaryIO]:
+    """The file as it is on disk. A pipe is never opened, as that would wait for someone to write.
+
+    Raises:
+        MotionFormatError: no regular file, or one that cannot be opened; or reading it fails.
+    """
+    expected = "a regular file that can be read"
+    try:
+        if not stat.S_ISREG(path.stat().st_mode):
+            raise MotionFormatError(path, "file", "a folder, pipe, socket or device", expected)
+        with path.open("rb") as stream:
+            yield stream
+    except OSError as error:
+        raise MotionFormatError(path, "file", error.strerror or type(error).__name__, expected) from error
+
+
+def read_bytes(path: Path, limit: int) -> bytes:
+    """The file's bytes, unpacked, but no more than `limit` of them.
+
+    Raises:
+        MotionFormatError: broken packing, or more bytes than that; or as `open_regular`.
+    """
+    data = read_head(path, limit + 1)
+    if len(data) > limit:
+        raise MotionFormatError(path, "size", f"more than {limit} bytes", "at most that")
+    return data
+
+
+def read_head(path: Path, count: int) -> bytes:
+    """The first bytes of the file, unpacked; all of them if there are fewer.
+
+    Raises:
+        MotionFormatError: broken packing as far as it is read; or as `open_regular`.
+    """
+    new = {".xz": _new_unxz, ".gz": _Gunzip}.get(path.suffix.lower())
+    with open_regular(path) as stream:
+        if new is None:
+            return stream.read(min(count, path.stat().st_size + 1))  # Python sets aside all that is asked for
+        parts, size = [], 0
+        try:
+            for piece in _unpacked(stream, new):
+                parts.append(piece)
+                size += len(piece)
+                if size >= count:
+                    break
+        except (lzma.LZMAError, EOFError, zlib.error) as error:
+            raise MotionFormatError(path, "packing", str(error), f"a whole {path.suffix} file") from error
+        return b"".join(parts)[:count]
+
+
+class _Unpacker(Protocol):
+    """What lzma's unpacker offers."""
+
+    @property
+    def eof(self) -> bool: ...
+
+    @property
+    def unused_data(self) -> bytes: ...
+
+    @property
+    def needs_input(self) -> bool: ...
+
+    def decompress(self, data: bytes, max_length: int) -> bytes: ...
+
+
+def _new_unxz() -> _Unpacker:
+    return lzma.LZMADecompressor(memlimit=UNPACK_MEMORY)
+
+
+class _Gunzip:
+    """zlib's unpacker, to be used like lzma's."""
+
+    def __init__(self) -> None:
+        self._inner = zlib.decompressobj(wbits=31)
+        self.eof, self.unused_data, self.needs_input = False, b"", True
+
+    def decompress(self, data: bytes, max_length: int) -> bytes:
+        piece = self._inner.decompress(self._inner.unconsumed_tail + data, max_length)
+        self.eof, self.unused_data = self._inner.eof, self._inner.unused_data
+        self.needs_input = not self._inner.unconsumed_tail and len(piece) < max_length
+        return piece
+
+
+def _unpacked(stream: BinaryIO, new: Callable[[], _Unpacker]) -> Iterator[bytes]:
+    """Pieces of at most PIECE bytes; streams that follow each other, zeros between them, are one.
+
+    Raises:
+        EOFError: it ends too early, or holds too many streams.
+        lzma.LZMAError, zlib.error: it is broken.
+    """
+    packed = stream.read(PIECE)
+    for _ in range(MOST_STREAMS):
+        unpacker = new()
+        while not unpacker.eof:
+            if unpacker.needs_input:
+                packed = packed or stream.read(PIECE)
+                piece, packed = unpacker.decompress(packed, PIECE) if packed else None, b""
+            else:
+                piece = unpacker.decompress(b"", PIECE)
+            if piece is None:
+                raise EOFError("a truncated file")
+            yield piece
+        packed = unpacker.unused_data.lstrip(b"\0")
+        while not packed and (more := stream.read(PIECE)):
+            packed = more.lstrip(b"\0")
+        if not packed:
+            return
+    raise EOFError(f"more than {MOST_STREAMS} streams one after another")
+
+
+LARGEST = 1e7  # no position (in any unit) or angle is larger
+MOST_JOINTS = 500  # of one skeleton; a body with fingers and face has about 200
+BLOCK = 2**20  # characters of text that are taken apart at a time
+LONGEST_WORD = 200  # characters of a number or of a joint's name
+SMALL_TEXT = 4_000_000  # bytes of a skeleton or of a list of clips; the longest at hand has 0.4 million
+
+
+def read_text(path: Path, limit: int | None = None) -> str:
+    """The file as UTF-8 text, unpacked, line ends as they are.
+
+    Args:
+        limit: bytes, at most; None: what the file's size allows.
+
+    Raises:
+        MotionFormatError: not UTF-8, broken packing, or absurdly large.
+    """
+    try:
+        return read_bytes(path, allowed(MOST_BYTES, path) if limit is None else limit).decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        raise MotionFormatError(path, f"byte {error.start}", f"0x{error.object[error.start]:02x}", "UTF-8 text") from error
+
+
+def words_of(text: str, stop: int | None = None) -> Iterator[str]:
+    """Words one by one, so that a file of nothing but words is refused at the first wrong one."""
+    return (match[0] for match in re.compile(r"\S+").finditer(text, 0, len(text) if stop is None else stop))
+
+
+def lines_of(text: str, start: int = 0) -> Iterator[re.Match[str]]:
+    """Lines that are not empty, one by one, whichever way they end."""
+    return re.compile(r"[^\r\n]+").finditer(text, start)
+
+
+def blocks_of(text: str, start: int, breaks: str) -> Iterator[str]:
+    """The text from `start` on in pieces of about BLOCK characters, each cut after one of the characters `breaks`.
+
+    Raises:
+        ValueError: there is none of them for BLOCK characters.
+    """
+    while start < len(text):
+        stop = start + BLOCK
+        if stop < len(text):
+            stop = 1 + max(text.rfind(character, start, stop) for character in breaks)
+            if stop <= start:
+                raise ValueError(f"more than {BLOCK} characters without a break")
+        yield text[start:stop]
+        start = stop
+
+
+def number_table(
+    text: str, columns: int, file: Path, place: str, delimiter: str | None = None, start: int = 0
+) -> Float[np.ndarray, "rows {columns}"]:
+    """Lines of numbers as one array; the text before `start` is left out.
+
+    Raises:
+        MotionFormatError: no line, a word that is no number, another number of columns, a number out of bounds, or more numbers
+            than the file's size allows.
+    """
+    expected = f"lines of {columns} numbers"
+    tables: list[np.ndarray] = []
+    rows, most = 0, allowed(MOST_VALUES, file)
+    try:
+        for block in blocks_of(text, start, "\r\n"):
+            if not block.isspace():
+                tables.append(np.loadtxt(io.StringIO(block), ndmin=2, comments=None, delimiter=delimiter))
+                if tables[-1].shape[1] != columns:
+                    raise MotionFormatError(file, place, f"{tables[-1].shape[1]} columns", expected)
+                rows += len(tables[-1])
+            if rows * columns > most:
+                raise MotionFormatError(file, place, f"more than {most} numbers", "at most that in a file of this size")
+    except (ValueError, OverflowError) as error:
+        if isinstance(error, MotionFormatError):
+            raise
+        found = re.sub(r"(?<=row )\d+", lambda row: str(rows + int(row[0])), str(error).split(";")[0])
+        raise MotionFormatError(file, place, found[:LONGEST_WORD], expected) from error
+    if not tables:
+        raise MotionFormatError(file, place, "no line", expected)
+    return bounded(tables[0] if len(tables) == 1 else np.concatenate(tables), file, place)
+
+
+def bounded(values: Shaped[np.ndarray, "*shape"], file: Path, place: str) -> Shaped[np.ndarray, "*shape"]:
+    """The same values, once they are known to be finite and of a size that a position or an angle can have.
+
+    Raises:
+        MotionFormatError: one of them is not.
+    """
+    good = (values >= -LARGEST) & (values <= LARGEST)  # False for nan
+    if not good.all():
+        at = tuple(int(i) for i in np.unravel_index(np.argmin(good), good.shape))
+        raise MotionFormatError(file, f"{place}, entry {at}", str(values[at]), f"a finite number up to {LARGEST:g}")
+    return values
+
+
+def number(word: str, file: Path, place: str) -> float:
+    """One word as a finite number of a size that makes sense.
+
+    Raises:
+        MotionFormatError: it is none.
+    """
+    try:
+        value = float(word) if len(word) <= LONGEST_WORD else math.nan
+    except ValueError:
+        value = math.nan
+    if not abs(value) <= LARGEST:
+        raise MotionFormatError(file, place, repr(word[:40]), f"a finite number up to {LARGEST:g}")
+    return value
+
+
+def label(word: object, file: Path, place: str) -> str:
+    """A name that can be written, printed and hashed.
+
+    Raises:
+        MotionFormatError: no text, one of absurd length, or half of a surrogate pair.
+    """
+    if not isinstance(word, str) or len(word) > LONGEST_WORD or any("\ud800" <= character <= "\udfff" for character in word):
+        raise MotionFormatError(file, place, repr(word)[:60], f"a name of at most {LONGEST_WORD} characters")
+    return word
+
+
+MOST_DIMENSIONS = 4  # of any array of motions
+LONGEST_HEADER = 10_000  # bytes; NumPy's own limit
+LONGEST_TEXT = 1000  # characters of one entry of a text array
+AT_ONCE = 2**20  # bytes; a list of contents, at a hundred bytes an entry, is far shorter
+METHODS = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)  # with which NumPy writes
+
+
+class _Short:
+    """A stream that gives at most AT_ONCE bytes, so that an absurdly long list of contents breaks off."""
+
+    def __init__(self, stream: BinaryIO) -> None:
+        self._stream, self.seek, self.tell, self.seekable = stream, stream.seek, stream.tell, stream.seekable
+
+    def read(self, size: int = -1) -> bytes:
+        return self._stream.read(size if 0 <= size <= AT_ONCE else AT_ONCE)
+
+
+@contextlib.contextmanager
+def _archive(file: Path) -> Iterator[zipfile.ZipFile]:
+    """The archive, opened; whatever goes wrong with it becomes a MotionFormatError."""
+    is_packed = file.suffix.lower() in PACKED
+    stream = io.BytesIO(read_bytes(file, allowed(MOST_BYTES, file))) if is_packed else None
+    try:
+        with contextlib.nullcontext(stream) if stream else open_regular(file) as source:
+            with zipfile.ZipFile(cast(BinaryIO, _Short(source))) as archive:
+                yield archive
+    except MotionFormatError:
+        raise
+    except Exception as error:  # on broken bytes zipfile raises nearly any
+        raise MotionFormatError(file, "archive", str(error)[:80] or type(error).__name__, "NumPy's .npz format") from error
+
+
+def archive_names(file: Path) -> set[str]:
+    """Names of the arrays in an .npz file; only its list of contents is read.
+
+    Raises:
+        MotionFormatError: it is no archive.
+    """
+    with _archive(file) as archive:
+        return {name.removesuffix(".npy") for name in archive.namelist()}
+
+
+def read_archive(file: Path, wanted: Container[str]) -> dict[str, BinaryIO]:
+    """Those arrays of an .npz file that are wanted and there, as .npy streams by name.
+
+    Raises:
+        MotionFormatError: it is no archive, or entries are broken or larger than the file's size allows.
+    """
+    streams: dict[str, BinaryIO] = {}
+    left = most = allowed(MOST_BYTES, file)
+    with _archive(file) as archive:
+        for entry in archive.infolist():
+            name = entry.filename.removesuffix(".npy")
+            if name == entry.filename or name not in wanted or name in streams:
+                continue
+            if entry.compress_type not in METHODS:
+                raise MotionFormatError(file, name, "another kind of packing", "stored or deflated, as NumPy writes it")
+            parts = []
+            with archive.open(entry) as stream:
+                while left >= 0 and (part := stream.read(AT_ONCE)):
+                    parts.append(part)
+                    left -= len(part)
+            if left < 0:
+                raise MotionFormatError(file, name, f"more than {most} bytes", "at most that in a file of this size")
+            streams[name] = io.BytesIO(b"".join(parts))
+    return streams
+
+
+def read_array(stream: BinaryIO, file: Path, place: str) -> Shaped[np.ndarray, "*shape"]:
+    """One array in .npy format, numbers or strings; never unpickles, never allocates more than the file's size allows.
+
+    Raises:
+        MotionFormatError: another format, Python objects, or a size that does not fit the header.
+    """
+    shape, fortran, dtype = array_header(stream, file, place)
+    if dtype.kind not in "biufU" or not 0 < dtype.itemsize <= 4 * LONGEST_TEXT:
+        raise MotionFormatError(file, place, f"an array of dtype {str(dtype)[:40]}", "numbers or strings")
+    count, most = math.prod(shape), allowed(MOST_VALUES if dtype.kind != "U" else LONGEST_TEXT, file)
+    if max(count, *shape, 0) > most:
+        raise MotionFormatError(file, place, f"shape {shape}", f"at most {most} values in a file of this size")
+    wanted = count * dtype.itemsize
+    data = stream.read(wanted + 1)
+    if len(data) != wanted:
+        found = f"{len(data)} bytes" if len(data) < wanted else f"more than {wanted} bytes"
+        raise MotionFormatError(file, place, found, f"{wanted} bytes for shape {shape}")
+    array = np.frombuffer(data, dtype) if wanted else np.empty(0, dtype)
+    return array.reshape(shape, order="F" if fortran else "C")
+
+
+def array_header(stream: BinaryIO, file: Path, place: str) -> tuple[tuple[int, ...], bool, np.dtype]:
+    """Shape, Fortran order and dtype from the head of an .npy stream.
+
+    Raises:
+        MotionFormatError: it is no .npy header, or has more dimensions than arrays of motions have.
+    """
+    expected = "an array in NumPy's .npy format"
+    start = stream.read(8)  # magic and version
+    size = stream.read({b"\x93NUMPY\x01\x00": 2, b"\x93NUMPY\x02\x00": 4}.get(start, 0))
+    length = int.from_bytes(size, "little")
+    if not 0 < length <= LONGEST_HEADER:
+        raise MotionFormatError(file, place, f"no array header ({length} bytes)", expected)
+    parse = np.lib.format.read_array_header_1_0 if len(size) == 2 else np.lib.format.read_array_header_2_0
+    try:
+        with warnings.catch_warnings(action="ignore"):  # headers that Python 2 wrote are fine
+            shape, fortran, dtype = parse(io.BytesIO(size + stream.read(length)))
+    except Exception as error:  # on broken bytes NumPy's parser raises nearly any
+        raise MotionFormatError(file, place, f"no array header ({str(error)[:80]})", expected) from error
+    if len(shape) > MOST_DIMENSIONS or any(n < 0 for n in shape):
+        raise MotionFormatError(file, place, f"shape {str(shape)[:80]}", f"at most {MOST_DIMENSIONS} lengths, none negative")
+    return shape, fortran, dtype
+
+
+def single(array: Shaped[np.ndarray, "*shape"], file: Path, name: str) -> float | int | bool | str:
+    """The one value of an array.
+
+    Raises:
+        MotionFormatError: it has another number of them, or holds text that is none.
+    """
+    if array.size != 1:
+        raise MotionFormatError(file, name, f"shape {array.shape}", "a single value")
+    if array.dtype.kind != "U":
+        return array.item()
+    try:  # NumPy's own way fails on code points that do not exist
+        return array.astype(array.dtype.newbyteorder("<")).tobytes().decode("utf-32-le").rstrip("\0")
+    except UnicodeDecodeError as error:
+        raise MotionFormatError(file, name, f"no character at byte {error.start}", "Unicode text") from error

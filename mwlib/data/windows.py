@@ -1,0 +1,385 @@
+"""Windows of motions: cut, drawn, augmented and varied."""
+
+from __future__ import annotations
+
+import json
+import math
+import warnings
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, replace
+
+import numpy as np
+import torch
+from jaxtyping import Float, Int
+from torch import Tensor
+
+from mwlib.body.correspondence import to_h36m17
+from mwlib.body.kinematics import AXES, heading, scale_bones, turn_heading
+from mwlib.body.motion import Motion
+from mwlib.body.skeleton import H36M17, Skeleton
+from mwlib.data.mirroring import unmirrored
+
+
+@dataclass(frozen=True)
+class Bodies:
+    """The form in which a model takes motions.
+
+    Args:
+        skeleton: of every clip.
+        fps: frames per second.
+        up: the up-axis.
+    """
+
+    skeleton: Skeleton
+    fps: float
+    up: str
+
+    @classmethod
+    def of(cls, motions: Sequence[Motion]) -> Bodies:
+        """What these clips share.
+
+        Raises:
+            ValueError: there are none, or they differ; the message names two clips that do.
+        """
+        if not motions:
+            raise ValueError("there are no motions")
+        first = motions[0]
+        for m in motions:
+            for what in ("skeleton", "fps", "up"):
+                if getattr(m, what) != getattr(first, what):
+                    found, other = (_said(getattr(clip, what)) for clip in (m, first))
+                    names = m.name or "a clip", first.name or "another"
+                    raise ValueError(f"{names[0]} has {what} {found}, {names[1]} has {other}; expected one and the same")
+        return cls(first.skeleton, first.fps, first.up)
+
+    def prepare(self, motions: Sequence[Motion]) -> list[Motion]:
+        """Clips turned, carried over to the skeleton and resampled, as those were that the model was trained on.
+
+        Raises:
+            ValueError: a clip has another skeleton, and no way to this one is known.
+        """
+        return [self._fitted(m.with_up(self.up)).resample(self.fps) for m in motions]
+
+    def _fitted(self, motion: Motion) -> Motion:
+        if motion.skeleton == self.skeleton:
+            return motion
+        if self.skeleton == H36M17 and to_h36m17(motion.skeleton) is not None:
+            return motion.retarget(H36M17)
+        name = f"{motion.name}: " if motion.name else ""
+        raise ValueError(
+            f"{name}the skeleton is {_said(motion.skeleton)}; the model was trained on {_said(self.skeleton)}, and no way from "
+            "one to the other is known"
+        )
+
+    def to_json(self) -> str:
+        """As text that a model file carries."""
+        return json.dumps({"skeleton": asdict(self.skeleton), "fps": self.fps, "up": self.up})
+
+    @classmethod
+    def from_json(cls, text: str) -> Bodies:
+        """Inverse of `to_json`."""
+        tree = json.loads(text)
+        skeleton = tree["skeleton"]
+        parts = {name: tuple(joints) for name, joints in skeleton["parts"].items()}
+        rows = {name: tuple(skeleton[name]) for name in ("joints", "parents", "left", "right")}
+        return cls(Skeleton(name=skeleton["name"], parts=parts, **rows), tree["fps"], tree["up"])
+
+
+def prepare(motions: Sequence[Motion], fps: float) -> list[Motion]:
+    """Clips as a training takes them: z up, on the 17-joint skeleton wherever a correspondence is known, then at `fps`."""
+    ready = [m.with_up("z") for m in motions]
+    return [(m if to_h36m17(m.skeleton) is None else m.retarget(H36M17)).resample(fps) for m in ready]
+
+
+def _said(value: object) -> str:
+    """A value in a message; of a skeleton its name and number of joints."""
+    return f"{value.name} ({len(value)} joints)" if isinstance(value, Skeleton) else str(value)
+
+
+SLOWEST = 0.1  # share of its speed that a slowed window keeps at least
+ARMS = ("left_arm", "right_arm")
+
+
+@dataclass(frozen=True)
+class Variation:
+    """How drawn windows differ from the recorded ones. Own choice, all of it: new people are built otherwise, move at other
+    speeds, stand still in other poses and do other things with their arms. By default nothing differs.
+
+    Args:
+        speeds: the clips are also drawn played at two speeds up to 1 + `speeds` and at their inverses.
+        bones: deviation of one random factor for all bones of a window, and of one for each pair of bones, left and right.
+        backwards: share of the windows that are played backwards.
+        slowed: share of the windows that are played at a random speed, a tenth to the whole of their own.
+        arms: share of the windows that get the arms of another one of the batch, turned to where the body faces.
+        pivot: frame around which a window is slowed, and of whose pose the arms are turned: the last observed one.
+    """
+
+    speeds: float = 0.0
+    bones: float = 0.0
+    backwards: float = 0.0
+    slowed: float = 0.0
+    arms: float = 0.0
+    pivot: int = 0
+
+    def clips(self, motions: Sequence[Motion]) -> list[Motion]:
+        """The clips, and the same faster and slower."""
+        if not self.speeds:
+            return list(motions)
+        faster = 1 + self.speeds / 2, 1 + self.speeds
+        return [at_speed(m, f) for f in (1, *faster, *(1 / f for f in faster)) for m in motions]
+
+    def __call__(
+        self, x: Float[Tensor, "B T C"], skeleton: Skeleton, up: str, generator: torch.Generator
+    ) -> Float[Tensor, "B T C"]:
+        """The windows, each changed or not."""
+        if self.bones:
+            x = other_bones(x, self.bones, skeleton, generator)
+        if self.backwards:
+            x = torch.where(_coins(x, self.backwards, generator), x.flip(1), x)
+        if self.slowed:
+            speed = SLOWEST + (1 - SLOWEST) * torch.rand((len(x), 1), generator=generator).to(x.device)
+            x = torch.where(_coins(x, self.slowed, generator), slowed(x, speed, self.pivot), x)
+        if self.arms:
+            donors = x[torch.randperm(len(x), generator=generator).to(x.device)]
+            x = torch.where(_coins(x, self.arms, generator), other_arms(x, donors, skeleton, up, self.pivot), x)
+        return x
+
+
+def at_speed(motion: Motion, factor: float) -> Motion:
+    """The clip played so many times as fast, at its own frame rate."""
+    return replace(motion.resample(motion.fps / factor), fps=motion.fps)
+
+
+def other_bones(
+    x: Float[Tensor, "B T C"], deviation: float, skeleton: Skeleton, generator: torch.Generator
+) -> Float[Tensor, "B T C"]:
+    """The same motions of other bodies: left and right alike, the root where it is."""
+    pair = torch.from_numpy(skeleton.mirror).minimum(torch.arange(len(skeleton)))
+    each = torch.randn((len(x), 1, len(skeleton)), generator=generator)[..., pair[1:]]
+    factor = (1 + deviation * each) * (1 + deviation * torch.randn((len(x), 1, 1), generator=generator))
+    return scale_bones(x, factor.clamp_min(0.1).to(x.device), skeleton)
+
+
+def slowed(x: Float[Tensor, "B T C"], speed: Float[Tensor, "B 1"], pivot: int) -> Float[Tensor, "B T C"]:
+    """Windows played at a share of their speed, between frames on straight lines; the pose of the pivot stays where it is.
+
+    >>> slowed(torch.arange(5.0)[None, :, None], torch.tensor([[0.5]]), pivot=2).flatten()
+    tensor([1.0000, 1.5000, 2.0000, 2.5000, 3.0000])
+    """
+    frames = x.shape[1]
+    place = pivot + (torch.arange(frames, device=x.device) - pivot) * speed
+    before = place.floor().long().clamp(0, frames - 2)
+    share = (place - before)[..., None]
+    first, second = (x.gather(1, index[..., None].expand(-1, -1, x.shape[-1])) for index in (before, before + 1))
+    return first + share * (second - first)
+
+
+def other_arms(
+    x: Float[Tensor, "B T C"], donors: Float[Tensor, "B T C"], skeleton: Skeleton, up: str, pivot: int
+) -> Float[Tensor, "B T C"]:
+    """Windows with the arms of others, hung where their own are, turned by how the bodies face at the pivot.
+
+    Raises:
+        ValueError: the skeleton does not say which joints are arms.
+    """
+    if missing := [name for name in ARMS if name not in skeleton.parts]:
+        raise ValueError(
+            f"{skeleton.name} has no parts {' and '.join(missing)}; expected them, to exchange arms: say other_arms=0"
+        )
+    turn = heading(x[:, pivot], skeleton, up) - heading(donors[:, pivot], skeleton, up)
+    donors, out = turn_heading(donors, turn, up).unflatten(-1, (-1, 3)), x.unflatten(-1, (-1, 3)).clone()
+    for arm in (list(skeleton.parts[name]) for name in ARMS):
+        trunk, joints = skeleton.parents[arm[0]] - 1, [joint - 1 for joint in arm]
+        apart = out[:, :, [trunk]] - donors[:, :, [trunk]] if trunk >= 0 else 0.0  # the root is at the origin of both
+        out[:, :, joints] = donors[:, :, joints] + apart
+    return out.flatten(-2)
+
+
+def _coins(x: Float[Tensor, "B T C"], share: float, generator: torch.Generator) -> Tensor:
+    """True for about this share of the windows."""
+    return (torch.rand((len(x), 1, 1), generator=generator) < share).to(x.device)
+
+
+PAIRS = 'Names like left_hand and right_hand, or "left" and "right" in skeleton.json, pair them'
+
+
+@dataclass(frozen=True)
+class Windows:
+    """Windows of T = H+F frames.
+
+    Args:
+        x: (N, T, C) float32, metres, root-relative, root dropped.
+        clip: (N,) index into `motions`.
+        start: (N,) first frame within the clip.
+        history: H.
+        motions: the clips.
+    """
+
+    x: Float[Tensor, "N T C"]
+    clip: Int[Tensor, " N"]
+    start: Int[Tensor, " N"]
+    history: int
+    motions: Sequence[Motion]
+
+    def __len__(self) -> int:
+        return len(self.x)
+
+    @property
+    def x_history(self) -> Float[Tensor, "N H C"]:
+        """Observed frames."""
+        return self.x[:, : self.history]
+
+    @property
+    def x_future(self) -> Float[Tensor, "N F C"]:
+        """Frames to predict."""
+        return self.x[:, self.history :]
+
+    @property
+    def actions(self) -> list[str]:
+        """Action of each window's clip."""
+        return [self.motions[i].action for i in self.clip.tolist()]
+
+    def thin(self, count: int) -> Windows:
+        """At most `count` windows, spread evenly; 0 keeps all."""
+        if count == 0 or count >= len(self):
+            return self
+        pick = torch.linspace(0, len(self) - 1, count, dtype=torch.float64).round().long()
+        return Windows(self.x[pick], self.clip[pick], self.start[pick], self.history, self.motions)
+
+
+def windows(motions: Sequence[Motion], history: int, future: int, stride: int) -> Windows:
+    """Every window of history + future frames, starts `stride` apart, clip by clip.
+
+    Source: the test protocol of DLow and HumanMAC: starts 0, stride, 2 stride, ... < L - T, so a clip of exactly T
+    frames yields none.
+
+    Args:
+        motions: clips of one skeleton, one up-axis and one frame rate.
+        history, future: H and F, frames.
+        stride: frames between starts.
+
+    Raises:
+        ValueError: the clips do not match each other, or none is longer than H+F frames.
+
+    >>> motion = mw.Motion(np.zeros((60, 17, 3)), 25.0, mw.load_motions("synthetic")[0].skeleton)
+    >>> cut = windows([motion], history=10, future=30, stride=10)
+    >>> cut.x.shape, cut.x_history.shape, cut.start.tolist()
+    (torch.Size([2, 40, 48]), torch.Size([2, 10, 48]), [0, 10])
+    """
+    flat, offset, lengths = _flatten(motions)
+    frames = history + future
+    starts = [np.arange(0, max(n - frames, 0), stride) for n in lengths]
+    clip = np.repeat(np.arange(len(motions)), [len(s) for s in starts])
+    start = np.concatenate(starts)
+    if len(start) == 0:
+        raise ValueError(_none_longer("clip", motions, frames))
+    index = (offset[clip] + start)[:, None] + np.arange(frames)
+    return Windows(flat[torch.from_numpy(index)], torch.from_numpy(clip), torch.from_numpy(start), history, motions)
+
+
+def _flatten(motions: Sequence[Motion]) -> tuple[Tensor, np.ndarray, list[int]]:
+    """All frames of all clips in one (frames, C) tensor, and where each clip begins."""
+    Bodies.of(motions)
+    lengths = [len(m) for m in motions]
+    flat = torch.from_numpy(np.concatenate([m.root_relative() for m in motions]).astype(np.float32))
+    return flat, np.concatenate([[0], np.cumsum(lengths)[:-1]]), lengths
+
+
+def too_short(motions: Sequence[Motion], frames: int) -> list[Motion]:
+    """Clips that give no window of this many frames (see `windows`)."""
+    return [m for m in motions if len(m) <= frames]
+
+
+def _none_longer(what: str, motions: Sequence[Motion], frames: int) -> str:
+    longest = max(map(len, motions), default=0)
+    remedy = "longer clips, a smaller history or future, or a smaller fps would do"
+    return f"no {what} is longer than {frames} frames (history + future); the longest has {longest}; {remedy}"
+
+
+class TrainingWindows:
+    """Random windows, drawn and augmented without a loop.
+
+    Args:
+        motions: training clips.
+        frames: T.
+        sampling: "uniform" over all windows, or "subject_action" (DLow, GSPS, HumanMAC): subject, then clip of
+            that subject, then start in [0, L-T), each uniformly, so short clips are over-represented.
+        augment: "none"; "humanmac" (three coins per batch: turn about the up-axis, negate each horizontal axis,
+            labels not swapped); "heading" (each window turned by its own angle); "heading_mirror" (also mirrored with
+            probability 1/2, left and right joints exchanged). The latter two are our own choice: they keep bodies bodies.
+            Where left and right joints do not pair up, "heading_mirror" warns and does what "heading" does.
+        variation: how the drawn windows differ from the recorded ones beyond that; by default they do not.
+
+    Raises:
+        ValueError: no clip is longer than `frames`, or the clips do not match each other.
+
+    >>> source = TrainingWindows(mw.load_motions("synthetic", fps=25)[:12], 40, "uniform", "heading_mirror")
+    >>> source.draw(8, torch.Generator().manual_seed(0)).shape
+    torch.Size([8, 40, 48])
+    """
+
+    def __init__(
+        self, motions: Sequence[Motion], frames: int, sampling: str, augment: str, variation: Variation | None = None
+    ) -> None:
+        self.variation = variation or Variation()
+        long_enough = [m for m in self.variation.clips(motions) if len(m) > frames]
+        if not long_enough:
+            raise ValueError(_none_longer("training clip", motions, frames))
+        flat, offset, lengths = _flatten(long_enough)
+        self.frames, self.augment = frames, augment
+        if augment == "heading_mirror" and (reason := unmirrored(long_enough)):
+            warnings.warn(f"training does not mirror: {reason}. {PAIRS}", stacklevel=2)
+            self.augment = "heading"
+        self.flat = flat
+        skeleton = long_enough[0].skeleton
+        self.skeleton, self.mirror = skeleton, torch.from_numpy(skeleton.mirror[1:] - 1)
+        self.up = long_enough[0].up
+        self.level = [0, 3 - AXES[self.up]]  # the two horizontal axes
+        self.first = torch.from_numpy(np.concatenate([o + np.arange(n - frames) for o, n in zip(offset, lengths, strict=True)]))
+        self.weight = torch.from_numpy(_subject_action_weights(long_enough, frames)) if sampling == "subject_action" else None
+
+    def to(self, device: torch.device | str) -> TrainingWindows:
+        """Move the motions; windows are drawn where they are."""
+        self.flat, self.mirror = self.flat.to(device), self.mirror.to(device)
+        return self
+
+    def draw(self, batch: int, generator: torch.Generator) -> Float[Tensor, "B T C"]:
+        """A batch of augmented windows."""
+        if self.weight is None:
+            pick = torch.randint(len(self.first), (batch,), generator=generator)
+        else:
+            pick = torch.multinomial(self.weight, batch, replacement=True, generator=generator)
+        index = self.first[pick][:, None] + torch.arange(self.frames)
+        x = self.flat[index.to(self.flat.device)]
+        x = x if self.augment == "none" else self._augment(x, generator)
+        return self.variation(x, self.skeleton, self.up, generator)
+
+    def _augment(self, x: Float[Tensor, "B T C"], generator: torch.Generator) -> Float[Tensor, "B T C"]:
+        per_batch = self.augment == "humanmac"
+        size = (1 if per_batch else len(x), 1, 1)
+        angle = torch.rand(size, generator=generator) * (2 * math.pi)
+        coins = torch.rand((3, *size), generator=generator) < 0.5
+        if per_batch:
+            angle = angle * coins[0]
+        angle, coins = angle.to(x.device), coins.to(x.device)
+        joints = x.unflatten(-1, (-1, 3))
+        a, b = self.level
+        p, q = joints[..., a], joints[..., b]
+        turned = joints.clone()
+        turned[..., a] = angle.cos() * p - angle.sin() * q
+        turned[..., b] = angle.sin() * p + angle.cos() * q
+        if per_batch:
+            turned[..., a] *= torch.where(coins[1], -1.0, 1.0)
+            turned[..., b] *= torch.where(coins[2], -1.0, 1.0)
+        elif self.augment == "heading_mirror":
+            other = turned[:, :, self.mirror]
+            other[..., a] *= -1
+            turned = torch.where(coins[1][..., None], other, turned)
+        return turned.flatten(-2)
+
+
+def _subject_action_weights(motions: Sequence[Motion], frames: int) -> np.ndarray:
+    """Probability of each window when subject, clip and start are drawn uniformly one after the other."""
+    subjects = [m.subject for m in motions]
+    per_clip = [1.0 / (subjects.count(m.subject) * (len(m) - frames)) for m in motions]
+    return np.concatenate([np.full(len(m) - frames, w) for m, w in zip(motions, per_clip, strict=True)])

@@ -1,0 +1,276 @@
+"""Conditions on a sampler: classifier-free and reconstruction guidance, masks over frames and channels, keyframes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import torch
+from jaxtyping import Bool, Float
+from torch import Tensor
+
+from mwlib.diffusion.process import noised, y0_hat_of
+from mwlib.diffusion.samplers import AfterStep, Denoise, OnEstimate, Step, ddim
+from mwlib.settings import Count, NotNegative
+from mwlib.transforms import Transform
+
+# True or 1 where a target holds, in between a mixture; over frames alone it is of every channel.
+Mask = Bool[Tensor, "T C"] | Float[Tensor, "T C"] | Bool[Tensor, " T"] | Float[Tensor, " T"]
+
+
+def weights(mask: Mask, like: Tensor) -> Float[Tensor, "T C"] | Float[Tensor, "T 1"]:
+    """M as numbers that multiply motions like `like`."""
+    m = mask.to(like)
+    return m[:, None] if m.ndim == 1 else m
+
+
+def known(x_target: Float[Tensor, "... T C"], mask: Mask) -> Float[Tensor, "... T C"]:
+    """The target where the mask is not 0, and 0 elsewhere, where it may be unknown (NaN)."""
+    return x_target.masked_fill(weights(mask, x_target) == 0, 0)
+
+
+def beside_samples(x: Float[Tensor, "... rows columns"], y: Float[Tensor, "... k l"]) -> Float[Tensor, "... rows columns"]:
+    """x with an axis for the samples that y has, where x has none."""
+    return x.unsqueeze(-3) if x.ndim < y.ndim else x
+
+
+def masked(
+    tf: Transform, x_target: Float[Tensor, "... T C"], mask: Mask, noise: Callable[[], Tensor], until: float = 1.0
+) -> AfterStep:
+    """Eq. 12 and 13 as the `after_step` of a sampler: the masked part of the motion is the noisy target's.
+
+    y_c = sqrt(a) DWT(x_target) + sqrt(1-a) z (Eq. 12), x_c = iDWT(y_c), x' = M x_c + (1-M) iDWT(y) (Eq. 13), and DWT(x')
+    goes on. The paper's Eq. 12 mixes alpha_bar of t and of t-1; here both are that of the index reached. With a = 1 the
+    masked part is the target itself, to rounding.
+
+    Own choice where tf loses something (DCT with L < T rows): the noise is what tf can hold, but the target enters x_c whole,
+    so that nothing depends on what x_target says outside of the mask. What tf cannot hold is lost in DWT(x').
+
+    Args:
+        tf: transform of motions; an axis for the samples may be missing in x_target.
+        x_target: the motion to impose, in the frame of reference of tf's coefficients (see `Representation.origin`); where M
+            is 0 its values do not matter.
+        mask: M.
+        noise: draws a tensor like y, anew at every step.
+        until: largest alpha_bar at which it acts; 1 = to the last step.
+    """
+    m, x_known = weights(mask, x_target), known(x_target, mask)
+    y0 = tf(x_known)
+    lost = x_known - tf.inverse(y0)
+
+    def impose(y: Float[Tensor, "... rows columns"], alpha_bar_prev: float) -> Float[Tensor, "... rows columns"]:
+        if alpha_bar_prev > until:
+            return y
+        x_c = tf.inverse(noised(beside_samples(y0, y), noise(), alpha_bar_prev)) + alpha_bar_prev**0.5 * beside_samples(lost, y)
+        return tf(m * x_c + (1 - m) * tf.inverse(y))
+
+    return impose
+
+
+def pasted(tf: Transform, x_target: Float[Tensor, "... T C"], mask: Mask) -> OnEstimate:
+    """The clean target in place of the masked part of every clean estimate, as the `on_y0_hat` of a sampler.
+
+    y0_hat <- tf(M x_target + (1-M) tf_inverse(y0_hat)); the sampler derives the noise anew from it. No second noise comes in.
+
+    Args:
+        tf, x_target, mask: as in `masked`.
+
+    Source: MDM (Tevet et al., 2023), motion editing; CondMDI (Cohan et al., 2024), imputation.
+    """
+    m, x_known = weights(mask, x_target), known(x_target, mask)
+
+    def paste(y0_hat: Float[Tensor, "... rows columns"]) -> Float[Tensor, "... rows columns"]:
+        return tf(m * beside_samples(x_known, y0_hat) + (1 - m) * tf.inverse(y0_hat))
+
+    return paste
+
+
+def history_completion(
+    tf: Transform, x_padded: Float[Tensor, "... T C"], history: int, noise: Callable[[], Tensor]
+) -> Callable[[Tensor, float], Tensor]:
+    """HumanMAC's mask completion, as the `after_step` of a sampler: observed frames are put back after every step.
+
+    y0 = tf(x_padded) is noised to the step's alpha_bar; in the time domain its first H frames replace those of y. With
+    alpha_bar = 1 they are the history itself if tf loses nothing, and what tf keeps of it otherwise (DCT with L < T rows).
+
+    Args:
+        tf: any linear transform of motions.
+        x_padded: history stretched to T frames (`pad_history`), metres. An axis for the samples may be missing.
+        history: H, observed frames.
+        noise: draws a tensor like y, anew at every step.
+
+    Source: HumanMAC (Chen et al., 2023), "DCT-Completion".
+    """
+    mask = torch.arange(x_padded.shape[-2]) < history
+    return masked(tf, tf.inverse(tf(x_padded)), mask, noise)
+
+
+def classifier_free(conditional: Tensor, unconditional: Tensor, w: float, form: str = "eq7") -> Tensor:
+    """Mix two noise estimates.
+
+    Source: MotionWavelet Eq. 7, (1+w) cond - w uncond ("eq7"), or the last but one line of Algorithm 1,
+    uncond + w (cond - uncond) ("alg1"). They are the same with w_alg1 = 1 + w_eq7.
+
+    Raises:
+        ValueError: unknown form.
+
+    >>> conditional, unconditional = torch.tensor(2.0), torch.tensor(1.0)
+    >>> classifier_free(conditional, unconditional, 0.5), classifier_free(conditional, unconditional, 1.5, "alg1")
+    (tensor(2.5000), tensor(2.5000))
+    """
+    if form == "eq7":
+        return ((1 + w) * conditional).sub_(w * unconditional)
+    if form == "alg1":
+        return unconditional + w * (conditional - unconditional)
+    raise ValueError(f"form is {form!r}; expected 'eq7' or 'alg1'")
+
+
+def reconstruction_guided(
+    denoise: Denoise,
+    tf: Transform,
+    x_target: Float[Tensor, "... T C"],
+    mask: Mask,
+    alpha_bar: Float[Tensor, " M"],
+    weight: float,
+) -> Denoise:
+    """A denoiser whose clean estimate is drawn to the masked part of a target, by the gradient through the network.
+
+    y0_hat <- y0_hat - w sqrt(alpha_bar_t)/2 grad_{y_t} ||M (tf_inverse(y0_hat) - x_target)||^2; for the noise that is
+    eps <- eps + w alpha_bar_t / (2 sqrt(1 - alpha_bar_t)) grad.
+
+    Works inside `torch.inference_mode` and `torch.no_grad`; then whatever `denoise` holds that gradients pass through must
+    have been made outside of inference mode, as weights are. No graph outlives a call, and no weight gets a gradient.
+
+    Args:
+        denoise: (y_t, t) -> eps, differentiable.
+        tf: linear transform of motions.
+        x_target, mask: as in `masked`; the target in metres, so that w depends on the unit.
+        alpha_bar: schedule.
+        weight: w; with 0 `denoise` itself is returned. Too large a weight diverges.
+
+    Source: Ho et al. 2022, Video Diffusion Models, Sec. 3.1; CondMDI (Cohan et al., 2024).
+    """
+    if weight == 0:
+        return denoise
+    with torch.inference_mode(False):  # else the gradient could not use them
+        m, x_known = weights(mask, x_target).clone(), known(x_target, mask).clone()
+
+    def guided(y: Float[Tensor, "... rows columns"], t: int) -> Float[Tensor, "... rows columns"]:
+        a = float(alpha_bar[t])
+        with torch.inference_mode(False), torch.enable_grad():
+            y_t = y.clone().requires_grad_()
+            eps = denoise(y_t, t)
+            error = m * (tf.inverse(y0_hat_of(y_t, eps, a)) - beside_samples(x_known, y_t))
+            (gradient,) = torch.autograd.grad(error.square().sum(), y_t)
+        return eps.detach() + weight * a / (2 * (1 - a) ** 0.5) * gradient
+
+    return guided
+
+
+@dataclass(frozen=True)
+class KeyframeConfig:
+    """How a sampler is made to meet keyframes. The defaults are FreqDiffusionBridge's, as far as the paper tells."""
+
+    # "replacement": noisy keyframes in every y_t; "paste": clean ones in every clean estimate; "none": the gradient alone
+    scheme: Literal["replacement", "paste", "none"] = "replacement"
+    keyframe_noise: Literal["fresh", "fixed"] = "fresh"  # of "replacement": drawn at every step, or once
+    eta: NotNegative = 0.0  # share of the posterior deviation that DDIM draws anew
+    repeats: Count = 1  # RePaint's r, how often each step is taken
+    reconstruction_weight: NotNegative = 0.0  # w of the gradient that draws the clean estimate to the keyframes
+
+
+def keyframe_mask(frames: int, keyframes: Sequence[int]) -> Bool[Tensor, " T"]:
+    """M over frames, true at the keyframes; negative numbers count from the end.
+
+    Raises:
+        ValueError: no keyframe, or one that the motion does not have.
+
+    >>> keyframe_mask(5, [0, -1])
+    tensor([ True, False, False, False,  True])
+    """
+    if not keyframes or not all(-frames <= k < frames for k in keyframes):
+        raise ValueError(f"keyframes are {list(keyframes)}; expected one or more of {-frames} to {frames - 1}")
+    mask = torch.zeros(frames, dtype=torch.bool)
+    mask[list(keyframes)] = True
+    return mask
+
+
+def with_keyframes(x: Float[Tensor, "... T C"], x_target: Float[Tensor, "... T C"], mask: Mask) -> Float[Tensor, "... T C"]:
+    """x with the clean target in its masked part, to the bit: the paper's last step, concat_time(s, x_mid, e).
+
+    Args:
+        x: sampled motions.
+        x_target, mask: as in `masked`.
+    """
+    m = weights(mask, x)
+    return m * beside_samples(known(x_target, mask), x) + (1 - m) * x
+
+
+def keyframe_steps(
+    denoise: Denoise,
+    tf: Transform,
+    x_target: Float[Tensor, "... T C"],
+    mask: Mask,
+    alpha_bar: Float[Tensor, " M"],
+    indices: Sequence[int],
+    noise: Callable[[], Tensor],
+    how: KeyframeConfig,
+) -> Iterator[Step]:
+    """DDIM from noise to a motion that meets keyframes, by the scheme of the settings.
+
+    With "replacement" this is the loop of FreqDiffusionBridge: whatever the network is asked about holds the keyframes at the
+    level of the other frames, the first time, too; they are put in over time, and transformed with the rest.
+
+    Args:
+        denoise: (y_t, t) -> eps of an unconditional model.
+        tf, x_target, mask: as in `masked`. Any number of keyframes may stand anywhere.
+        alpha_bar, indices: as in `ddim`.
+        noise: draws a tensor like y; its first draw is the start.
+        how: the scheme.
+
+    Source: FreqDiffusionBridge, Sec. 3.4 (own reconstruction of its loop); RePaint (Lugmayr et al., 2022);
+        MDM (Tevet et al., 2023); Video Diffusion Models (Ho et al., 2022).
+    """
+    denoise = reconstruction_guided(denoise, tf, x_target, mask, alpha_bar, how.reconstruction_weight)
+    y, impose, paste = noise(), None, None
+    if how.scheme == "replacement":
+        drawn = noise() if how.keyframe_noise == "fixed" else None
+        impose = masked(tf, x_target, mask, noise if drawn is None else lambda: drawn)
+        y = impose(y, float(alpha_bar[indices[0]]))
+    elif how.scheme == "paste":
+        paste = pasted(tf, x_target, mask)
+    random = {"eta": how.eta, "repeats": how.repeats, "noise": noise}
+    yield from ddim(denoise, y, alpha_bar, indices, on_y0_hat=paste, after_step=impose, **random)
+
+
+def keyframed(
+    denoise: Denoise,
+    tf: Transform,
+    x_target: Float[Tensor, "... T C"],
+    mask: Mask,
+    alpha_bar: Float[Tensor, " M"],
+    indices: Sequence[int],
+    noise: Callable[[], Tensor],
+    how: KeyframeConfig,
+) -> Float[Tensor, "... T C"]:
+    """The motion that `keyframe_steps` ends with. Schemes that hold the keyframes give them back to the bit.
+
+    Own choice: the paper does not say how its last step ends. With the scheme "none" the keyframes stay as the sampler left
+    them, near the target.
+
+    Args:
+        as in `keyframe_steps`.
+
+    >>> from mwlib.diffusion import alpha_bar, ddim_indices, eps_of
+    >>> tf, a, clip = mw.DCTTransform(6, 3), alpha_bar("cosine", 100), torch.randn(6, 3)
+    >>> knows = lambda y, t: eps_of(y, tf(clip), a[t])  # a denoiser that has seen the answer
+    >>> mask, noise = keyframe_mask(6, [0, -1]), lambda: torch.randn(2, 6, 3)
+    >>> x = keyframed(knows, tf, clip, mask, a, ddim_indices(100, 5), noise, KeyframeConfig())
+    >>> torch.equal(x[1, mask], clip[mask]), torch.allclose(x, clip.expand(2, 6, 3), atol=1e-4)
+    (True, True)
+    """
+    for step in keyframe_steps(denoise, tf, x_target, mask, alpha_bar, indices, noise, how):
+        last = step
+    x = tf.inverse(last.y)
+    return x if how.scheme == "none" else with_keyframes(x, x_target, mask)

@@ -1,0 +1,108 @@
+"""Motions between keyframes and from sentences, by a model that is named."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from mwlib.body.motion import Motion
+from mwlib.experiments.runs import load_run
+from mwlib.inbetweening.bridge import Bridge, filled
+from mwlib.networks.matching import UNIT
+from mwlib.text_to_motion.model import TextToMotion
+from mwlib.text_to_motion.motions import motion_of
+
+INBETWEENING_MODEL = "inbetween"  # the model that comes with the package
+
+
+def inbetween(
+    start: Motion,
+    end: Motion | Sequence[int],
+    frames: int | None = None,
+    samples: int = 1,
+    seed: int = 0,
+    run: str | Path | Bridge = INBETWEENING_MODEL,
+    progress: bool = False,
+) -> list[Motion]:
+    """Motions that leave one pose and arrive at another.
+
+    Args:
+        start: its last frame is the first keyframe; or, with numbers for `end`, the motion whose frames they are.
+        end: its first frame is the last keyframe; or numbers of two or more frames of `start`, at the model's rate.
+        frames: frames between, at the model's rate; None: the model's own number, or as many as lie between the numbers.
+        samples: how many motions.
+        seed: of their noise.
+        run: folder of a finished run of in-betweening, a name that `load_run` knows, or its model.
+        progress: show a bar.
+
+    Returns:
+        `samples` motions of `frames` + 2 frames at the model's rate, the keyframes among them; and before these the past, of a
+        model that is given one.
+
+    Raises:
+        FileNotFoundError: there is no such run.
+        ValueError: it is one of another system, or bodies, length or keyframes do not fit it.
+
+    >>> walk = mw.load_motions("synthetic", fps=30.0)[0]
+    >>> [motion] = inbetween(walk.cut(0, 1), walk.cut(31, 32), frames=30)
+    >>> motion.positions.shape, motion.fps, np.allclose(motion.positions[0], walk.positions[0], atol=1e-5)
+    ((32, 17, 3), 30.0, True)
+    """
+    bridge = run if isinstance(run, Bridge) else load_run(run)
+    if not isinstance(bridge, Bridge):
+        raise ValueError(f"{run} is a run of another system; expected one of in-betweening")
+    return filled(bridge, start, end, frames, samples, seed, progress)
+
+
+SENTENCE_MODEL = "sentences"  # the model that comes with the package
+MOST = 1000  # samples of a sentence: the next sentence's motions have noise of their own
+
+
+def generate(
+    texts: str | Sequence[str],
+    seconds: float | Sequence[float] = 4.0,
+    samples: int = 1,
+    seed: int = 0,
+    run: str | Path | TextToMotion = SENTENCE_MODEL,
+    progress: bool = False,
+    fused: bool = True,
+) -> list[Motion]:
+    """Motions that do what sentences say.
+
+    Args:
+        texts: a sentence, or several.
+        seconds: length of each motion, or one length for all; rounded to a multiple of four frames.
+        samples: motions of each sentence, at most 1000.
+        seed: of their noise. The first motions do not depend on how many are asked for.
+        run: folder of a finished run of text-to-motion, a name that `load_run` knows, or its model.
+        progress: show a bar.
+        fused: read places, steps and contacts together (see `fused_joints`), which trembles less; else places alone, as usual.
+
+    Returns:
+        `samples` motions of the first sentence, then of the second, ...; metres, y up, named by their sentences.
+
+    Raises:
+        FileNotFoundError: there is no such run.
+        ValueError: it is one of another system, a sentence is empty, or a length is not one that the model was trained for.
+
+    >>> [walk] = generate("a person walks in a circle to the left", seconds=3.0)
+    >>> walk.positions.shape, walk.fps, walk.skeleton.name
+    ((60, 22, 3), 20.0, 'HUMANML22')
+    """
+    model = run if isinstance(run, TextToMotion) else load_run(run)
+    if not isinstance(model, TextToMotion):
+        raise ValueError(f"{run} is a run of another system; expected one of text_to_motion")
+    texts = [texts] if isinstance(texts, str) else [*texts]
+    lasting = [float(seconds)] * len(texts) if isinstance(seconds, int | float | np.number) else [float(each) for each in seconds]
+    if wrong := [each for each in lasting if not math.isfinite(each)]:
+        raise ValueError(f"seconds is {wrong[0]}; expected a finite number")
+    if not 1 <= samples <= MOST or len(lasting) != len(texts):
+        raise ValueError(f"{len(lasting)} lengths and {samples} samples; expected one length for each of {len(texts)} sentences, "
+                         f"and 1 to {MOST} samples")  # fmt: skip
+    frames = [round(each * model.layout.fps / UNIT) * UNIT for each in lasting]
+    many = [(text, n, MOST * i + s) for i, (text, n) in enumerate(zip(texts, frames, strict=True)) for s in range(samples)]
+    found = model.sample([m[0] for m in many], [m[1] for m in many], seed, ids=[m[2] for m in many], progress=progress)
+    return [motion_of(x, model.layout, text, fused) for x, (text, _, _) in zip(found, many, strict=True)]

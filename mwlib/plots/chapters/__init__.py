@@ -1,0 +1,1 @@
+"""Pictures that one chapter draws, a module a subject."""

@@ -1,0 +1,101 @@
+"""Pictures of what each metric measures (chapter 07)."""
+
+from __future__ import annotations
+
+from itertools import combinations
+
+import numpy as np
+import torch
+from jaxtyping import Float
+from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection
+from matplotlib.figure import Figure
+
+from mwlib.metrics import prediction as metrics
+from mwlib.plots.look import CYCLE, OBSERVED, PREDICTED, TRUTH, array, canvas, style
+from mwlib.plots.tables import significant
+
+Array = np.ndarray | torch.Tensor
+LINK = CYCLE[1]
+WORDS = {
+    "apd": "mean distance between two samples,\neach taken as one long vector",
+    "ade": "of the sample nearest to the truth:\ndistance, mean over time",
+    "fde": "of the sample that ends nearest to the truth:\ndistance in the last frame",
+    "mmade": "ADE against every truth that began alike,\nmean over these truths",
+    "mmfde": "FDE against every truth that began alike,\nmean over these truths",
+}
+
+
+def _bundle(angles: tuple[int, ...], bends: tuple[int, ...], reach: tuple[float, ...]) -> np.ndarray:
+    """Paths (len(angles), 7, 2) that leave the origin at an angle and bend, degrees."""
+    time = np.arange(1, 8) / 7
+    heading = np.radians(np.array(angles)[:, None] + np.array(bends)[:, None] * time)
+    steps = np.array(reach)[:, None, None] / 7 * np.stack([np.cos(heading), np.sin(heading)], axis=-1)
+    return steps.cumsum(axis=1)
+
+
+FUTURES = _bundle((44, 19, -36, -40), (14, -4, 76, -25), (0.85, 0.98, 1.16, 0.8))
+TRUTHS = _bundle((14, 42, -34), (-6, 25, -8), (1.05, 1.0, 1.0))
+PAST = np.stack([np.linspace(-0.55, 0, 6), -0.12 * np.linspace(1, 0, 6) ** 2], axis=-1)
+
+
+@style()
+def metric_picture(
+    *names: str, futures: Float[Array, "S F 2"] | None = None, truths: Float[Array, "M F 2"] | None = None
+) -> tuple[Figure, np.ndarray]:
+    """What APD, ADE, FDE, MMADE and MMFDE measure: the distances that enter are drawn in orange, the value is computed.
+
+    Args:
+        names: "apd", "ade", "fde", "mmade", "mmfde"; none = all five.
+        futures: sampled paths in the plane, metres; None draws a small built-in example.
+        truths: true paths whose beginnings are alike; the first is the window's own.
+
+    Raises:
+        ValueError: an unknown name.
+    """
+    names = names or tuple(WORDS)
+    if unknown := [name for name in names if name not in WORDS]:
+        raise ValueError(f"metric is {unknown[0]!r}; expected one of {', '.join(WORDS)}")
+    futures = FUTURES if futures is None else array(futures)
+    truths = TRUTHS if truths is None else array(truths)
+    columns = min(len(names), 2)
+    rows = -(-len(names) // columns)
+    fig, axes = canvas(rows, columns, height=2.6 * rows + 0.3, width=3.2 * columns, sharex=True, sharey=True)
+    for ax in axes.flat[len(names) :]:
+        ax.set_visible(False)
+    for ax, name in zip(axes.flat, names, strict=False):
+        _picture(ax, name, futures, truths if name.startswith("mm") else truths[:1])
+    handles, labels = axes.flat[len(names) - 1].get_legend_handles_labels()
+    fig.legend(handles, labels, loc="outside lower left", ncols=2 * columns)
+    return fig, axes.ravel()[: len(names)]
+
+
+def _picture(ax: Axes, name: str, futures: np.ndarray, truths: np.ndarray) -> None:
+    p, gs = torch.as_tensor(futures)[None], torch.as_tensor(truths)
+    value = metrics.apd(p) if name == "apd" else getattr(metrics, name)(p, [gs] if name.startswith("mm") else gs)
+    links, used = _links(name, futures, truths)
+    ax.plot(*PAST.T, ".-", color=OBSERVED, label="observed")
+    for number, path in enumerate(sorted(range(len(futures)), key=lambda sample: sample not in used)):
+        alpha = 1.0 if path in used else 0.35
+        ax.plot(*futures[path].T, ".-", color=PREDICTED, alpha=alpha, label=None if number else "sample")
+    for number, path in enumerate(truths if name != "apd" else ()):
+        ax.plot(*path.T, ".", color=TRUTH, linestyle=(0, (3, 1)), label=None if number else "truth")
+    ax.add_collection(LineCollection(links, colors=LINK, linewidths=1.5, zorder=1.5, label="distance"))
+    ax.set_title(f"{name.upper()} = {significant(float(value))} m", weight="bold", pad=32)
+    ax.text(0, 1.02, WORDS[name], transform=ax.transAxes, size=9, va="bottom")
+    ax.set(aspect="equal", xticks=[], yticks=[])
+    ax.spines[:].set_visible(False)
+
+
+def _links(name: str, futures: np.ndarray, truths: np.ndarray) -> tuple[list, set[int]]:
+    """The distances that enter a metric, as segments, and the samples at their ends."""
+    if name == "apd":
+        pairs = combinations(range(len(futures)), 2)
+        return [segment for a, b in pairs for segment in zip(futures[a], futures[b], strict=True)], set(range(len(futures)))
+    last = slice(-1, None) if name.endswith("fde") else slice(None)
+    links, used = [], set()
+    for truth in truths:
+        best = int(np.argmin(np.linalg.norm(futures - truth, axis=-1)[:, last].mean(axis=1)))
+        links += zip(futures[best, last], truth[last], strict=True)
+        used.add(best)
+    return links, used

@@ -1,0 +1,397 @@
+"""Pictures of wavelets, filters and bases (chapters 01 to 03)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+import pywt
+import torch
+from jaxtyping import Float
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
+
+from mwlib.plots.coefficients import DIVERGING
+from mwlib.plots.look import CYCLE, DASHES, FAINT, INK, OBSERVED, WIDTH, array, canvas, limit, style
+from mwlib.plots.loops import Loop
+from mwlib.plots.tables import significant
+from mwlib.transforms import WaveletTransform
+
+Array = np.ndarray | torch.Tensor
+
+
+@style()
+def filters(wavelet: str) -> tuple[Figure, np.ndarray]:
+    """The four filters of a wavelet, tap by tap; on the left those that analyse, on the right those that rebuild."""
+    bank = pywt.Wavelet(wavelet)
+    panels = {
+        "analysis, low-pass": bank.dec_lo,
+        "synthesis, low-pass": bank.rec_lo,
+        "analysis, high-pass": bank.dec_hi,
+        "synthesis, high-pass": bank.rec_hi,
+    }
+    fig, axes = canvas(2, 2, height=3.6, sharex=True, sharey=True)
+    for ax, (name, taps), colour in zip(axes.flat, panels.items(), np.repeat(CYCLE[:2], 2), strict=True):
+        taps = np.asarray(taps)
+        _stems(ax, np.arange(len(taps)), taps, colour)
+        ax.margins(y=0.12)
+        ax.set_title(f"{name}: {np.count_nonzero(np.abs(taps) > 1e-12)} of {len(taps)} taps")
+    for ax in axes[1]:
+        ax.set_xlabel("tap")
+        ax.xaxis.set_major_locator(MaxNLocator(integer=True))
+    fig.suptitle(wavelet, x=0.01, ha="left", weight="bold")
+    return fig, axes
+
+
+@style()
+def scaling_and_wavelet(wavelet: str, level: int = 8) -> tuple[Figure, np.ndarray]:
+    """The scaling function and wavelet that the filters converge to; a biorthogonal family rebuilds with a second pair."""
+    *pairs, support = pywt.Wavelet(wavelet).wavefun(level=level)
+    rows = ["analysis", "synthesis"] if len(pairs) == 4 else [""]
+    fig, axes = canvas(len(rows), 2, height=0.6 + 1.5 * len(rows), sharex=True)
+    for ax, values, column in zip(axes.flat, pairs, [0, 1] * len(rows), strict=True):
+        ax.axhline(0, color=OBSERVED, linewidth=0.8)
+        ax.plot(support, values, color=CYCLE[column])
+    for ax, row in zip(axes[:, 0], rows, strict=True):
+        ax.set_ylabel(row)
+    for ax, title in zip(axes[0], (f"{wavelet}: scaling function φ", f"{wavelet}: wavelet ψ"), strict=True):
+        ax.set_title(title)
+    for ax in axes[-1]:
+        ax.set_xlabel("position (samples)")
+    return fig, axes
+
+
+@style()
+def signal_and_coefficients(
+    signal: Float[Array, " T"], wavelet: str, *, mode: str = "zero", fps: float, unit: str = "m"
+) -> tuple[Figure, np.ndarray]:
+    """A signal over its approximation and detail coefficients, each standing at the middle of the frames it sees.
+
+    Args:
+        signal: T values.
+        wavelet, mode: of the transform, as PyWavelets names them.
+        fps: frames per second.
+        unit: of the values.
+    """
+    signal, bank = array(signal), pywt.Wavelet(wavelet)
+    approximation, detail = pywt.dwt(signal, bank, mode)
+    fig, axes = canvas(3, 1, height=4.6, sharex=True)
+    panels = ("approximation", approximation, bank.dec_lo, CYCLE[0]), ("detail", detail, bank.dec_hi, CYCLE[1])
+    axes[0, 0].plot(np.arange(len(signal)) / fps, signal, color=INK)
+    axes[0, 0].set(title=f"signal: {len(signal)} frames", ylabel=unit)
+    for ax, (name, values, taps, colour) in zip(axes[1:, 0], panels, strict=True):
+        _stems(ax, _middles(len(values), np.asarray(taps)) / fps, values, colour)
+        ax.set(title=f"{name}: {len(values)} coefficients, largest {np.abs(values).max():.3g} {unit}", ylabel=unit)
+    axes[2, 0].set_xlabel("time (s)")
+    return fig, axes[:, 0]
+
+
+@style()
+def padding_modes(
+    signal: Float[Array, " T"],
+    *,
+    modes: Sequence[str] = ("zero", "symmetric", "constant", "periodic", "reflect", "smooth"),
+    pad: int = 16,
+    unit: str = "m",
+) -> tuple[Figure, np.ndarray]:
+    """How each extension mode continues a signal beyond its two ends before it is filtered; what goes far leaves the panel.
+
+    Args:
+        signal: T values.
+        modes: as PyWavelets names them.
+        pad: frames added at each end; a filter of l taps asks for l - 1.
+        unit: of the values.
+
+    Raises:
+        ValueError: an unknown mode.
+    """
+    signal, columns = array(signal), min(len(modes), 3)
+    rows = -(-len(modes) // columns)
+    fig, axes = canvas(rows, columns, height=0.5 + 1.5 * rows, sharex=True, sharey=True)
+    inside = np.arange(len(signal))
+    for ax in axes.flat[len(modes) :]:
+        ax.set_visible(False)
+    for ax, mode in zip(axes.flat, modes, strict=False):
+        longer = pywt.pad(signal, pad, mode)
+        for outside in (slice(0, pad + 1), slice(pad + len(signal) - 1, None)):  # periodization makes an odd length even first
+            ax.plot(np.arange(-pad, len(longer) - pad)[outside], longer[outside], color=CYCLE[1], linestyle=(0, (2, 0.8)))
+        ax.plot(inside, signal, color=INK)
+        ax.axvspan(0, len(signal) - 1, color=FAINT, linewidth=0, zorder=0)
+        ax.set_title(mode)
+    low, high = min(signal.min(), 0.0), max(signal.max(), 0.0)
+    room = 0.7 * ((high - low) or 1.0)
+    axes[0, 0].set_ylim(low - room, high + room)
+    for ax in axes[-1]:
+        ax.set_xlabel("frame")
+    for ax in axes[:, 0]:
+        ax.set_ylabel(unit)
+    return fig, axes
+
+
+def _stems(ax: Axes, places: np.ndarray, values: np.ndarray, colour: str) -> None:
+    ax.axhline(0, color=OBSERVED, linewidth=0.8, zorder=1)
+    ax.vlines(places, 0, values, color=colour, linewidth=1.5)
+    ax.plot(places, values, "o", color=colour, markersize=4)
+
+
+def _middles(count: int, taps: np.ndarray) -> np.ndarray:
+    """Frame under the middle of each coefficient's taps, weighted by their squares; c[k] = sum_j taps[j] x[2k+1-j]."""
+    return 2 * np.arange(count) + 1 - np.average(np.arange(len(taps)), weights=taps**2)
+
+
+TILES = {"samples": (16, 1), "Fourier": (1, 16), "short-time Fourier": (4, 4)}  # along time, along frequency
+
+
+@style()
+def same_spectrum(
+    signals: Mapping[str, Float[Array, " T"]], wavelet: str, *, fps: float, level: int = 4, most: float = 6.0, unit: str = "m"
+) -> tuple[Figure, np.ndarray]:
+    """Signals, each with its Fourier magnitude and its wavelet coefficients as tiles: across, when; upwards, how fast.
+
+    Args:
+        signals: name -> T values, a column each; T divisible by 2 to the power of `level`.
+        wavelet: of the tiles; the ends of a signal are joined.
+        fps: samples per second.
+        level: how often the slow half is halved again.
+        most: hertz, up to which the Fourier magnitude is drawn.
+        unit: of the values.
+    """
+    values = {name: array(signal) for name, signal in signals.items()}
+    tiles = {name: pywt.wavedec(signal, wavelet, "periodization", level) for name, signal in values.items()}
+    dark = max(float(np.abs(part).max()) for parts in tiles.values() for part in parts)
+    fig, axes = canvas(3, len(values), height=5.0, sharey="row")
+    for column, (name, signal) in enumerate(values.items()):
+        top, middle, bottom = axes[:, column]
+        seconds = len(signal) / fps
+        top.plot(np.arange(len(signal)) / fps, signal, color=INK)
+        top.set(title=name, xlim=(0, seconds), xlabel="time (s)")
+        hertz = np.fft.rfftfreq(len(signal), 1 / fps)
+        middle.plot(hertz, np.abs(np.fft.rfft(signal)) / fps, color=CYCLE[0])
+        middle.set(xlim=(0, most), xlabel="frequency (Hz)")
+        _tiles(bottom, tiles[name], seconds, dark)
+        bottom.set(xlim=(0, seconds), ylim=(0, level + 1), xlabel="time (s)")
+    edges = [fps / 2 ** (level + 1 - row) for row in range(level + 1)]
+    names = [f"{low:g} to {high:g}" for low, high in zip([0, *edges], edges, strict=False)]
+    axes[2, 0].set_yticks(np.arange(level + 1) + 0.5, names)
+    for ax, label in zip(axes[:, 0], (unit, f"|Fourier| ({unit} s)", "wavelets (Hz)"), strict=True):
+        ax.set_ylabel(label)
+    fig.align_ylabels(axes[:, 0])
+    return fig, axes
+
+
+@style()
+def tilings() -> tuple[Figure, np.ndarray]:
+    """What a number of each kind tells: a tile of time (across) and frequency (upwards); all tiles have the same area."""
+    fig, axes = canvas(1, 4, height=2.2, sharex=True, sharey=True)
+    for ax, (name, (columns, rows)) in zip(axes[0], TILES.items(), strict=False):
+        for row in range(rows):
+            _grid(ax, np.linspace(0, 1, columns + 1), row / rows, (row + 1) / rows)
+        ax.set_title(name)
+    low = 0.0
+    for columns in (1, 1, 2, 4, 8):
+        high = low + columns / 16
+        _grid(axes[0, 3], np.linspace(0, 1, columns + 1), low, high)
+        low = high
+    axes[0, 3].set_title("wavelets")
+    for ax in axes[0]:
+        ax.set(xlim=(0, 1), ylim=(0, 1), xticks=[], yticks=[], xlabel="time")
+        ax.spines[:].set_visible(True)
+    axes[0, 0].set_ylabel("frequency")
+    return fig, axes[0]
+
+
+@style()
+def responses(
+    panels: Mapping[str, tuple[Float[Array, " F"], Float[Array, " F"]]], hertz: Float[Array, " F"], spectrum: Float[Array, " F"]
+) -> tuple[Figure, np.ndarray]:
+    """What the two filters of each wavelet let through, over the spectrum of a movement.
+
+    Args:
+        panels: wavelet -> (|H|, |G|) at each frequency; two panels a row.
+        hertz: the frequencies.
+        spectrum: magnitude of the movement's Fourier transform there; drawn as a grey shape as high as the panel.
+    """
+    hertz, shape = array(hertz), array(spectrum) / array(spectrum).max()
+    rows = -(-len(panels) // 2)
+    fig, axes = canvas(rows, 2, height=0.7 + 1.6 * rows, sharex=True, sharey=True)
+    top = 1.08 * max(float(array(part).max()) for pair in panels.values() for part in pair)
+    for ax, (name, pair) in zip(axes.flat, panels.items(), strict=False):
+        ax.fill_between(hertz, shape * top, color="#c9cdd3", linewidth=0, label="the movement")
+        for part, colour, dashes, label in zip(pair, CYCLE, DASHES, ("|H|, low-pass", "|G|, high-pass"), strict=False):
+            ax.plot(hertz, array(part), color=colour, linestyle=dashes, label=label)
+        ax.axvline(hertz[-1] / 2, color=OBSERVED, linewidth=0.8)
+        ax.set(title=name, xlim=(0, hertz[-1]), ylim=(0, top))
+    for ax in axes[-1]:
+        ax.set_xlabel("frequency (Hz)")
+    fig.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside upper left", ncols=3)
+    return fig, axes
+
+
+@style()
+def cascade(rounds: Sequence[Float[Array, " S"]], *, support: float) -> tuple[Figure, np.ndarray]:
+    """The staircase of each round of the cascade algorithm; its stairs are half as wide as those of the round before.
+
+    Args:
+        rounds: the samples after 0, 1, 2 ... rounds; after j rounds they stand 2^-j apart.
+        support: length of the limit, samples of the signal.
+    """
+    rows = -(-len(rounds) // 3)
+    fig, axes = canvas(rows, 3, height=0.5 + 1.6 * rows, sharex=True, sharey=True)
+    for number, (ax, values) in enumerate(zip(axes.flat, rounds, strict=False)):
+        step = 0.5**number
+        ax.axhline(0, color=OBSERVED, linewidth=0.8)
+        ax.stairs(array(values), np.arange(len(values) + 1) * step, color=CYCLE[0], linewidth=1.5)
+        ax.set(title=f"round {number}", xlim=(-0.2, support + 0.2))
+    for ax in axes[-1]:
+        ax.set_xlabel("position (samples)")
+    return fig, axes
+
+
+def sliding_filter(
+    signal: Float[Array, " T"], wavelet: str, *, mode: str = "zero", alt: str, milliseconds: int = 350, width: int = 600
+) -> Loop:
+    """A low-pass filter that goes over a signal two samples at a time, and the coefficient that each place gives.
+
+    Args:
+        signal: T values.
+        wavelet, mode: of the transform, as PyWavelets names them; the taps below 1e-12 are not drawn.
+        alt: one or two sentences that say what the picture shows to someone who cannot see it.
+        milliseconds: how long each picture stays; the last one stays a second.
+        width: pixels.
+
+    Raises:
+        ValueError: the alternative text is empty.
+    """
+    taps = np.asarray(pywt.Wavelet(wavelet).dec_lo)
+    longer = pywt.pad(array(signal), len(taps) - 1, mode)
+    coefficients = pywt.dwt(array(signal), wavelet, mode)[0]
+    figures = (_slid(longer, taps, coefficients, k, width) for k in range(len(coefficients)))
+    return Loop.of_figures(figures, milliseconds, alt)
+
+
+@style()
+def _slid(longer: np.ndarray, taps: np.ndarray, coefficients: np.ndarray, k: int, width: int) -> Figure:
+    """Coefficient k is made: tap n stands over frame 2k + 1 - n."""
+    fig, axes = canvas(3, 1, height=4.2, sharex=True)
+    fig.set_dpi(width / WIDTH)
+    frames, pad = np.arange(len(longer)) - len(taps) + 1, len(taps) - 1
+    places = 2 * k + 1 - np.arange(len(taps))
+    nonzero = np.abs(taps) > 1e-12
+    top, middle, bottom = axes[:, 0]
+    for ax in axes[:, 0]:
+        ax.axvspan(places.min() - 0.5, places.max() + 0.5, color="#fbe3d3", linewidth=0, zorder=0)
+        ax.axhline(0, color=OBSERVED, linewidth=0.8)
+    top.plot(frames, longer, ".-", color=OBSERVED, linewidth=1)
+    top.plot(frames[pad : len(longer) - pad], longer[pad : len(longer) - pad], ".-", color=INK)
+    middle.vlines(places[nonzero], 0, taps[nonzero], color=CYCLE[1])
+    middle.plot(places[nonzero], taps[nonzero], "o", color=CYCLE[1], markersize=4)
+    centres = 2 * np.arange(len(coefficients)) + 1 - np.average(np.arange(len(taps)), weights=taps**2)
+    bottom.vlines(centres[: k + 1], 0, coefficients[: k + 1], color=CYCLE[0])
+    bottom.plot(centres[k], coefficients[k], "o", color=CYCLE[0])
+    top.set(title="signal and its extension (grey)", xlim=(frames[0] - 1, frames[-1] + 1))
+    middle.set(
+        title="taps of the filter, reversed", ylim=(min(taps.min(), 0) - 0.15 * np.ptp(taps), taps.max() + 0.15 * np.ptp(taps))
+    )
+    edge = 1.15 * float(np.abs(coefficients).max())
+    bottom.set(
+        title=f"their inner product: a[{k}] = {round(float(coefficients[k]), 2) + 0.0:.2f}", ylim=(-edge, edge), xlabel="frame"
+    )
+    return fig
+
+
+def _tiles(ax: Axes, parts: Sequence[np.ndarray], seconds: float, dark: float) -> None:
+    """The slowest part below; each finer one above it has twice as many tiles, of half the width."""
+    for row, part in enumerate(parts):
+        edges = np.linspace(0, seconds, len(part) + 1)
+        ax.pcolormesh(edges, [row, row + 1], np.abs(part)[None], cmap="Greys", vmin=0, vmax=dark, edgecolors=FAINT, linewidth=0.3)
+
+
+def _grid(ax: Axes, edges: np.ndarray, low: float, high: float) -> None:
+    ax.vlines(edges, low, high, color=INK, linewidth=1)
+    ax.hlines([low, high], edges[0], edges[-1], color=INK, linewidth=1)
+
+
+MARKERS = ("D", "o", "s", "^", "v", "P")
+
+
+@style()
+def dots(
+    values: Mapping[str, Mapping[str, float]],
+    *,
+    xlabel: str,
+    log: bool = False,
+    spread: Mapping[str, Mapping[str, float]] | None = None,
+) -> tuple[Figure, Axes]:
+    """A row per name and a mark per series, told apart by colour, shape and a small step downwards.
+
+    Args:
+        values: series -> name -> value; the names of the first series are the rows, from the top, and others may lack some.
+        xlabel: what, and its unit.
+        log: a logarithmic axis, for values over many powers of ten.
+        spread: series -> name -> half length of a bar through the mark.
+    """
+    names = list(next(iter(values.values())))
+    fig, axes = canvas(height=1.0 + (0.24 + 0.06 * len(values)) * len(names))
+    ax, step = axes[0, 0], min(0.2, 0.6 / len(values))
+    for number, (series, row) in enumerate(values.items()):
+        places = np.array([names.index(name) for name in row]) + (number - (len(values) - 1) / 2) * step
+        look = {"color": CYCLE[number % len(CYCLE)], "marker": MARKERS[number % len(MARKERS)], "linestyle": "none"}
+        half = [(spread or {}).get(series, {}).get(name, 0.0) for name in row]
+        ax.errorbar(list(row.values()), places, xerr=half if any(half) else None, label=series, **look)
+    for edge in np.arange(0.5, len(names) - 1):
+        ax.axhline(edge, color=FAINT, linewidth=1, zorder=0)
+    ax.set(yticks=range(len(names)), yticklabels=names, xlabel=xlabel, xscale="log" if log else "linear")
+    ax.set_ylim(len(names) - 0.5, -0.5)
+    ax.tick_params(axis="y", length=0)
+    fig.legend(loc="outside upper left", ncols=3)
+    return fig, ax
+
+
+@style()
+def basis_card(wavelet: str, x: Float[Array, "T C"], *, mode: str = "zero") -> tuple[Figure, np.ndarray]:
+    """All of one basis: scaling function and wavelet, analysis filters, and what they make of a motion.
+
+    Args:
+        wavelet: any discrete PyWavelets wavelet.
+        x: the motion, metres.
+        mode: extension of the motion at its ends.
+
+    Raises:
+        ValueError: unknown wavelet or mode.
+    """
+    motion = torch.as_tensor(array(x), dtype=torch.float64)
+    frames, channels = motion.shape
+    transform = WaveletTransform(frames, channels, wavelet, mode)
+    bank, bands = pywt.Wavelet(wavelet), transform.split(transform(motion))
+    fig, axes = canvas(4, 2, height=7.9)
+    _functions(axes[0], bank)
+    for ax, taps, colour, name in zip(axes[1], (bank.dec_lo, bank.dec_hi), CYCLE, ("low", "high"), strict=False):
+        ax.vlines(np.arange(len(taps)), 0, taps, color=colour)
+        ax.plot(taps, "o", color=colour, markersize=4)
+        ax.axhline(0, color=OBSERVED, linewidth=0.8, zorder=1)
+        ax.set(title=f"{name}-pass: {np.count_nonzero(np.abs(taps) > 1e-12)} of {len(taps)} taps", xlabel="tap")
+        ax.xaxis.set_major_locator(MaxNLocator(integer=True))
+    for ax, name in zip(axes[2:].flat, ("aa", "ad", "da", "dd"), strict=True):
+        band = bands[name].numpy()
+        ax.imshow(band.T, cmap=DIVERGING, vmin=-limit(band), vmax=limit(band), aspect="auto")
+        ax.set_title(f"{name}: largest {significant(limit(band), 2)} m")
+        ax.set_xlabel("row k (time)" if name[0] == "d" else "")
+        ax.spines[:].set_visible(True)
+    for ax in axes[2:, 0]:
+        ax.set_ylabel("column d (joints)")
+    kind = "orthogonal" if bank.orthogonal else "biorthogonal"
+    sizes = " × ".join(map(str, motion.shape)), " × ".join(map(str, transform.shape))
+    fig.suptitle(f"{wavelet} ({kind}, {bank.symmetry}): {sizes[0]} → {sizes[1]}", x=0.01, ha="left", weight="bold")
+    return fig, axes
+
+
+def _functions(axes: np.ndarray, bank: pywt.Wavelet) -> None:
+    """Scaling function and wavelet that analyse; where others rebuild, these are dashed."""
+    *functions, support = bank.wavefun(level=7)
+    note = " (dashed: synthesis)" if len(functions) == 4 else ""
+    for column, (ax, title) in enumerate(zip(axes, ("scaling function φ", "wavelet ψ"), strict=True)):
+        for values, colour, dashes in zip(functions[column::2], (CYCLE[column], CYCLE[4]), DASHES, strict=False):
+            ax.plot(support, values, color=colour, linestyle=dashes)
+        ax.axhline(0, color=OBSERVED, linewidth=0.8, zorder=1)
+        ax.set(title=title + note, xlabel="position (samples)")

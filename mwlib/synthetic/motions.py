@@ -1,0 +1,191 @@
+"""The embedded data set: synthetic people who walk, run, turn, stop and gesture. Licence-free, the same for a given seed.
+
+A clip is a script drawn from a small Markov chain: what the legs do (stand, walk, run, step on the spot), gestures on top, and
+turns of the heading. Every event has a random moment and takes over within a few frames, so one history has several futures.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from jaxtyping import Float
+from scipy.ndimage import gaussian_filter1d
+
+from mwlib.body.motion import Motion
+from mwlib.body.skeleton import H36M17
+from mwlib.synthetic.movements import GESTURES, MARCH, RUN, WALK, gait_pose, gesture_tracks, stand_pose
+from mwlib.synthetic.person import AT, FPS, POSE, SIDES, Body, draw_body, positions_of
+
+GAITS = {"walk": WALK, "run": RUN, "march": MARCH}
+
+
+def _with_gesture(name: str) -> dict[str, str]:
+    """Chain of an action around one gesture, with walking as the other thing that may happen."""
+    return {"stand": f"{name} {name} {name} walk", name: f"stand stand stand {name} walk", "walk": f"stand stand {name}"}
+
+
+_ALL = "stand walk run turn " + " ".join(GESTURES)
+# action -> what is going on -> what may come next, likelier if named more often; a turn or a wave leaves the legs going
+ACTIONS: dict[str, dict[str, str]] = {
+    "walk": {"walk": "walk walk walk veer"},
+    "run": {"stand": "run", "run": "run veer stand walk", "walk": "run stand"},
+    "stop_and_go": {"stand": "walk walk walk run", "walk": "stand stand stand turn", "run": "stand walk"},
+    "turn": {"walk": "turn turn turn stand", "stand": "turn walk", "turn": "walk walk turn"},
+    "wave": _with_gesture("wave"),
+    "sit": _with_gesture("sit"),
+    "jump": _with_gesture("jump"),
+    "pick_up": {**_with_gesture("pick_up"), "stand": "pick_up pick_up reach reach walk", "reach": "stand stand pick_up"},
+    "box": _with_gesture("box"),
+    "kick": _with_gesture("kick"),
+    "direct": {**_with_gesture("direct"), "stand": "direct direct direct turn wave"},
+    "switch": {"stand": _ALL, "walk": _ALL, "run": "stand walk turn"},
+}
+
+
+def synthetic_motions(subjects: int = 8, seconds: float = 6.4, seed: int = 0) -> list[Motion]:
+    """One clip of every action by every subject: articulated, 17 joints (H36M17), metres, z up, 50 Hz, float64.
+
+    Bone lengths are constant within a subject and differ between subjects. The defaults give 96 clips, ten minutes in all.
+    Subjects are named P1, P2, ...; hold some out to test on bodies never seen. A clip depends on the seed, its subject, its
+    action and `seconds` only, not on how many others are made.
+
+    Own choice throughout: the papers use recorded motion, which cannot be redistributed.
+
+    Raises:
+        ValueError: no subjects, or clips shorter than two frames.
+    """
+    if subjects < 1 or seconds * FPS < 2:
+        raise ValueError(f"subjects is {subjects} and seconds {seconds}; expected at least 1 and {2 / FPS}")
+    motions = []
+    for subject in range(subjects):
+        body = draw_body(np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(0, subject))))
+        for number, action in enumerate(ACTIONS):
+            rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(1, subject, number)))
+            name = f"P{subject + 1}"
+            positions = _perform(action, body, int(seconds * FPS), rng)
+            motions.append(Motion(positions, FPS, H36M17, subject=name, action=action, name=f"{name}_{action}"))
+    return motions
+
+
+def smooth_rise(time: Float[np.ndarray, " T"], start: float, seconds: float) -> Float[np.ndarray, " T"]:
+    """0 before start, 1 after start + seconds, with zero slope and curvature at both ends."""
+    share = np.clip((time - start) / seconds, 0.0, 1.0)
+    return share**3 * (10 - 15 * share + 6 * share**2)
+
+
+class _Script:
+    """Poses under construction: every event overlays what it sets on what was going on before."""
+
+    def __init__(self, body: Body, frames: int, rng: np.random.Generator) -> None:
+        self.body, self.rng = body, rng
+        self.time = (np.arange(frames + 2 * MARGIN) - MARGIN) / FPS
+        self.pose = np.tile(stand_pose(), (len(self.time), 1))
+        self.heading = np.full(len(self.time), rng.uniform(-np.pi, np.pi))
+        self.gestures: list[tuple[list[int], np.ndarray, np.ndarray]] = []
+        self.legs, self.since, self.cadence, self.left_stands = "stand", 0.0, 0.0, True
+        self.near = "right" if rng.random() < 0.5 else "left"
+
+    def rise(self, start: float, seconds: float) -> Float[np.ndarray, " T"]:
+        """`smooth_rise` on the clip's own time."""
+        return smooth_rise(self.time, start, seconds)
+
+    def set_legs(self, legs: str, at: float) -> float:
+        """Stand or change gait as soon as a foot swings past the other; returns when that is."""
+        rng, body = self.rng, self.body
+        if self.legs == "stand":
+            self.left_stands = bool(rng.random() < 0.5)
+        else:
+            steps = np.ceil((at - self.since) * 2 * self.cadence)
+            at, self.left_stands = self.since + steps / (2 * self.cadence), self.left_stands ^ bool(steps % 2)
+        if legs == "stand":
+            pose = stand_pose()
+        else:
+            gait, size = GAITS[legs], rng.uniform(0.8, 1.15)
+            self.cadence = gait.cadence * body.pace * np.sqrt(size) * rng.uniform(0.95, 1.05)
+            phase = gait.midstance + (0.0 if self.left_stands else 0.5) + self.cadence * (self.time - at)
+            pose = gait_pose(gait, body, phase, size)
+        self.pose += self.rise(at - 0.05, rng.uniform(0.14, 0.32))[:, None] * (pose - self.pose)
+        self.legs, self.since = legs, at
+        return at
+
+    def turn(self, at: float, degrees: tuple[float, float], seconds: tuple[float, float]) -> float:
+        """Change the heading to either side; someone who stands steps round. Returns when it is done."""
+        angle = np.deg2rad(self.rng.uniform(*degrees)) * self.rng.choice((-1.0, 1.0))
+        lasts = self.rng.uniform(*seconds)
+        stood = self.legs == "stand"
+        if stood:
+            at, lasts = self.set_legs("march", at), lasts + 0.3
+        self.heading += angle * self.rise(at, lasts)
+        return self.set_legs("stand", at + lasts) if stood else at + lasts
+
+    def gesture(self, name: str, at: float) -> float:
+        """Lay a gesture over whatever the legs do, stopping first if it needs the legs; returns when it is over."""
+        gesture, rng = GESTURES[name], self.rng
+        if gesture.whole_body and self.legs != "stand":
+            at = self.set_legs("stand", at) + 0.15
+        self.near = self.near if rng.random() < 0.5 else ("left" if self.near == "right" else "right")
+        lasts = gesture.seconds / self.body.tempo * rng.uniform(0.85, 1.2)
+        entries, values = gesture_tracks(name, self.near, (self.time - at) / lasts)
+        onset = gesture.onset * rng.uniform(0.7, 1.3)
+        weight = self.rise(at - onset / 2, onset) - self.rise(at + lasts - onset, onset * 1.3)
+        self.gestures.append((entries, values * rng.uniform(0.92, 1.05), weight))
+        return at + lasts
+
+    def follow(self, event: str, at: float) -> float:
+        """Let one event begin; returns when the next may."""
+        rng = self.rng
+        if event in GESTURES:
+            return self.gesture(event, at) + rng.uniform(-0.1, 0.3)
+        if event == "turn":
+            return self.turn(at, (45, 140), (0.3, 0.55)) + rng.uniform(0.1, 0.8)
+        if event == "veer":
+            return self.turn(at, (10, 50), (0.8, 1.6)) + rng.uniform(0.0, 0.5)
+        if event == "stand" and self.legs == "stand":
+            return at + rng.uniform(0.2, 1.0)
+        return self.set_legs(event, at) + rng.uniform(0.5, 2.0)
+
+    def finish(self) -> Float[np.ndarray, "T pose"]:
+        """Gestures over legs, then what nobody does on purpose."""
+        pose = self.pose
+        for entries, values, weight in self.gestures:
+            pose[:, entries] += weight[:, None] * (values - pose[:, entries])
+        return involuntary(pose, self.heading, self.body, self.rng)
+
+
+def involuntary(
+    pose: Float[np.ndarray, "T pose"],
+    heading: Float[np.ndarray, " T"],
+    body: Body,
+    rng: np.random.Generator,
+    fps: float = FPS,
+) -> Float[np.ndarray, "T pose"]:
+    """Poses with what nobody does on purpose: a posture, leading with the shoulders into a turn, swaying, trembling."""
+    pose = pose + body.posture
+    turning = np.gradient(heading) * fps
+    for name, share in (("spine_yaw", 0.07), ("spine_roll", 0.02), ("pelvis_roll", 0.01)):
+        pose[:, AT[name]] += share * turning
+    frames = NOISE_FRAMES * fps / FPS
+    noise = gaussian_filter1d(rng.normal(size=pose.shape), frames, axis=0, mode="reflect")
+    noise *= np.sqrt(2 * np.sqrt(np.pi) * frames) * body.liveliness
+    shift = np.deg2rad(1.8) * noise[:, AT["lift"]]  # the weight goes from leg to leg: both tilt the same way
+    pose += NOISE * noise
+    for side, sign in SIDES.items():
+        pose[:, AT[f"{side}_hip_abd"]] += sign * shift
+        for joint in ("knee", "elbow"):
+            pose[:, AT[f"{side}_{joint}"]] = np.maximum(pose[:, AT[f"{side}_{joint}"]], np.deg2rad(2.0))
+    return gaussian_filter1d(pose, 1.2 * fps / FPS, axis=0, mode="nearest")  # rounds the corners left by keys and limits
+
+
+MARGIN = 10  # frames made before and after the clip and cut off, where smoothing has no neighbours
+NOISE_FRAMES = 16.0  # standard deviation of the smoothing: involuntary movement below about half a hertz
+NOISE = np.deg2rad([0.5 if "hip" in name or "knee" in name else 0.0 if name == "lift" else 1.6 for name in POSE])
+
+
+def _perform(action: str, body: Body, frames: int, rng: np.random.Generator) -> Float[np.ndarray, "T joints 3"]:
+    """World positions of one clip, which starts at the origin, amid something already under way."""
+    chain, script = ACTIONS[action], _Script(body, frames, rng)
+    event, at = str(rng.choice(list(chain))), -rng.uniform(0.5, 1.4)
+    while at < frames / FPS:
+        at = script.follow(event, at)
+        event = str(rng.choice(chain.get(event, chain.get(script.legs, "stand")).split()))
+    positions = positions_of(script.finish(), script.heading, body)[MARGIN:-MARGIN]
+    return positions - positions[0, 0] * [1.0, 1.0, 0.0]

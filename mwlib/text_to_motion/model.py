@@ -1,0 +1,229 @@
+"""The denoiser with its text encoder, and the trained model: sentences in, features of motions out."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
+
+import torch
+from jaxtyping import Bool, Float, Int
+from torch import Tensor, nn
+from tqdm import tqdm
+
+from mwlib.data.formats.humanml import FeatureLayout
+from mwlib.data.normalisation import Statistics
+from mwlib.diffusion import Denoise, Step, WindowNoise, alpha_bar, classifier_free, ddim, ddim_indices, posterior_mean, to_eps
+from mwlib.diffusion.samplers import sde_dpm_solver
+from mwlib.networks.matching import UNIT
+from mwlib.networks.mdm import MDM
+from mwlib.networks.text import ClipText, EncodedText, HashedNgrams, TextEncoder, WordTransformer
+from mwlib.networks.unet1d import ConditionalUNet
+from mwlib.text_to_motion.config import Config, ModelConfig
+
+FORGET = 0.02  # share of the words that training hides, so that unknown ones mean something: own choice
+
+
+class TextDenoiser(nn.Module):
+    """(y_t, t, sentences) -> the clean motion.
+
+    Args:
+        cfg: sizes and kinds.
+        features: D.
+        steps: M, of the diffusion.
+        vocabulary: words that the text encoder "words" learns.
+    """
+
+    def __init__(self, cfg: ModelConfig, features: int, steps: int, vocabulary: Sequence[str]) -> None:
+        super().__init__()
+        self.text = make_text(cfg, vocabulary)
+        width = self.text.width
+        if cfg.network == "mdm":
+            self.body: nn.Module = MDM(
+                features, steps, cfg.width, cfg.layers, cfg.heads, cfg.feedforward, cfg.dropout, text_width=width,
+                mask_frames=cfg.mask_frames, frames_per_token=cfg.frames_per_token, attention_dropout=cfg.attention_dropout,
+            )  # fmt: skip
+        else:
+            self.body = ConditionalUNet(
+                features, steps, cfg.width, cfg.multipliers, width, dropout=cfg.dropout, mask_frames=cfg.mask_frames
+            )
+
+    @property
+    def device(self) -> torch.device:
+        """Where the weights are."""
+        return next(self.parameters()).device
+
+    def encode(self, texts: Sequence[str]) -> EncodedText:
+        """Sentences as the denoiser wants them."""
+        return self.text.encode(texts)
+
+    def forward(
+        self,
+        y_t: Float[Tensor, "B T D"],
+        t: Int[Tensor, " B"],
+        mask: Bool[Tensor, "B T"],
+        text: EncodedText | Sequence[str],
+        drop: Bool[Tensor, " B"] | None = None,
+    ) -> Float[Tensor, "B T D"]:
+        """The clean motion, normalised; samples with `drop` do not see their sentence."""
+        encoded = text if isinstance(text, EncodedText) else self.encode(text)
+        return self.body(y_t, t, mask, encoded, drop)
+
+
+def make_text(cfg: ModelConfig, vocabulary: Sequence[str]) -> TextEncoder:
+    """The untrained text encoder that a configuration names; CLIP's weights come from their file.
+
+    CLIP reads 20 tokens for MDM and 75 for the U-Net, which sees the padding, too: as published for each of them.
+
+    Raises:
+        FileNotFoundError, ImportError: as `ClipText`.
+    """
+    if cfg.text == "clip":
+        return ClipText(cfg.clip_folder, longest=75, padded=True) if cfg.network == "unet" else ClipText(cfg.clip_folder)
+    if cfg.text == "ngrams":
+        return HashedNgrams(width=cfg.text_width, layers=cfg.text_layers, heads=cfg.heads, dropout=cfg.dropout)
+    return WordTransformer(vocabulary, cfg.text_width, cfg.text_layers, cfg.heads, cfg.dropout, forget=FORGET)
+
+
+CHUNK = 32  # motions sampled together on a processor
+
+
+class TextToMotion:
+    """A network with what it was trained for, and settings of the sampling.
+
+    Args:
+        net: trained weights (the moving average).
+        statistics: of the features that it was trained on.
+        cfg: of the training; the group `sampling` says how it samples.
+    """
+
+    def __init__(self, net: TextDenoiser, statistics: Statistics, cfg: Config) -> None:
+        self.net, self.statistics, self.cfg = net.eval(), statistics, cfg
+        self.alpha_bar = alpha_bar(cfg.forward.schedule, cfg.forward.steps)
+
+    @classmethod
+    def from_tensors(
+        cls, cfg: Config, weights: Mapping[str, Tensor], learnt: Mapping[str, Tensor], about: Mapping[str, str]
+    ) -> TextToMotion:
+        """The model that a finished training left (see `mwlib.training.read_model`)."""
+        statistics = Statistics.from_tensors(cfg.forward.normalisation, learnt)
+        words = WordTransformer.vocabulary_in(weights, "text.") if cfg.model.text == "words" else ()
+        with torch.random.fork_rng([]):  # initial weights are drawn and thrown away
+            net = TextDenoiser(cfg.model, statistics.layout.width, cfg.forward.steps, words)
+        net.load_state_dict(weights)
+        return cls(net, statistics, cfg)
+
+    @property
+    def layout(self) -> FeatureLayout:
+        """What a row of features means."""
+        return self.statistics.layout
+
+    def to(self, device: torch.device | str) -> TextToMotion:
+        """Move the network."""
+        self.net.to(device)
+        return self
+
+    def with_sampling(self, **changes: Any) -> TextToMotion:
+        """The same model with other settings of the sampling, e.g. ``model.with_sampling(guidance=1.0)``.
+
+        Raises:
+            ValueError: unknown settings, bad values, or settings of the trained model.
+        """
+        if others := [name for name in changes if Config.owners().get(name, "sampling") != "sampling"]:
+            raise ValueError(f"{', '.join(others)} belongs to the trained model; expected settings of the sampling")
+        return TextToMotion(self.net, self.statistics, self.cfg.override(**changes))
+
+    def check(self, texts: Sequence[str], frames: Sequence[int]) -> None:
+        """Refuse sentences and lengths that the model was not made for."""
+        shortest, longest = self.cfg.data.shortest // UNIT * UNIT, self.cfg.data.longest
+        if len(texts) != len(frames) or not texts:
+            raise ValueError(f"{len(frames)} lengths for {len(texts)} sentences; expected one each, and at least one sentence")
+        if empty := [i for i, text in enumerate(texts) if not text.strip()]:
+            raise ValueError(f"sentence {empty[0]} is empty; expected words")
+        if wrong := [n for n in frames if not shortest <= n <= longest]:
+            raise ValueError(
+                f"frames is {wrong[0]}; expected {shortest} to {longest} at {self.layout.fps:g} Hz, as the model was trained"
+            )
+
+    @torch.inference_mode()
+    def sample(
+        self,
+        texts: Sequence[str],
+        frames: Sequence[int],
+        seed: int | None = None,
+        *,
+        ids: Sequence[int] | None = None,
+        progress: bool = False,
+    ) -> list[Float[Tensor, "_ D"]]:
+        """Features of one motion for each sentence, raw, on the CPU.
+
+        Args:
+            texts: sentences.
+            frames: length of each motion at the layout's rate.
+            seed: None = the settings'.
+            ids: identity of each motion (default 0..N-1): its noise depends on seed and identity only.
+            progress: show a bar.
+
+        Raises:
+            ValueError: a length does not fit the model, a sentence is empty, or their numbers differ.
+        """
+        self.check(texts, frames)
+        seed = self.cfg.sampling.sampling_seed if seed is None else seed
+        ids = [*range(len(texts))] if ids is None else [*ids]
+        order = sorted(range(len(texts)), key=lambda i: frames[i])  # like lengths together: less padding
+        found: list[Tensor] = [torch.empty(0)] * len(texts)
+        chunks = [order[first : first + CHUNK] for first in range(0, len(order), CHUNK)]
+        for part in tqdm(chunks, disable=not progress, desc="sampling", unit="chunk"):
+            lengths = [frames[i] for i in part]
+            *_, last = self.steps([texts[i] for i in part], lengths, seed, [ids[i] for i in part])
+            raw = self.statistics.scaled(last.y).raw().cpu()
+            for i, row, n in zip(part, raw, lengths, strict=True):
+                found[i] = row[:n].clone()
+        return found
+
+    def steps(self, texts: Sequence[str], frames: Sequence[int], seed: int, ids: Sequence[int] | None = None) -> Iterator[Step]:
+        """The denoising steps of one batch, normalised features, padded with zeros; the last one's `y` is clean.
+
+        Args:
+            texts, frames, seed, ids: as in `sample`. Wants `torch.inference_mode` around it where no gradient is needed.
+        """
+        self.check(texts, frames)
+        lengths = torch.tensor([*frames])
+        numbers = [*range(len(texts))] if ids is None else ids
+        noise = WindowNoise(seed, numbers, (self.cfg.data.longest, self.layout.width), self.net.device)
+        most = self.cfg.padded or int(lengths.max())
+        mask = (torch.arange(most) < lengths[:, None]).to(self.net.device)
+
+        def draw() -> Tensor:  # so many frames whatever the others' lengths: a motion does not depend on its batch
+            return noise()[:, :most] * mask[..., None]
+
+        return self._steps(self._denoise(texts, mask), draw)
+
+    def _steps(self, denoise: Denoise, draw: Any) -> Iterator[Step]:
+        settings, steps = self.cfg.sampling, self.cfg.forward.steps
+        count = settings.sampling_steps or steps
+        if settings.sampler == "sde_dpm":
+            return sde_dpm_solver(denoise, draw(), self.alpha_bar, count, noise=draw)
+        indices = ddim_indices(steps, count, "trailing")
+        if settings.sampler == "ddim":
+            return ddim(denoise, draw(), self.alpha_bar, indices)
+        return posterior_mean(denoise, draw(), self.alpha_bar, indices, noise=draw)
+
+    def _denoise(self, texts: Sequence[str], mask: Bool[Tensor, "B T"]) -> Denoise:
+        """(y_t, t) -> eps, with classifier-free guidance: y_u + s (y_c - y_u) of clean estimates, in one pass."""
+        size, guided = len(texts), self.cfg.sampling.guidance != 1
+        text = self.net.encode(texts)
+        drop = torch.zeros(size, dtype=torch.bool, device=mask.device)
+        if guided:
+            text = EncodedText(*(part.repeat(2, *[1] * (part.ndim - 1)) for part in text))
+            drop = torch.cat([drop, ~drop])
+
+        def denoise(y: Float[Tensor, "B T D"], t: int) -> Float[Tensor, "B T D"]:
+            both = y.repeat(2, 1, 1) if guided else y
+            steps = torch.full((len(both),), t, device=y.device)
+            y0_hat = self.net(both, steps, mask.repeat(len(both) // size, 1), text, drop)
+            if guided:
+                with_text, without = y0_hat.chunk(2)
+                y0_hat = classifier_free(with_text, without, self.cfg.sampling.guidance, "alg1")
+            return to_eps("y0", y0_hat * mask[..., None], y, self.alpha_bar[t])
+
+        return denoise
