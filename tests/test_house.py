@@ -24,7 +24,7 @@ ROOMS = (
 )  # fmt: skip
 FLOOR = {room: floor for floor, rooms in enumerate(ROOMS) for room in rooms}
 TO_COME = {"hashing", "cli"}
-MOST_LINES, MOST_LINES_OF_A_FUNCTION, MOST_MODULES_OF_A_SYSTEM = 500, 45, 75
+MOST_LINES, MOST_LINES_OF_A_FUNCTION, MOST_MODULES_OF_A_SYSTEM = 500, 45, 80
 NOT_YET = set(
     """
     mwlib.body.correspondence
