@@ -7,6 +7,7 @@ import math
 import warnings
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
+from typing import Self
 
 import numpy as np
 import torch
@@ -200,6 +201,7 @@ def _coins(x: Float[Tensor, "B T C"], share: float, generator: torch.Generator) 
     return (torch.rand((len(x), 1, 1), generator=generator) < share).to(x.device)
 
 
+PARTS, REMEDY = " (history + future)", "longer clips, a smaller history or future, or a smaller fps would do"
 PAIRS = 'Names like left_hand and right_hand, or "left" and "right" in skeleton.json, pair them'
 
 
@@ -241,10 +243,64 @@ class Windows:
 
     def thin(self, count: int) -> Windows:
         """At most `count` windows, spread evenly; 0 keeps all."""
-        if count == 0 or count >= len(self):
+        pick = spread(len(self), count)
+        if len(pick) == len(self):
             return self
-        pick = torch.linspace(0, len(self) - 1, count, dtype=torch.float64).round().long()
         return Windows(self.x[pick], self.clip[pick], self.start[pick], self.history, self.motions)
+
+
+def spread(size: int, count: int) -> Int[Tensor, " n"]:
+    """At most `count` of the numbers below `size`, spread evenly; 0 keeps all."""
+    if count == 0 or count >= size:
+        return torch.arange(size)
+    return torch.linspace(0, size - 1, count, dtype=torch.float64).round().long()
+
+
+class JoinedClips:
+    """Clips laid end to end, so that any number of windows is one look-up.
+
+    Args:
+        clips: the frames of each clip, (frames, C).
+    """
+
+    def __init__(self, clips: Sequence[Float[Tensor, "_ C"]]) -> None:
+        self.flat = torch.cat(list(clips))
+        self.lengths = torch.tensor([len(clip) for clip in clips])
+        self.first = self.lengths.cumsum(0) - self.lengths
+
+    def to(self, device: torch.device | str) -> Self:
+        """Move the frames; windows are taken where they are."""
+        self.flat = self.flat.to(device)
+        return self
+
+    def take(self, clip: Int[Tensor, " N"], start: Int[Tensor, " N"], frames: int) -> Float[Tensor, "N frames C"]:
+        """The frames from `start` of these clips on; beyond a clip's end come those of the next one."""
+        index = (self.first[clip] + start)[:, None] + torch.arange(frames)
+        return self.flat[index.clamp_max(len(self.flat) - 1).to(self.flat.device)]
+
+    def starts(self, frames: int, stride: int = 1) -> tuple[Int[Tensor, " N"], Int[Tensor, " N"]]:
+        """Clip and first frame of every window, clip by clip: 0, stride, 2 stride, ... < L - T.
+
+        A clip of exactly T frames has none, as in the protocols of DLow, HumanMAC and LaFAN1.
+        """
+        starts = [torch.arange(0, max(length - frames, 0), stride) for length in self.lengths.tolist()]
+        return torch.repeat_interleave(torch.tensor([len(s) for s in starts])), torch.cat(starts)
+
+    def require(self, frames: int, *, kind: str = "clip", parts: str = "", remedy: str) -> None:
+        """Refuse clips that give no window of so many frames.
+
+        Args:
+            frames: T.
+            kind: of clip, in the message.
+            parts: what the frames are made of, in the message: " (history + future)".
+            remedy: which settings to change, in the message.
+
+        Raises:
+            ValueError: no clip is longer than `frames`.
+        """
+        longest = int(self.lengths.max())
+        if longest <= frames:
+            raise ValueError(f"no {kind} is longer than {frames} frames{parts}; the longest has {longest}; {remedy}")
 
 
 def windows(motions: Sequence[Motion], history: int, future: int, stride: int) -> Windows:
@@ -266,34 +322,21 @@ def windows(motions: Sequence[Motion], history: int, future: int, stride: int) -
     >>> cut.x.shape, cut.x_history.shape, cut.start.tolist()
     (torch.Size([2, 40, 48]), torch.Size([2, 10, 48]), [0, 10])
     """
-    flat, offset, lengths = _flatten(motions)
-    frames = history + future
-    starts = [np.arange(0, max(n - frames, 0), stride) for n in lengths]
-    clip = np.repeat(np.arange(len(motions)), [len(s) for s in starts])
-    start = np.concatenate(starts)
-    if len(start) == 0:
-        raise ValueError(_none_longer("clip", motions, frames))
-    index = (offset[clip] + start)[:, None] + np.arange(frames)
-    return Windows(flat[torch.from_numpy(index)], torch.from_numpy(clip), torch.from_numpy(start), history, motions)
+    clips, frames = _joined(motions), history + future
+    clips.require(frames, parts=PARTS, remedy=REMEDY)
+    clip, start = clips.starts(frames, stride)
+    return Windows(clips.take(clip, start, frames), clip, start, history, motions)
 
 
-def _flatten(motions: Sequence[Motion]) -> tuple[Tensor, np.ndarray, list[int]]:
-    """All frames of all clips in one (frames, C) tensor, and where each clip begins."""
+def _joined(motions: Sequence[Motion]) -> JoinedClips:
+    """Root-relative clips of one kind of body."""
     Bodies.of(motions)
-    lengths = [len(m) for m in motions]
-    flat = torch.from_numpy(np.concatenate([m.root_relative() for m in motions]).astype(np.float32))
-    return flat, np.concatenate([[0], np.cumsum(lengths)[:-1]]), lengths
+    return JoinedClips([torch.from_numpy(m.root_relative().astype(np.float32)) for m in motions])
 
 
 def too_short(motions: Sequence[Motion], frames: int) -> list[Motion]:
     """Clips that give no window of this many frames (see `windows`)."""
     return [m for m in motions if len(m) <= frames]
-
-
-def _none_longer(what: str, motions: Sequence[Motion], frames: int) -> str:
-    longest = max(map(len, motions), default=0)
-    remedy = "longer clips, a smaller history or future, or a smaller fps would do"
-    return f"no {what} is longer than {frames} frames (history + future); the longest has {longest}; {remedy}"
 
 
 class TrainingWindows:
@@ -322,35 +365,33 @@ class TrainingWindows:
         self, motions: Sequence[Motion], frames: int, sampling: str, augment: str, variation: Variation | None = None
     ) -> None:
         self.variation = variation or Variation()
-        long_enough = [m for m in self.variation.clips(motions) if len(m) > frames]
-        if not long_enough:
-            raise ValueError(_none_longer("training clip", motions, frames))
-        flat, offset, lengths = _flatten(long_enough)
+        played = self.variation.clips(motions)
+        long_enough = [m for m in played if len(m) > frames]
+        self.clips = _joined(long_enough or played)
+        self.clips.require(frames, kind="training clip", parts=PARTS, remedy=REMEDY)
         self.frames, self.augment = frames, augment
         if augment == "heading_mirror" and (reason := unmirrored(long_enough)):
             warnings.warn(f"training does not mirror: {reason}. {PAIRS}", stacklevel=2)
             self.augment = "heading"
-        self.flat = flat
         skeleton = long_enough[0].skeleton
         self.skeleton, self.mirror = skeleton, torch.from_numpy(skeleton.mirror[1:] - 1)
         self.up = long_enough[0].up
         self.level = [0, 3 - AXES[self.up]]  # the two horizontal axes
-        self.first = torch.from_numpy(np.concatenate([o + np.arange(n - frames) for o, n in zip(offset, lengths, strict=True)]))
+        self.clip, self.start = self.clips.starts(frames)
         self.weight = torch.from_numpy(_subject_action_weights(long_enough, frames)) if sampling == "subject_action" else None
 
     def to(self, device: torch.device | str) -> TrainingWindows:
         """Move the motions; windows are drawn where they are."""
-        self.flat, self.mirror = self.flat.to(device), self.mirror.to(device)
+        self.clips, self.mirror = self.clips.to(device), self.mirror.to(device)
         return self
 
     def draw(self, batch: int, generator: torch.Generator) -> Float[Tensor, "B T C"]:
         """A batch of augmented windows."""
         if self.weight is None:
-            pick = torch.randint(len(self.first), (batch,), generator=generator)
+            pick = torch.randint(len(self.start), (batch,), generator=generator)
         else:
             pick = torch.multinomial(self.weight, batch, replacement=True, generator=generator)
-        index = self.first[pick][:, None] + torch.arange(self.frames)
-        x = self.flat[index.to(self.flat.device)]
+        x = self.clips.take(self.clip[pick], self.start[pick], self.frames)
         x = x if self.augment == "none" else self._augment(x, generator)
         return self.variation(x, self.skeleton, self.up, generator)
 

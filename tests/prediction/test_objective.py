@@ -103,7 +103,7 @@ def test_noise_steps_are_drawn_from_one_to_the_last_but_never_zero():
 def test_only_the_training_people_are_trained_on():
     people = two_people()
     objective = PredictionObjective.of_split(small(), people)
-    assert len(objective.windows.flat) == sum(len(m) for m in people.train)
+    assert len(objective.windows.clips.flat) == sum(len(m) for m in people.train)
     assert torch.equal(objective.held_out, windows(people.validation, 6, 14, small().windows.test_stride).x)
     alone = PredictionObjective(small(), people.train).learnt()
     assert all(torch.equal(tensor, alone[name]) for name, tensor in objective.learnt().items())

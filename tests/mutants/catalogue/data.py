@@ -5,11 +5,11 @@ from tests.mutants.mutant import of
 MUTANTS = [
     *of(
         "data/windows.py", "data/test_windowing.py",
-        ("one-window-too-many", "np.arange(0, max(n - frames, 0), stride)", "np.arange(0, max(n - frames + 1, 0), stride)"),
-        ("stride-ignored", "np.arange(0, max(n - frames, 0), stride)", "np.arange(0, max(n - frames, 0))"),
-        ("thinning-takes-the-first", "torch.linspace(0, len(self) - 1, count", "torch.linspace(0, count - 1, count"),
+        ("one-window-too-many", "max(length - frames, 0), stride)", "max(length - frames + 1, 0), stride)"),
+        ("stride-ignored", "max(length - frames, 0), stride)", "max(length - frames, 0))"),
+        ("thinning-takes-the-first", "torch.linspace(0, size - 1, count", "torch.linspace(0, count - 1, count"),
         ("history-one-frame-long", "return self.x[:, : self.history]", "return self.x[:, : self.history + 1]"),
-        ("last-window-never-drawn", "o + np.arange(n - frames) for", "o + np.arange(max(n - frames - 1, 1)) for"),
+        ("last-window-never-drawn", "self.start = self.clips.starts(frames)", "self.start = self.clips.starts(frames + 1)"),
         ("mirrored-without-exchange", "other = turned[:, :, self.mirror]", "other = turned.clone()"),
         ("exchanged-without-mirroring", "other[..., a] *= -1", "other[..., a] *= 1"),
         ("always-mirrored", "torch.where(coins[1][..., None], other, turned)", "other"),
