@@ -10,7 +10,7 @@ import types
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, fields, replace
 from pathlib import Path
-from typing import Annotated, Any, ClassVar, Literal, Self, get_args, get_origin, get_type_hints
+from typing import Annotated, Any, ClassVar, Literal, Self, TypeVar, get_args, get_origin, get_type_hints
 
 import yaml
 from annotated_types import Ge, Gt, Interval
@@ -21,6 +21,10 @@ Share = Annotated[float, Interval(ge=0, le=1)]
 BelowOne = Annotated[float, Interval(ge=0, lt=1)]
 Positive = Annotated[float, Gt(0)]
 NotNegative = Annotated[float, Ge(0)]
+
+ADVANCED = "advanced"  # marks a field that no preset, grid or chapter changes
+Field = TypeVar("Field")
+Advanced = Annotated[Field, ADVANCED]  # ``lr_period: Advanced[Count] = 15_620``: offered last
 
 
 @dataclass(frozen=True)
@@ -67,6 +71,12 @@ class Settings:
     def owners(cls) -> dict[str, str]:
         """Field name -> the group it belongs to."""
         return {item.name: group for group, kind in cls.groups().items() for item in fields(kind)}
+
+    @classmethod
+    def advanced(cls) -> set[str]:
+        """Names of the fields that are marked `Advanced`."""
+        hints = [get_type_hints(kind, include_extras=True) for kind in cls.groups().values()]
+        return {name for group in hints for name, hint in group.items() if ADVANCED in get_args(hint)}
 
     @classmethod
     def preset(cls, name: str, **changes: Any) -> Self:

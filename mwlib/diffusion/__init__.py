@@ -14,7 +14,7 @@ from mwlib.diffusion.conditioning import (
     with_keyframes,
 )
 from mwlib.diffusion.config import DiffusionConfig
-from mwlib.diffusion.process import alpha_bar, ddim_indices, eps_of, network_target, noised, to_eps, y0_hat_of
+from mwlib.diffusion.process import alpha_bar, ddim_indices, eps_of, network_target, noised, snr_weights, to_eps, y0_hat_of
 from mwlib.diffusion.samplers import (
     AfterStep,
     Denoise,
@@ -32,5 +32,5 @@ __all__ = [
     "AfterStep", "Denoise", "DiffusionConfig", "KeyframeConfig", "Mask", "OnEstimate", "Step", "WindowNoise", "alpha_bar",
     "classifier_free", "ddim", "ddim_indices", "dpm_solver", "eps_of", "history_completion", "karras_levels", "keyframe_mask",
     "keyframe_steps", "keyframed", "masked", "network_target", "noised", "pasted", "posterior_mean", "reconstruction_guided",
-    "sde_dpm_solver", "to_eps", "with_keyframes", "y0_hat_of",
+    "sde_dpm_solver", "snr_weights", "to_eps", "with_keyframes", "y0_hat_of",
 ]  # fmt: skip

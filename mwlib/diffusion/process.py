@@ -55,6 +55,16 @@ def alpha_bar(kind: str, steps: int) -> Float[Tensor, " steps"]:
     return torch.cumprod(1 - beta.clamp(0, 0.999), dim=0)
 
 
+# Hang et al. 2023, "min-SNR": 5 above. Own choice below: what a window becomes is decided where there is little signal, and
+# an error there must not count for nothing.
+SNR_BOUNDS = 0.05, 5.0
+
+
+def snr_weights(alpha_bar: Float[Tensor, " steps"]) -> Float[Tensor, " steps"]:
+    """Weights of a loss by noise level, float32: signal over noise, bounded (see SNR_BOUNDS)."""
+    return (alpha_bar / (1 - alpha_bar)).clamp(*SNR_BOUNDS).float()
+
+
 def ddim_indices(steps: int, subset: int, spacing: str = "leading") -> list[int]:
     """The retained diffusion indices, falling.
 

@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 from typing import Literal
 
-from mwlib.settings import Count, Natural, NotNegative, Positive, Share
+from mwlib.settings import Advanced, Count, Natural, NotNegative, Positive, Share
 
 
 @dataclass(frozen=True)
@@ -20,12 +20,12 @@ class TrainingConfig:
     lr_schedule: Literal["constant", "multistep", "cosine_restarts", "cosine"] = "multistep"  # see learning_rate
     lr_milestones: tuple[int, ...] = (93_720, 140_580, 187_440, 234_300)  # steps after which "multistep" multiplies by lr_gamma
     lr_gamma: Positive = 0.2  # that factor; of "cosine_restarts", the factor from peak to peak
-    lr_period: Count = 15_620  # steps between cosine restarts
+    lr_period: Advanced[Count] = 15_620  # steps between cosine restarts
     warmup: Natural = 0  # steps of linear warm-up
     ema: Share = 0.995  # decay of the moving average of the weights
     ema_start: Natural = 2000  # copy the weights until this step
     clip_gradient: NotNegative = 0.0  # largest norm of the gradient; 0 = no limit
-    mixed_precision: Literal["no", "fp16", "bf16"] = "no"  # of the network's products
+    mixed_precision: Advanced[Literal["no", "fp16", "bf16"]] = "no"  # of the network's products
     checkpoint_every: Count = 5000  # steps
     seed: Natural = 0  # of the weights, batches, noise and dropout
 

@@ -49,8 +49,14 @@ class Objective(ABC):
     def to(self, device: torch.device) -> None:  # noqa: B027  (nothing to move is a fair answer)
         """Move what `draw` and `loss` use; the loop moves the network."""
 
+    @torch.inference_mode()
     def validate(self, network: nn.Module) -> float | None:
-        """Loss of the averaged network on data held out for it; None if there are none."""
+        """`held_out_loss` of the averaged network, without dropout; its noise is the same every time."""
+        with seeded(7, 7) as generator:
+            return self.held_out_loss(network.eval(), generator)
+
+    def held_out_loss(self, network: nn.Module, generator: torch.Generator) -> float | None:
+        """Loss on data held out for it; None if there are none."""
         return None
 
     def learnt(self) -> dict[str, Tensor]:

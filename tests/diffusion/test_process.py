@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 import torch
 
-from mwlib.diffusion import alpha_bar, eps_of, network_target, noised, to_eps, y0_hat_of
+from mwlib.diffusion import alpha_bar, eps_of, network_target, noised, snr_weights, to_eps, y0_hat_of
 
 A_BAR = alpha_bar("cosine", 1000)
 
@@ -32,3 +32,7 @@ def test_every_parametrisation_says_the_same(kind, generator):
 def test_unknown_prediction(say):
     with pytest.raises(ValueError, match="'x'"):
         say("x", torch.ones(1), torch.ones(1), 0.5)
+
+
+def test_weights_by_signal_over_noise_are_bounded_at_both_ends():
+    assert snr_weights(torch.tensor([0.99, 0.5, 0.001], dtype=torch.float64)).tolist() == pytest.approx([5.0, 1.0, 0.05])

@@ -15,6 +15,8 @@ MUTANTS = [
         ("noise-and-signal-exchanged", "return _like(a.sqrt(), like), _like((1 - a).sqrt(), like)",
          "return _like((1 - a).sqrt(), like), _like(a.sqrt(), like)", "diffusion/test_masks.py"),
         ("v-with-the-other-sign", "return signal * eps - noise * y", "return signal * eps + noise * y"),
+        ("levels-without-bounds", "(alpha_bar / (1 - alpha_bar)).clamp(*SNR_BOUNDS)", "(alpha_bar / (1 - alpha_bar))"),
+        ("no-lower-bound-of-the-level-weights", "SNR_BOUNDS = 0.05, 5.0", "SNR_BOUNDS = 0.0, 5.0"),
         ("v-read-with-the-other-sign", "return signal * output + noise * y_t", "return signal * output - noise * y_t"),
     ),
     *of(

@@ -48,4 +48,18 @@ MUTANTS = [
         ("seeds-the-callers-noise", "if torch.cuda.is_available() else []):",
          "if torch.cuda.is_available() else [], enabled=False):"),
     ),
+    *of(
+        "training/model.py", "training/test_model.py",
+        ("settings-of-the-copy-for-both", "other = copy.copy(self)", "other = self"),
+        ("the-trained-model-changes", "if owners[name] not in self.sampling_groups", "if False"),
+        ("no-sample-is-a-sample", "if samples < 1:", "if samples < 0:"),
+        ("identities-of-other-windows", "if len(ids) != count:", "if len(ids) > count:"),
+        ("a-chunk-overlaps-the-next", "yield slice(first, first + size)", "yield slice(first, first + size + 1)"),
+        ("new-networks-draw", "with torch.random.fork_rng([]):", "if True:"),
+        ("the-network-in-training", "self.net: Any = net.eval()", "self.net: Any = net"),
+    ),
+    *of(
+        "training/loop.py", "training/test_model.py",
+        ("held-out-noise-of-each-time", "with seeded(7, 7) as", "with seeded(int(torch.randint(9999, ()))) as"),
+    ),
 ]  # fmt: skip

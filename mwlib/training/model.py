@@ -1,0 +1,96 @@
+"""The base of trained models: a network with the configuration that it was trained with, and settings of the sampling."""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from typing import Any, ClassVar, TypeVar
+
+import torch
+from torch import Tensor, nn
+from tqdm import tqdm
+
+from mwlib.settings import Settings
+
+Network = TypeVar("Network", bound=nn.Module)
+Model = TypeVar("Model", bound="TrainedModel")
+
+
+class TrainedModel:
+    """A trained network, its configuration, and the settings that it samples with.
+
+    Args:
+        net: trained weights (the moving average).
+        cfg: of the training; its group `sampling` says how the model samples.
+    """
+
+    sampling_groups: ClassVar[tuple[str, ...]] = ("sampling",)  # groups of settings that `with_sampling` changes
+
+    def __init__(self, net: nn.Module, cfg: Settings) -> None:
+        self.net: Any = net.eval()
+        self.cfg: Any = cfg
+
+    @property
+    def sampling(self) -> Any:
+        """The settings of the sampling."""
+        return self.cfg.sampling
+
+    @property
+    def device(self) -> torch.device:
+        """Where the network lives."""
+        return next(self.net.parameters()).device
+
+    def to(self: Model, device: torch.device | str) -> Model:
+        """Move the network."""
+        self.net.to(device)
+        return self
+
+    def with_sampling(self: Model, **changes: Any) -> Model:
+        """The same model with other settings of the sampling, e.g. ``model.with_sampling(samples=5)``.
+
+        Raises:
+            ValueError: unknown settings, bad values, or settings that the trained model depends on.
+        """
+        cfg, owners = self.cfg.override(**changes), self.cfg.owners()
+        if others := [name for name in changes if owners[name] not in self.sampling_groups]:
+            raise ValueError(f"{', '.join(others)} belongs to the trained model; expected settings of the sampling")
+        other = copy.copy(self)
+        other.cfg = cfg
+        return other
+
+    def asked(self, samples: int | None, seed: int | None) -> tuple[int, int]:
+        """How many samples and which seed of the noise: as given, or as the settings say.
+
+        Raises:
+            ValueError: no sample is asked for.
+        """
+        samples = self.sampling.samples if samples is None else samples
+        if samples < 1:
+            raise ValueError(f"samples is {samples}; expected at least 1")
+        return samples, self.sampling.sampling_seed if seed is None else seed
+
+
+def identities(window_ids: Sequence[int] | None, count: int) -> list[int]:
+    """The identity of each window, on which its noise depends: as given, or 0..N-1.
+
+    Raises:
+        ValueError: there are more or fewer than windows.
+    """
+    ids = list(range(count)) if window_ids is None else list(window_ids)
+    if len(ids) != count:
+        raise ValueError(f"window_ids has {len(ids)} entries for {count} windows; expected one each")
+    return ids
+
+
+def chunks(count: int, size: int, progress: bool = False) -> Iterator[slice]:
+    """Slices of `size` that cover `count` windows in order, under a bar on stderr."""
+    for first in tqdm(range(0, count, size), disable=not progress, desc="sampling", unit="chunk"):
+        yield slice(first, first + size)
+
+
+def with_weights(make: Callable[[], Network], weights: Mapping[str, Tensor]) -> Network:
+    """A new network with these weights; the caller's randomness is left alone."""
+    with torch.random.fork_rng([]):  # initial weights are drawn and thrown away
+        network = make()
+    network.load_state_dict(weights)
+    return network
