@@ -38,7 +38,7 @@ WITH_EXAMPLE = """
     mwlib.metrics.prediction.fde mwlib.metrics.prediction.mmade mwlib.metrics.prediction.mmfde mwlib.metrics.prediction.cmd
     mwlib.metrics.prediction.step_length mwlib.metrics.prediction.bone_length_jitter mwlib.metrics.prediction.apde
     mwlib.metrics.inbetweening.l2p mwlib.metrics.inbetweening.l2q mwlib.metrics.inbetweening.NPSS mwlib.metrics.inbetweening.npss
-    mwlib.metrics.table.MetricTable mwlib.metrics.text.fid mwlib.metrics.text.r_precision
+    mwlib.metrics.evaluation.MetricTable mwlib.metrics.text.fid mwlib.metrics.text.r_precision
     mwlib.metrics.prediction.multimodal_futures mwlib.metrics.prediction.multimodal_apd
     mwlib.metrics.table.Column mwlib.prediction.baselines.zero_velocity
     mwlib.prediction.baselines.constant_velocity mwlib.prediction.baselines.NearestHistory

@@ -6,8 +6,9 @@ Euclidean norm of its C = 3J values, not a mean over joints: with 16 joints, num
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Sequence
+from collections.abc import Callable, Hashable, Sequence
 from dataclasses import dataclass
+from typing import Any, NamedTuple
 
 import torch
 from jaxtyping import Float, Int
@@ -15,6 +16,12 @@ from torch import Tensor
 
 from mwlib.body.kinematics import bones_of
 from mwlib.body.skeleton import Skeleton
+from mwlib.metrics.table import Column
+
+__all__ = [
+    "MultimodalFutures", "ade", "apd", "apde", "bone_length_jitter", "cmd", "fde", "mean_ade", "mmade", "mmfde", "multimodal_apd",
+    "multimodal_futures", "sample_ade", "step_length",
+]  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -352,3 +359,35 @@ def check_shapes(p: Tensor, g: Tensor | None = None, *, windows: Tensor | None =
     check_finite("p", p, windows)
     if g is not None:
         check_finite("g", g, windows)
+
+
+class Predictions(NamedTuple):
+    """Predictions of some windows, and what a metric may compare them with."""
+
+    p: Float[Tensor, "n S F C"]
+    g: Float[Tensor, "n F C"]
+    sets: MultimodalFutures
+    skeleton: Any  # a Skeleton, or None; `Metric.fits` has seen it
+    fps: float  # 0 = unknown
+
+
+class Metric(NamedTuple):
+    """A metric of a test set: its column, its function, and whether futures of (frames, fps, skeleton) have it."""
+
+    column: Column
+    of: Callable[[Predictions], Tensor]
+    fits: Callable[[int, float, Skeleton | None], bool] = lambda frames, fps, skeleton: True
+
+
+ERRORS = {
+    "apd": Metric(Column("APD"), lambda w: apd(w.p)),
+    "ade": Metric(Column("ADE", "lower"), lambda w: ade(w.p, w.g)),
+    "fde": Metric(Column("FDE", "lower"), lambda w: fde(w.p, w.g)),
+    "mmade": Metric(Column("MMADE", "lower"), lambda w: mmade(w.p, w.sets)),
+    "mmfde": Metric(Column("MMFDE", "lower"), lambda w: mmfde(w.p, w.sets)),
+    "bone_length_jitter": Metric(
+        Column("bone jitter (mm)", scale=1000.0),
+        lambda w: bone_length_jitter(w.p, w.skeleton),
+        lambda frames, fps, skeleton: skeleton is not None,
+    ),
+}

@@ -12,7 +12,10 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from mwlib.metrics.prediction import check_shapes, fde
+from mwlib.metrics.prediction import Metric, Predictions, check_shapes, fde
+from mwlib.metrics.table import Column
+
+__all__ = ["coverage", "error_at", "jerk", "pose_change", "speed"]
 
 SPEED_SECONDS = 0.2  # speeds over shorter times measure a recording's noise
 HORIZONS = (0.2, 0.4, 1.0)  # seconds ahead at which errors are reported beside FDE
@@ -108,22 +111,28 @@ def coverage(p: Float[Tensor, "N S F C"], g: Float[Tensor, "N F C"], share: floa
     return inside.mean((1, 2))
 
 
-def motion_metrics(frames: int, fps: float) -> dict[str, Callable[[Tensor, Tensor], Tensor]]:
-    """By name those metrics of this module that futures of so many frames are long enough for: functions of p and g."""
-    found: dict[str, Callable[[Tensor, Tensor], Tensor]] = {}
-    if frames > _step(fps):
-        found["speed"] = lambda p, g: speed(p, fps)
-    found["pose_change"] = lambda p, g: pose_change(p)
-    if frames > 3:
-        found["jerk"] = lambda p, g: jerk(p, fps)
-    for seconds in HORIZONS:
-        if 1 <= round(seconds * fps) <= frames:
-            found[f"error_{seconds:g}s"] = lambda p, g, seconds=seconds: error_at(p, g, fps, seconds)
-    for share in BANDS:
-        found[f"coverage_{share:g}"] = lambda p, g, share=share: coverage(p, g, share)
-    return found
-
-
 def _step(fps: float) -> int:
     """Frames over which speed is measured."""
     return max(round(SPEED_SECONDS * fps), 1)
+
+
+def _timed(heading: str, of: Callable[[Predictions], Tensor], fewest: Callable[[float], int], better: str = "") -> Metric:
+    """A metric of futures at a known rate that have so many frames or more; 0: such a rate has none."""
+    return Metric(Column(heading, better), of, lambda frames, fps, _: fps > 0 and 1 <= fewest(fps) <= frames)
+
+
+REALISM = {
+    "speed": _timed("speed (m/s)", lambda w: speed(w.p, w.fps), lambda fps: _step(fps) + 1),
+    "pose_change": _timed("change of pose (m)", lambda w: pose_change(w.p), lambda _: 1),
+    "jerk": _timed("jerk (m/s³)", lambda w: jerk(w.p, w.fps), lambda _: 4),
+    **{
+        f"error_{s:g}s": _timed(
+            f"error at {s:g} s", lambda w, s=s: error_at(w.p, w.g, w.fps, s), lambda fps, s=s: round(s * fps), "lower"
+        )
+        for s in HORIZONS
+    },
+    **{
+        f"coverage_{share:g}": _timed(f"inside {100 * share:g} %", lambda w, share=share: coverage(w.p, w.g, share), lambda _: 1)
+        for share in BANDS
+    },
+}

@@ -1,30 +1,18 @@
-"""Tables of metrics: columns, standard errors clustered by clip, and the streamed evaluation of a test set."""
+"""Tables of metrics: columns, standard errors clustered by clip, and the summary of an evaluation."""
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Sequence
-from typing import NamedTuple
+from collections.abc import Hashable, Mapping, Sequence
+from types import MappingProxyType
+from typing import Any, NamedTuple
 
 import numpy as np
-import torch
-from jaxtyping import Float, Int
+from jaxtyping import Float
 from torch import Tensor
 
-from mwlib.body.skeleton import Skeleton
-from mwlib.metrics.prediction import (
-    MultimodalFutures,
-    ade,
-    apd,
-    bone_length_jitter,
-    by_action,
-    check_shapes,
-    cmd,
-    fde,
-    mmade,
-    mmfde,
-    step_length,
-)
-from mwlib.metrics.realism import motion_metrics
+__all__ = ["Column", "clustered_error", "summary"]
+
+NOTHING: Mapping[str, float] = MappingProxyType({})
 
 
 class Column(NamedTuple):
@@ -76,103 +64,30 @@ def clustered_error(values: Float[np.ndarray, " N"], clusters: Sequence[Hashable
     return float(np.sqrt(len(names) / (len(names) - 1) * (totals**2).sum()) / len(found))
 
 
-MM_SINGLETONS = ("keep", "skip_all", "skip_mm")
-
-
-class MetricTable:
-    """Metrics of a test set that is too big to hold at once: feed chunks of windows, then ask for the summary.
+def summary(
+    values: Mapping[str, Float[Tensor, " N"]],
+    clips: Sequence[Hashable],
+    mean: Mapping[str, float] = NOTHING,
+    standard_error: Mapping[str, float] = NOTHING,
+) -> dict[str, Any]:
+    """What every system's `evaluate` gives, in plain numbers, ready for JSON.
 
     Args:
-        gs: multimodal sets of all N windows of the test set, from `multimodal_futures` or a list of tensors.
-        actions: class of each window, for the table per action and for CMD; None: one class.
-        skeleton: if given, `bone_length_jitter` is reported too.
-        fps: if given, so are `speed`, `pose_change` and `jerk`, and the errors 0.2, 0.4 and 1 s ahead ("error_0.2s", ...), as far
-            as the futures are long enough for them.
+        values: by metric one number for each window, float64; NaN where it was not measured.
         clips: where each window comes from; windows of one clip are not independent.
-        mm_singletons: what becomes of windows whose set holds only themselves: "keep" (DLow, HumanMAC, BeLFusion; the
-            default, as MotionWavelet follows HumanMAC), "skip_all": left out of every number (GSPS, STARS),
-            "skip_mm": left out of MMADE and MMFDE only (CoMusion).
+        mean, standard_error: of metrics of the whole set, and what is to stand in place of the means and errors over windows.
 
-    `values` maps each metric to (N,) float64, NaN where a window has not been fed yet. Numbers depend neither on the
-    size nor on the order of the chunks; windows that were never fed do not count, their futures still serve as neighbours.
+    Returns:
+        "mean" and "standard_error" (see `clustered_error`) by metric, "windows", their number, "values" by metric, and "clips".
+        NaN where there is nothing to average.
 
-    Raises:
-        ValueError: an argument does not fit the others, a window is fed twice, or a prediction is not finite.
-
-    >>> g = torch.zeros(3, 2, 3)
-    >>> table = MetricTable([g[i : i + 1] for i in range(3)])
-    >>> table.update(torch.ones(2, 4, 2, 3), g[:2], windows=[0, 1])
-    >>> summary = table.summary()
-    >>> summary["windows"]["ade"], round(summary["mean"]["ade"], 3)
-    (2, 1.732)
+    >>> summary({"ade": torch.tensor([0.0, 1.0, 2.0], dtype=torch.float64)}, "aab", mean={"npss": 0.5})["mean"]
+    {'ade': 1.0, 'npss': 0.5}
     """
-
-    def __init__(
-        self,
-        gs: Sequence[Float[Tensor, "_M F C"]],
-        actions: Sequence[Hashable] | None = None,
-        skeleton: Skeleton | None = None,
-        mm_singletons: str = "keep",
-        fps: float | None = None,
-        clips: Sequence[Hashable] | None = None,
-    ) -> None:
-        if mm_singletons not in MM_SINGLETONS:
-            raise ValueError(f"mm_singletons is {mm_singletons!r}; expected one of {', '.join(MM_SINGLETONS)}")
-        if actions is not None and len(actions) != len(gs):
-            raise ValueError(f"{len(actions)} actions for {len(gs)} windows; expected one each")
-        self.gs, self.skeleton, self.mm_singletons = MultimodalFutures.of(gs), skeleton, mm_singletons
-        self.actions = ["all"] * len(gs) if actions is None else list(actions)
-        self.clips = list(range(len(gs))) if clips is None else list(clips)
-        self.motion = motion_metrics(self.gs.futures.shape[1], fps) if fps else {}
-        names = ["apd", "ade", "fde", "mmade", "mmfde"] + ["bone_length_jitter"] * (skeleton is not None) + [*self.motion]
-        self.values = {name: torch.full((len(gs),), torch.nan, dtype=torch.float64) for name in names}
-        self._steps = torch.full((2, len(gs), self.gs.futures.shape[1] - 1), torch.nan, dtype=torch.float64)
-
-    def update(self, p: Float[Tensor, "n S F C"], g: Float[Tensor, "n F C"], windows: Sequence[int] | Int[Tensor, " n"]) -> None:
-        """Add the predictions of some windows, given by their numbers in the test set."""
-        windows = torch.as_tensor(windows)
-        if windows.shape != (len(p),) or len(windows.unique()) < len(p):
-            raise ValueError(f"{len(windows)} window numbers for {len(p)} predictions; expected one each, all different")
-        check_shapes(p, g, windows=windows)
-        fed = windows[self.values["apd"][windows].isfinite()].tolist()
-        if fed:
-            raise ValueError(f"window {fed[0]} was fed before; expected every window once")
-        sets = self.gs.take(windows.tolist())
-        found = {"apd": apd(p), "ade": ade(p, g), "fde": fde(p, g), "mmade": mmade(p, sets), "mmfde": mmfde(p, sets)}
-        if self.skeleton is not None:
-            found["bone_length_jitter"] = bone_length_jitter(p, self.skeleton)
-        found |= {name: metric(p, g) for name, metric in self.motion.items()}
-        for name, value in found.items():
-            self.values[name][windows] = value.double().cpu()
-        for row, motion in zip(self._steps, (p, g[:, None]), strict=True):
-            row[windows] = step_length(motion).double().cpu()
-
-    def summary(self) -> dict:
-        """Plain numbers, ready for JSON.
-
-        Returns:
-            {"mean": {metric: metres}, "standard_error": {metric: metres}, "windows": {metric: count}, "cmd": metres,
-            "actions": {action: the first three for its windows}, "values": {metric: one number per window}, "clips": the clip of
-            each window}. The standard error is `clustered_error` over clips. NaN where there is nothing to average.
-        """
-        alone = self.gs.sizes == 1
-        counted = self.values["apd"].isfinite() & ~(alone if self.mm_singletons == "skip_all" else torch.zeros_like(alone))
-        rows = counted.nonzero()[:, 0].tolist()
-        actions = [self.actions[i] for i in rows]
-        hidden = alone if self.mm_singletons == "skip_mm" else torch.zeros_like(alone)
-        kept = {k: v.masked_fill(hidden, torch.nan)[rows] if k.startswith("mm") else v[rows] for k, v in self.values.items()}
-        predicted, truth = self._steps[:, rows]
-        clips = [self.clips[i] for i in rows]
-        per_action = {a: _row({k: v[i] for k, v in kept.items()}, [clips[n] for n in i]) for a, i in by_action(actions).items()}
-        return {
-            **_row(kept, clips), "cmd": float(cmd(predicted, truth, actions)), "actions": per_action,
-            "values": {name: v.tolist() for name, v in kept.items()}, "clips": clips,
-        }  # fmt: skip
-
-
-def _row(values: dict[str, Tensor], clips: Sequence[Hashable]) -> dict[str, dict]:
     return {
-        "mean": {name: float(v.nanmean()) for name, v in values.items()},
-        "standard_error": {name: clustered_error(v.numpy(), clips) for name, v in values.items()},
-        "windows": {name: int(v.isfinite().sum()) for name, v in values.items()},
+        "mean": {name: float(value.nanmean()) for name, value in values.items()} | {**mean},
+        "standard_error": {name: clustered_error(v.numpy(), clips) for name, v in values.items()} | {**standard_error},
+        "windows": len(clips),
+        "values": {name: value.tolist() for name, value in values.items()},
+        "clips": list(clips),
     }

@@ -17,7 +17,7 @@ from torch import Tensor
 
 from mwlib.data.sources import Split
 from mwlib.data.windows import Windows, windows
-from mwlib.metrics import Column, clustered_error
+from mwlib.metrics import Column, clustered_error, summary
 from mwlib.prediction import config
 from mwlib.prediction.representation import LEARNING_WINDOWS, learning_windows, make_transform
 from mwlib.prediction.system import load_data, make_objective, open_model
@@ -115,15 +115,10 @@ def evaluate(cfg: Config, get_model: Callable[[], Any], split: Split, progress: 
     seen = windows(split.train, cut.history, cut.future, cut.frames)
     known, _ = _errors(rebuild, seen, cfg)
     clusters, rmse = _clusters(held_out), float(np.sqrt(squares.mean()))
-    return {
-        "mean": {"numbers": numbers, "error": float(errors.mean()), "rmse": rmse, "seen": float(known.mean())},
-        "standard_error": {
-            "numbers": 0.0, "error": clustered_error(errors, clusters),
-            "rmse": clustered_error(squares, clusters) / max(2 * rmse, 1e-30),  # of the root, to first order
-            "seen": clustered_error(known, _clusters(seen)),
-        },
-        "windows": len(held_out), "values": {"error": errors.tolist()}, "clips": clusters,
-    }  # fmt: skip
+    mean = {"numbers": numbers, "error": float(errors.mean()), "rmse": rmse, "seen": float(known.mean())}
+    of_root = clustered_error(squares, clusters) / max(2 * rmse, 1e-30)  # to first order
+    errors_of_means = {"numbers": 0.0, "rmse": of_root, "seen": clustered_error(known, _clusters(seen))}
+    return summary({"error": torch.from_numpy(errors)}, clusters, mean, errors_of_means)
 
 
 def _rebuild(cfg: Config, split: Split) -> tuple[Rebuild, float]:

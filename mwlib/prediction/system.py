@@ -13,32 +13,16 @@ from tqdm import tqdm
 from mwlib.data.sources import Split, split_motions
 from mwlib.data.windows import Bodies, Windows, too_short, windows
 from mwlib.metrics import Column, MetricTable, multimodal_apd, multimodal_futures
+from mwlib.metrics.prediction import ERRORS
+from mwlib.metrics.realism import REALISM
 from mwlib.prediction import baselines
 from mwlib.prediction.config import Config, EvaluationConfig, SamplingConfig, WindowConfig
 from mwlib.prediction.objective import PredictionObjective
 from mwlib.prediction.predictor import CHUNK, Predictor
 
-METRICS = {  # the columns of every table
-    "apd": Column("APD"),
-    "ade": Column("ADE", "lower"),
-    "fde": Column("FDE", "lower"),
-    "mmade": Column("MMADE", "lower"),
-    "mmfde": Column("MMFDE", "lower"),
-    "bone_length_jitter": Column("bone jitter (mm)", scale=1000.0),
-}
-
+METRICS = {name: metric.column for name, metric in ERRORS.items()}  # the columns of every table
 # Beside them in a table of their own: is it a motion, and how does the error grow?
-DETAILS = {
-    "speed": Column("speed (m/s)"),
-    "pose_change": Column("change of pose (m)"),
-    "jerk": Column("jerk (m/s³)"),
-    "error_0.2s": Column("error at 0.2 s", "lower"),
-    "error_0.4s": Column("error at 0.4 s", "lower"),
-    "error_1s": Column("error at 1 s", "lower"),
-    "coverage_0.5": Column("inside 50 %"),
-    "coverage_0.9": Column("inside 90 %"),
-    "worst": Column("worst window / still", "lower"),
-}
+DETAILS = {name: metric.column for name, metric in REALISM.items()} | {"worst": Column("worst window / still", "lower")}
 
 Predict = Callable[[Tensor, list[int]], Tensor]  # histories (n, H, C), window numbers -> futures (n, S, F, C)
 

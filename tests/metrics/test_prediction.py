@@ -205,7 +205,7 @@ def test_singletons():
     alone = gs.sizes == 1
     values = _all(p, g, gs)
     means, counts = {}, {}
-    for option in metrics.table.MM_SINGLETONS:
+    for option in metrics.evaluation.MM_SINGLETONS:
         table = metrics.MetricTable(gs, mm_singletons=option)
         table.update(p, g, range(N))
         means[option] = list(table.summary()["mean"].values())
