@@ -17,9 +17,8 @@ from mwlib.experiments import get_model, read_grids
 from mwlib.experiments.grids import row_config
 from mwlib.inbetweening.baselines import between
 from mwlib.inbetweening.config import Config
-from mwlib.inbetweening.evaluation import Score
 from mwlib.inbetweening.losses import STANDING, floor_of
-from mwlib.inbetweening.system import load_data
+from mwlib.inbetweening.system import Score, load_data
 from mwlib.inbetweening.windows import Clips, Cut, make_space
 from mwlib.metrics import foot_contacts
 from mwlib.transforms import DSTTransform

@@ -17,9 +17,20 @@ from mwlib.experiments.origins import data_fingerprint, models_used
 from mwlib.experiments.runs import load_run
 from mwlib.inbetweening import lafan1
 from mwlib.inbetweening.bridge import Bridge
-from mwlib.inbetweening.lafan1 import Benchmark, lafan1_benchmark
-from mwlib.inbetweening.lafan1_model import check_model, model_table
-from mwlib.inbetweening.lafan1_table import ALL_CLIPS, ALL_WINDOWS, LENGTHS, TOLERANCE, is_complete, misses, published, table
+from mwlib.inbetweening.lafan1 import (
+    ALL_CLIPS,
+    ALL_WINDOWS,
+    LENGTHS,
+    TOLERANCE,
+    Benchmark,
+    check_model,
+    is_complete,
+    lafan1_benchmark,
+    misses,
+    model_table,
+    published,
+    table,
+)  # fmt: skip
 from mwlib.version import __version__
 
 MEASURED = "measured here"

@@ -22,7 +22,9 @@ PACES: dict[str, Callable[[Tensor], Tensor]] = {
 }
 
 
-def between(space: Space, x: Float[Tensor, "N T C"], pace: str) -> Float[Tensor, "N T C"]:
+def between(
+    space: Space, x: Float[Tensor, "N T C"], pace: str, blend: Callable[[Tensor, Tensor, Tensor], Tensor] = slerp
+) -> Float[Tensor, "N T C"]:
     """Straight lines of places and slerp of rotations from the first to the last frame, at a pace.
 
     Source: LaFAN1's baselines (Harvey et al. 2020) for "zero_velocity" and "interpolation".
@@ -31,6 +33,7 @@ def between(space: Space, x: Float[Tensor, "N T C"], pace: str) -> Float[Tensor,
         space: what a state means.
         x: windows; only the first and the last frame are looked at.
         pace: one of `PACES`.
+        blend: of two rotations, as `slerp`.
     """
     share = PACES[pace](torch.linspace(0, 1, x.shape[-2], dtype=x.dtype, device=x.device))
     start, end = x[..., :1, :], x[..., -1:, :]
@@ -38,7 +41,7 @@ def between(space: Space, x: Float[Tensor, "N T C"], pace: str) -> Float[Tensor,
     if not isinstance(space, RotationSpace):
         return line
     first, last = (from_six(pose[..., 3:].unflatten(-1, (-1, 6))) for pose in (start, end))
-    turns = slerp(first, last, share[:, None].expand(*line.shape[:-1], first.shape[-2]))
+    turns = blend(first, last, share[:, None].expand(*line.shape[:-1], first.shape[-2]))
     return torch.cat([line[..., :3], six(turns).flatten(-2)], dim=-1)
 
 

@@ -1,4 +1,4 @@
-"""The LaFAN1 benchmark of in-betweening: which windows, in which frame of reference, against which statistics, which errors.
+"""The LaFAN1 benchmark of in-betweening: its windows, statistics, errors and baselines, and what was published.
 
 Source: Harvey et al., Robust Motion In-betweening, ACM Transactions on Graphics 39(4), 2020, and the code that they published
 with the data; where the two leave something open the code decides. Units: metres. The benchmark's code works in centimetres;
@@ -7,49 +7,51 @@ its three errors are the same in any unit.
 
 from __future__ import annotations
 
-import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any
 
-import numpy as np
 import torch
-from jaxtyping import Float, Int
+from jaxtyping import Float
 from torch import Tensor
 from tqdm import tqdm
 
-from mwlib.body.kinematics import fk
 from mwlib.body.motion import Motion
-from mwlib.body.rig import Rig
-from mwlib.body.rotation import multiply, rotate
+from mwlib.body.rotation import slerp
 from mwlib.body.skeleton import LAFAN1
-from mwlib.metrics import NPSS, continued, l2p, l2q
+from mwlib.inbetweening.baselines import between
+from mwlib.inbetweening.bridge import Bridge
+from mwlib.inbetweening.config import Config
+from mwlib.inbetweening.space import UP, Placement, RotationSpace, Space
+from mwlib.inbetweening.system import Fill, Score
+from mwlib.inbetweening.windows import Clips, Cut
 
 FPS = 30.0
 PAST = 10  # frames before the transition
 WINDOW, STRIDE, TEST_SUBJECT = 65, 40, "5"
 TRAIN_WINDOW, TRAIN_STRIDE, TRAIN_SUBJECTS = 50, 20, ("1", "2", "3", "4")
-LONGEST = WINDOW - PAST - 1
+LENGTHS, LONGEST = (5, 15, 30, 45), WINDOW - PAST - 1  # frames of a transition: those published, and the most
 CHUNK = 256  # windows scored at once
+NEAR = 0.01  # 1 - |cos| of half an angle, below which the benchmark's code interpolates quaternions linearly
+ALL_WINDOWS, ALL_CLIPS = 2232, 77  # of the whole data set
+BASELINES = {"zero velocity": "zero_velocity", "interpolation": "interpolation"}  # row -> pace, see `between`
+TOLERANCE = {"L2Q": 5e-3, "L2P": 5e-5, "NPSS": 5e-5}  # half of the last digit published
 
-
-class Frames(NamedTuple):
-    """Poses of many windows: local unit quaternions (w, x, y, z) of LAFAN1's 22 joints, and where the root is, metres, y up."""
-
-    rotations: Float[Tensor, "N F J 4"]
-    root: Float[Tensor, "N F 3"]
-
-    def cut(self, start: int, stop: int) -> Frames:
-        """Frames start to stop (exclusive) of each window."""
-        return Frames(self.rotations[:, start:stop], self.root[:, start:stop])
-
-    def take(self, windows: slice | Int[Tensor, "..."]) -> Frames:
-        """Some of the windows."""
-        return Frames(self.rotations[windows], self.root[windows])
-
-
-# (the 10 frames before, the one frame after, how many frames between) -> those frames
-Predictor = Callable[[Frames, Frames, int], Frames]
+_HARVEY = "Harvey et al., 2020"
+# For each method where it was published, and its errors at 5, 15, 30 and 45 frames; "-" where none was.
+_PUBLISHED = {
+    "zero velocity": (_HARVEY, "L2Q 0.56 1.10 1.51 1.81 L2P 1.5230 3.6944 6.6002 9.3289 NPSS 0.0053 0.0522 0.2318 0.4918"),
+    "interpolation": (_HARVEY, "L2Q 0.22 0.62 0.98 1.25 L2P 0.3729 1.2488 2.3158 3.4469 NPSS 0.0023 0.0391 0.2013 0.4493"),
+    "TG-complete": ("Harvey et al., 2020, quoted", "L2Q 0.17 0.42 0.69 0.94 L2P 0.23 0.65 - 2.24 NPSS - - - -"),
+    "Δ-interpolator": (
+        "Oreshkin et al., 2022, other export",
+        "L2Q 0.114 0.317 0.572 - L2P 0.129 0.467 0.995 - NPSS 0.0014 0.0217 0.1217 -",
+    ),
+    "Two-stage Transformers": (
+        "Qin et al., 2022",
+        "L2Q 0.0994 0.2839 0.5446 0.8727 L2P 0.1049 0.3943 0.8948 1.6777 NPSS 0.0011 0.0188 0.1124 0.3217",
+    ),
+}
 
 
 @dataclass(frozen=True)
@@ -57,33 +59,23 @@ class Benchmark:
     """The test windows, and what scoring them takes.
 
     Args:
-        frames: of the test windows, in the benchmark's frame of reference (see `unified`).
-        clip, start: where each window comes from: its clip's name and first frame.
-        offsets: metres, from parent to joint in the parent's frame; one body for truths and predictions.
-        mean, deviation: of the 66 global coordinates over the training windows, metres.
-        statistics_clips: names of the training clips, the first of which gave the offsets.
+        space: what a state means: the root's place and the rotations of LAFAN1's 22 joints, z up.
+        windows: of subject 5, seen from the last frame before the transition, float64; one body for all, truths and predictions.
+        clip: the name of each window's clip.
+        deviation: of the 66 global coordinates over the training windows, metres.
+        statistics_clips: names of the training clips, the first of which gave the body.
         clips: how many clips of any subject were given.
     """
 
-    frames: Frames
+    space: RotationSpace
+    windows: Cut
     clip: tuple[str, ...]
-    start: Int[Tensor, " N"]
-    offsets: Float[Tensor, "J 3"]
-    mean: Float[Tensor, " C"]
     deviation: Float[Tensor, " C"]
     statistics_clips: tuple[str, ...]
     clips: int
 
     def __len__(self) -> int:
         return len(self.clip)
-
-
-class Score(NamedTuple):
-    """Errors of transitions of one length: L2Q and L2P of each window, NPSS over all."""
-
-    l2q: Float[Tensor, " N"]
-    l2p: Float[Tensor, " N"]
-    npss: float
 
 
 def lafan1_benchmark(motions: Sequence[Motion], progress: bool = False) -> Benchmark:
@@ -93,170 +85,273 @@ def lafan1_benchmark(motions: Sequence[Motion], progress: bool = False) -> Bench
 
     Args:
         motions: of the LaFAN1 files, as `load_motions` reads them.
-        progress: show bars on stderr.
+        progress: show a bar on stderr.
 
     Raises:
         ValueError: a clip is not of LaFAN1's skeleton, not at 30 Hz, without rotations, or of another subject; no test clip or
             no training clip is long enough. The message names the clip, what was found and what was expected.
     """
     for motion in motions:
-        _rig(motion)
-    subjects = sorted({m.subject for m in motions})
-    train = [m for m in motions if m.subject in TRAIN_SUBJECTS and len(m) > TRAIN_WINDOW]
-    test = [m for m in motions if m.subject == TEST_SUBJECT and len(m) > WINDOW]
+        _check_clip(motion)
+    train = [m.with_up(UP) for m in motions if m.subject in TRAIN_SUBJECTS and len(m) > TRAIN_WINDOW]
+    test = [m.with_up(UP) for m in motions if m.subject == TEST_SUBJECT and len(m) > WINDOW]
     for name, found, frames in (("subject 5", test, WINDOW), ("subjects 1 to 4", train, TRAIN_WINDOW)):
         if not found:
-            there = f"{len(motions)} clips of subjects {', '.join(subjects) or 'none'}"
+            there = f"{len(motions)} clips of subjects {', '.join(sorted({m.subject for m in motions})) or 'none'}"
             raise ValueError(f"{there}; expected a clip of {name} with more than {frames} frames, to cut the benchmark's windows")
-    mean, deviation = _statistics(train, progress)
-    windows = [_windows(m, WINDOW, STRIDE) for m in test]
-    starts = [_starts(m, WINDOW, STRIDE) for m in test]
-    return Benchmark(
-        Frames(torch.cat([w.rotations for w in windows]), torch.cat([w.root for w in windows])),
-        tuple(m.name for m, s in zip(test, starts, strict=True) for _ in s),
-        torch.cat(starts),
-        _offsets(train[0]),
-        mean,
-        deviation,
-        tuple(m.name for m in train),
-        len(motions),
-    )
+    space = RotationSpace.of(train[0])
+    clips = Clips(test, space, dtype=torch.float64)
+    clips.offsets = space.offsets(train[0]).expand_as(clips.offsets)
+    windows = clips.cut(WINDOW, STRIDE, PAST)
+    names = tuple(test[number].name for number in windows.clip.tolist())
+    return Benchmark(space, windows, names, _deviation(train, space, progress), tuple(m.name for m in train), len(motions))
 
 
-def score(benchmark: Benchmark, predict: Predictor, length: int) -> Score:
-    """Errors of a predictor's transitions.
+def _check_clip(motion: Motion) -> None:
+    if motion.skeleton != LAFAN1:
+        found = f"is of skeleton {motion.skeleton.name} with {len(motion.skeleton)} joints"
+    elif motion.fps != FPS:
+        found = f"has {motion.fps:g} frames per second"
+    elif motion.rig is None:
+        found = "has positions but no rotations"
+    elif motion.rig.moves is not None:
+        found = "has joints other than the root that move against their parents"
+    elif motion.subject not in (*TRAIN_SUBJECTS, TEST_SUBJECT):
+        found = f"is of subject {motion.subject or 'unknown'!r}"
+    else:
+        return
+    expected = f"a clip of LaFAN1: 22 joints, {FPS:g} frames per second, rotations, subject 1 to 5"
+    raise ValueError(f"{motion.name or 'a clip'} {found}; expected {expected} (by a name like walk1_subject5.bvh, or clips.csv)")
+
+
+def _deviation(motions: Sequence[Motion], space: RotationSpace, progress: bool) -> Float[Tensor, " C"]:
+    """Of the coordinates over all frames of all windows, divided by their number, not by one less."""
+    count, sums = 0, torch.zeros(2, 3 * len(LAFAN1), dtype=torch.float64)
+    for motion in tqdm(motions, "statistics of subjects 1 to 4", unit="clip", disable=None if progress else True):
+        cut = Clips([motion], space, dtype=torch.float64).cut(TRAIN_WINDOW, TRAIN_STRIDE, PAST)
+        x = space.positions(in_frame_of_reference(space, cut.x[:, None], cut.x), cut.offsets[:, None]).flatten(0, 2).flatten(1)
+        sums += torch.stack([x.sum(0), x.square().sum(0)])
+        count += len(x)
+    mean, square = sums / count
+    return (square - mean.square()).sqrt()
+
+
+def in_frame_of_reference(
+    space: RotationSpace, x: Float[Tensor, "N S F C"], windows: Float[Tensor, "N T C"]
+) -> Float[Tensor, "N S F C"]:
+    """States in the benchmark's frame of reference, y up; heights stay.
+
+    The root's mean over all frames of the window goes to x = z = 0. Then the window is turned about the up-axis of the world,
+    until the horizontal part of the root's own y-axis points along +x in frame 9, the last before the transition.
+
+    Args:
+        space: of the states.
+        x: z up, in the place of the windows.
+        windows: what says where that is.
+    """
+    ahead, samples = windows[:, PAST - 1, 6:9], x.shape[1]  # the second column of the root's rotation
+    angle, origin = torch.atan2(ahead[:, 1], ahead[:, 0]), windows[..., :2].mean(1)
+    moved = space.seen_from(x, Placement(angle[:, None].expand(-1, samples), origin[:, None].expand(-1, samples, 2)))
+    whole_body = moved[..., : 3 * space.turned].unflatten(-1, (-1, 3))[..., [0, 2, 1]] * x.new_tensor([1.0, 1.0, -1.0])
+    return torch.cat([whole_body.flatten(-2), moved[..., 3 * space.turned :]], dim=-1)
+
+
+def score(benchmark: Benchmark, fill: Fill, length: int) -> dict[str, float]:
+    """Errors of what fills the transitions: "L2Q" and "L2P", means over windows and samples, and "NPSS".
 
     Both sides get one body's offsets, forward kinematics, and signs that go on from the last frame before the transition (see
     `mwlib.metrics.continued`): without that a network's quaternions, whose signs are free, cannot be compared. The signs of
     recorded and interpolated ones stay as they are.
 
     Args:
-        predict: gets the 10 frames before the transition, the one after it and its length, all in the benchmark's frame of
-            reference, float64; gives local rotations (n, length, 22, 4) and root (n, length, 3) of the transition, in the same.
-            Windows come in chunks.
+        benchmark: the test windows.
+        fill: gets windows of 10 + length + 1 frames, those of the transition replaced by the one before it, and the windows'
+            numbers; gives such windows again, (n, samples, frames, C). Only the transitions are scored. Windows come in chunks.
         length: frames of the transition; the published ones are 5, 15, 30 and 45.
 
     Raises:
-        ValueError: the length does not fit into the windows, or what the predictor gave has another shape, is not finite, or
-            has quaternions that are not of length 1.
+        ValueError: the length does not fit into the windows, or what fills them has another shape or is not finite.
     """
     if not 1 <= length <= LONGEST:
         raise ValueError(f"length is {length}; expected 1 to {LONGEST} frames, what a window of {WINDOW} has room for")
-    found = []
-    for start in range(0, len(benchmark), CHUNK):
-        frames = benchmark.frames.take(slice(start, start + CHUNK))
-        predicted = predict(frames.cut(0, PAST), frames.cut(PAST + length, PAST + length + 1), length)
-        found.append(_checked(predicted, frames.cut(PAST, PAST + length)))
-    return score_frames(benchmark, Frames(*(torch.cat(parts) for parts in zip(*found, strict=True))), length)
+    space, scored, parts = benchmark.space, Score(benchmark.space, benchmark.deviation, PAST), []
+    for first in range(0, len(benchmark), CHUNK):
+        part = benchmark.windows.pick(slice(first, first + CHUNK))
+        truth = part.x[:, : PAST + length + 1]
+        found = fill(_hidden(part, length), [*range(first, first + len(truth))])
+        if found.shape != (len(truth), found.shape[1], *truth.shape[1:]) or not found.isfinite().all():
+            is_finite = "finite" if found.isfinite().all() else "not finite"
+            expected = f"({len(truth)}, samples, {', '.join(map(str, truth.shape[1:]))}), finite"
+            raise ValueError(f"what fills the windows is {tuple(found.shape)}, {is_finite}; expected {expected}")
+        x, g = (in_frame_of_reference(space, each.to(truth)[:, :, PAST - 1 :], part.x) for each in (found, truth[:, None]))
+        parts.append(scored.errors(x, g, part.offsets))
+    means = {name.upper(): float(torch.cat([each[name] for each in parts]).mean()) for name in ("l2q", "l2p")}
+    return means | {"NPSS": scored.npss.value()}
 
 
-def score_frames(benchmark: Benchmark, found: Frames, length: int) -> Score:
-    """`score` of transitions that are there already: local rotations (N, length, 22, 4) and root (N, length, 3) of all windows.
+def _hidden(windows: Cut, length: int) -> Cut:
+    """Windows around a transition of this length, which stands still in them: what is to be found is not even there."""
+    x = windows.x[:, : PAST + length + 1].clone()
+    x[:, PAST:-1] = x[:, PAST - 1 : PAST]
+    return windows._replace(x=x)
+
+
+def baseline(space: Space, pace: str) -> Fill:
+    """From the last frame before the transition to the one after it: places linearly, local rotations by `benchmark_slerp`."""
+
+    def fill(cut: Cut, ids: list[int]) -> Tensor:
+        return torch.cat([cut.x[:, : PAST - 1], between(space, cut.x[:, PAST - 1 :], pace, benchmark_slerp)], dim=1)[:, None]
+
+    return fill
+
+
+def benchmark_slerp(
+    a: Float[Tensor, "*#lead 4"], b: Float[Tensor, "*#lead 4"], share: Float[Tensor, "*#lead"]
+) -> Float[Tensor, "*lead 4"]:
+    """`slerp`, but linear and then normalised where the two are near, as in the benchmark's code. They differ by up to 5e-5."""
+    dot = (a * b).sum(dim=-1, keepdim=True)
+    line = torch.lerp(a, torch.where(dot < 0, -b, b), share[..., None])
+    return torch.where(1 - dot.abs() < NEAR, torch.nn.functional.normalize(line, dim=-1), slerp(a, b, share))
+
+
+def table(
+    benchmark: Benchmark, fills: Mapping[str, Fill] | None = None, lengths: Sequence[int] = LENGTHS, progress: bool = False
+) -> list[dict[str, Any]]:
+    """Scores of several methods at several lengths.
+
+    Args:
+        benchmark: the test windows.
+        fills: what fills the transitions, by name, see `score`; None = the two baselines of the benchmark.
+        lengths: of transitions, frames.
+        progress: show a bar on stderr.
+
+    Returns:
+        A row for each method and length: "method", "N", "windows", "L2Q", "L2P", "NPSS".
 
     Raises:
-        ValueError: as of `score`, of what a predictor gave.
+        ValueError: as in `score`.
     """
-    rotation_errors, position_errors, spectrum = [], [], NPSS()
-    found = _checked(found, benchmark.frames.cut(PAST, PAST + length))
-    for start in range(0, len(benchmark), CHUNK):
-        rows = slice(start, start + CHUNK)
-        frames = benchmark.frames.take(rows)
-        _, before = _world(frames.cut(PAST - 1, PAST), benchmark.offsets)
-        both = (found.take(rows), frames.cut(PAST, PAST + length))
-        (p, p_turns), (g, g_turns) = (_world(x, benchmark.offsets) for x in both)
-        p_turns, g_turns = (continued(turns, before[:, 0]) for turns in (p_turns, g_turns))
-        rotation_errors.append(l2q(p_turns, g_turns))
-        position_errors.append(l2p(p.flatten(-2), g.flatten(-2), benchmark.mean, benchmark.deviation))
-        spectrum.update(p_turns.flatten(-2), g_turns.flatten(-2))
-    return Score(torch.cat(rotation_errors), torch.cat(position_errors), spectrum.value())
+    fills = {name: baseline(benchmark.space, pace) for name, pace in BASELINES.items()} if fills is None else fills
+    cases = tqdm([(name, n) for name in fills for n in lengths], "scoring", unit="row", disable=None if progress else True)
+    return [{"method": name, "N": n, "windows": len(benchmark), **score(benchmark, fills[name], n)} for name, n in cases]
 
 
-def unified(frames: Frames) -> Frames:
-    """Windows moved and turned into the benchmark's frame of reference; heights stay.
+def model_table(
+    bridge: Bridge,
+    benchmark: Benchmark,
+    name: str,
+    samples: int | None = None,
+    seed: int | None = None,
+    lengths: Sequence[int] = LENGTHS,
+    progress: bool = False,
+) -> list[dict[str, Any]]:
+    """Scores of a trained model at several lengths.
 
-    The root's mean over all frames of the window goes to x = z = 0. Then the window is turned about the y-axis of the world,
-    until the horizontal part of the root's own y-axis points along +x in frame 9, the last before the transition.
+    The model sees the last frames of the past, as many as it was trained with, and the frame after the transition.
+
+    Args:
+        bridge: the model.
+        benchmark: the test windows.
+        name: of the model, for the rows.
+        samples, seed: of each window; None = the settings'.
+        lengths: of transitions, frames; what the model was not trained for gets None.
+        progress: show bars on stderr.
+
+    Returns:
+        Rows as of `table`, two for each length: the mean of the errors of single samples, and the errors of the samples'
+        average (of the states, which are made rotations again).
+
+    Raises:
+        ValueError: the model does not fit the benchmark, see `check_model`, its clips had another rig, or no length.
     """
-    level = frames.root.new_tensor([1.0, 0.0, 1.0])
-    root = frames.root - level * frames.root.mean(dim=1, keepdim=True)
-    facing = rotate(frames.rotations[:, PAST - 1, 0], root.new_tensor([0.0, 1.0, 0.0]).expand(len(root), 3))
-    half = torch.atan2(facing[:, 2], facing[:, 0]) / 2  # turning about y by an angle takes x towards -z
-    still = torch.zeros_like(half)
-    turn = torch.stack([half.cos(), still, half.sin(), still], dim=-1)[:, None]
-    rotations = frames.rotations.clone()
-    rotations[:, :, 0] = multiply(turn, rotations[:, :, 0])
-    return Frames(rotations, rotate(turn, root))
+    check_model(bridge.cfg, bridge.space)
+    if bridge.space.to_json() != benchmark.space.to_json():
+        raise ValueError("the model was trained on clips with another rig than the benchmark's; expected the same files' joints")
+    task, count = bridge.cfg.task, samples or bridge.cfg.sampling.samples
+    fitting = [n for n in lengths if task.fewest <= task.past + n + 1 <= task.frames]
+    if not fitting:
+        least = task.shortest or task.between
+        raise ValueError(f"the model is for {least} to {task.between} frames between; expected some of {[*lengths]}")
+    rows: dict[str, list[dict[str, Any]]] = {f"{name}, single samples": [], f"{name}, average of {count}": []}
+    for n in lengths:
+        errors: list[Mapping[str, float | None]] = [dict.fromkeys(TOLERANCE)] * 2
+        if n in fitting:
+            seen = _hidden(benchmark.windows, n).x[:, PAST - task.past :].float()
+            x = bridge.sample(seen, None, count, seed, progress=progress)
+            errors = [score(benchmark, _given(benchmark, each), n) for each in (x, x.mean(1, keepdim=True))]
+        for (method, of), found in zip(rows.items(), errors, strict=True):
+            of.append({"method": method, "N": n, "windows": len(benchmark), **found})
+    return [row for of in rows.values() for row in of]
 
 
-def _rig(motion: Motion) -> Rig:
-    """A clip's rotations, y up; refused if it is none of LaFAN1's."""
-    rig = motion.rig
-    if motion.skeleton != LAFAN1:
-        found = f"is of skeleton {motion.skeleton.name} with {len(motion.skeleton)} joints"
-    elif motion.fps != FPS:
-        found = f"has {motion.fps:g} frames per second"
-    elif rig is None:
-        found = "has positions but no rotations"
-    elif rig.moves is not None:
-        found = "has joints other than the root that move against their parents"
-    elif motion.subject not in (*TRAIN_SUBJECTS, TEST_SUBJECT):
-        found = f"is of subject {motion.subject or 'unknown'!r}"
+def _given(benchmark: Benchmark, x: Float[Tensor, "N S F C"]) -> Fill:
+    """What fills the windows by states that are there already, perhaps of the last frames of the past alone."""
+
+    def fill(cut: Cut, ids: list[int]) -> Tensor:
+        before = cut.x[:, None, : cut.x.shape[1] - x.shape[2]].expand(-1, x.shape[1], -1, -1)
+        return torch.cat([before, x[ids].to(before)], dim=2)
+
+    return fill
+
+
+def check_model(cfg: Config, space: Space) -> None:
+    """Refuse a model of which the benchmark cannot be asked.
+
+    Raises:
+        ValueError: it has no rotations, another skeleton or rate, needs a longer past than the benchmark gives, or was trained
+            on the test person.
+    """
+    data, bodies = cfg.data, space.bodies
+    if bodies.skeleton != LAFAN1:
+        found = f"is of skeleton {bodies.skeleton.name} with {len(bodies.skeleton)} joints"
+    elif not isinstance(space, RotationSpace) or sorted(space.turning) != sorted(space.points):
+        found = "has places or other rotations"
+    elif bodies.fps != FPS:
+        found = f"has {bodies.fps:g} frames per second"
+    elif cfg.task.past > PAST:
+        found = f"is given {cfg.task.past} frames of the past"
+    elif TEST_SUBJECT in data.train_subjects or (
+        data.test_subjects and not data.train_subjects and TEST_SUBJECT not in (*data.validation_subjects, *data.test_subjects)
+    ):
+        found = f"was trained on subject {TEST_SUBJECT}"
     else:
-        return motion.with_up("y").rig or rig
-    expected = f"a clip of LaFAN1: 22 joints, {FPS:g} frames per second, rotations, subject 1 to 5"
-    raise ValueError(f"{motion.name or 'a clip'} {found}; expected {expected} (by a name like walk1_subject5.bvh, or clips.csv)")
+        return
+    expected = f"one of LaFAN1's 22 joints with rotations, at {FPS:g} Hz, with a past of at most {PAST} frames"
+    raise ValueError(f"the model {found}; expected {expected}, trained on subjects 1 to 4 (preset lafan1_official)")
 
 
-def _starts(motion: Motion, frames: int, stride: int) -> Int[Tensor, " n"]:
-    return torch.arange(0, max(len(motion) - frames, 0), stride)
+def is_complete(benchmark: Benchmark) -> bool:
+    """Whether these are all test windows and all clips, so that numbers may be compared with published ones."""
+    return len(benchmark) == ALL_WINDOWS and benchmark.clips == ALL_CLIPS
 
 
-def _windows(motion: Motion, frames: int, stride: int) -> Frames:
-    """A clip's windows, unified. End Sites stay out: their rotations are none."""
-    rig = _rig(motion)
-    index = _starts(motion, frames, stride)[:, None] + torch.arange(frames)
-    rotations = torch.from_numpy(rig.rotations[:, rig.points].astype(np.float64))
-    rotations = torch.nn.functional.normalize(rotations, dim=-1)  # the rig keeps float32
-    return unified(Frames(rotations[index], torch.from_numpy(rig.root.astype(np.float64))[index]))
+def published() -> list[dict[str, Any]]:
+    """Published rows in the form of `table`, with their "source"; an error that was not published is None."""
+    rows = []
+    for method, (source, text) in _PUBLISHED.items():
+        words = text.split()
+        width = len(LENGTHS) + 1
+        errors = {words[i]: words[i + 1 : i + width] for i in range(0, len(words), width)}
+        for place, n in enumerate(LENGTHS):
+            found = {name: None if values[place] == "-" else float(values[place]) for name, values in errors.items()}
+            rows.append({"method": method, "N": n, "windows": ALL_WINDOWS, **found, "source": source})
+    return rows
 
 
-def _offsets(motion: Motion) -> Float[Tensor, "J 3"]:
-    rig = _rig(motion)
-    return torch.from_numpy(rig.offsets[list(rig.points)].astype(np.float64))
+def misses(rows: Sequence[Mapping[str, Any]]) -> list[str]:
+    """Where the baselines' errors are not the published digits; only of all windows that means anything.
 
+    Args:
+        rows: from `table`.
 
-def _statistics(motions: Sequence[Motion], progress: bool) -> tuple[Float[Tensor, " C"], Float[Tensor, " C"]]:
-    """Mean and deviation (divided by the number, not by one less) of the coordinates over all frames of all windows."""
-    means, variances, counts = [], [], []
-    for motion in tqdm(motions, "statistics of subjects 1 to 4", unit="clip", disable=is_quiet(progress)):
-        places, _ = _world(_windows(motion, TRAIN_WINDOW, TRAIN_STRIDE), _offsets(motion))
-        x = places.flatten(0, 1).flatten(1)
-        means.append(x.mean(0))
-        variances.append(x.var(0, correction=0))
-        counts.append(len(x))
-    weight = torch.tensor(counts, dtype=torch.float64)[:, None] / sum(counts)
-    mean = (weight * torch.stack(means)).sum(0)
-    variance = (weight * (torch.stack(variances) + (torch.stack(means) - mean) ** 2)).sum(0)
-    return mean, variance.sqrt()
-
-
-def _world(frames: Frames, offsets: Float[Tensor, "J 3"]) -> tuple[Float[Tensor, "N F J 3"], Float[Tensor, "N F J 4"]]:
-    return fk(frames.rotations, offsets, frames.root, LAFAN1)
-
-
-def _checked(found: Frames, truth: Frames) -> Frames:
-    """What a predictor gave, in float64; refused if it cannot be scored."""
-    for name, x, g in zip(Frames._fields, found, truth, strict=True):
-        if x.shape != g.shape or not x.isfinite().all():
-            is_finite = "finite" if x.isfinite().all() else "not finite"
-            raise ValueError(f"{name} of the predictor are {tuple(x.shape)}, {is_finite}; expected {tuple(g.shape)}, finite")
-    lengths = found.rotations.norm(dim=-1)
-    if not ((lengths - 1).abs() < 1e-3).all():
-        worst = float(lengths.flatten()[(lengths - 1).abs().argmax()])
-        raise ValueError(f"a quaternion of the predictor has length {worst:.4g}; expected 1")
-    return Frames(*(x.detach().to(g) for x, g in zip(found, truth, strict=True)))
-
-
-def is_quiet(progress: bool) -> bool:
-    """Whether a bar would help nobody."""
-    return not progress or not sys.stderr.isatty()
+    Returns:
+        A sentence for each error that is off by more than `TOLERANCE`; none if all digits are met.
+    """
+    expected = {(row["method"], row["N"]): row for row in published() if row["method"] in BASELINES}
+    found = []
+    for row in rows:
+        known = expected.get((row["method"], row["N"]), {})
+        for name in TOLERANCE.keys() & known.keys():
+            if not abs(row[name] - known[name]) <= TOLERANCE[name]:  # True for nan
+                found.append(f"{name} of {row['method']} at {row['N']} frames is {row[name]:.5f}, published {known[name]:g}")
+    return sorted(found)

@@ -50,7 +50,7 @@ class Space(ABC):
     rigid: bool
 
     @abstractmethod
-    def encode(self, motion: Motion) -> Float[Tensor, "T C"]:
+    def encode(self, motion: Motion, dtype: torch.dtype = torch.float32) -> Float[Tensor, "T C"]:
         """States of a motion, in the world."""
 
     @abstractmethod
@@ -126,9 +126,9 @@ class PositionSpace(Space):
         """No: every joint may go anywhere."""
         return False
 
-    def encode(self, motion: Motion) -> Float[Tensor, "T C"]:
+    def encode(self, motion: Motion, dtype: torch.dtype = torch.float32) -> Float[Tensor, "T C"]:
         """See `Space`."""
-        return torch.from_numpy(np.concatenate([motion.positions[:, 0], motion.root_relative()], axis=1).astype(np.float32))
+        return torch.from_numpy(np.concatenate([motion.positions[:, 0], motion.root_relative()], axis=1)).to(dtype)
 
     def offsets(self, motion: Motion) -> Float[Tensor, "rig 3"]:
         """See `Space`."""
@@ -203,7 +203,7 @@ class RotationSpace(Space):
             way.append(end)
         return way
 
-    def encode(self, motion: Motion) -> Float[Tensor, "T C"]:
+    def encode(self, motion: Motion, dtype: torch.dtype = torch.float32) -> Float[Tensor, "T C"]:
         """See `Space`.
 
         Raises:
@@ -219,8 +219,8 @@ class RotationSpace(Space):
         if lost := [j for j in stiff if np.abs(rig.rotations[:, j, 1:]).max() > STIFF]:
             name = f"{motion.name or 'a motion'} turns {self.tree.joints[lost[0]]}"
             raise ValueError(f"{name}, which has no rotation channels in the first clip; expected the same channels in all clips")
-        turns = torch.from_numpy(rig.rotations[:, self.turning].astype(np.float32))
-        return torch.cat([torch.from_numpy(rig.root.astype(np.float32)), six(turns).flatten(-2)], dim=-1)
+        turns = torch.from_numpy(rig.rotations[:, self.turning]).to(dtype)
+        return torch.cat([torch.from_numpy(rig.root).to(dtype), six(turns).flatten(-2)], dim=-1)
 
     def offsets(self, motion: Motion) -> Float[Tensor, "rig 3"]:
         """See `Space`."""

@@ -1,20 +1,71 @@
-"""FreqDiffusionBridge as the experiments see it: settings, data, what is trained, and how it is scored."""
+"""In-betweening as a system: data, objective, trained model, and scores on people whom the model has never seen."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable
+from typing import Any
 
+import torch
+from jaxtyping import Float
 from torch import Tensor
+from tqdm import tqdm
 
 from mwlib.data.sources import Split, split_motions
 from mwlib.data.windows import prepare
+from mwlib.inbetweening.baselines import PACES, GaussianBetween, between
 from mwlib.inbetweening.bridge import Bridge
 from mwlib.inbetweening.config import Config
-from mwlib.inbetweening.evaluation import DETAILS, METRICS, evaluate
+from mwlib.inbetweening.losses import bone_lengths, feet, floor_of
 from mwlib.inbetweening.objective import InbetweeningObjective
-from mwlib.inbetweening.windows import ready
+from mwlib.inbetweening.space import Space
+from mwlib.inbetweening.windows import Clips, Cut, given, make_space, ready
+from mwlib.metrics import (
+    NPSS,
+    Column,
+    apd,
+    bone_length_error,
+    clustered_error,
+    continued,
+    foot_skate,
+    jerk,
+    keyframe_error,
+    l2p,
+    l2q,
+    nearer_share,
+    path_length,
+    sample_ade,
+    seam_ratio,
+    speed,
+)
 
-__all__ = ["DETAILS", "METRICS", "Config", "evaluate", "load_data", "make_objective", "open_model"]
+METRICS = {  # the columns of every table
+    "l2p": Column("L2P", "lower"),
+    "l2q": Column("L2Q", "lower"),
+    "npss": Column("NPSS", "lower"),
+    "ade": Column("ADE", "lower"),
+    "ade_mean": Column("ADE, mean sample", "lower"),
+    "apd": Column("APD"),
+    "keyframe_error": Column("keyframe error (mm)", "lower", 1000.0),
+}
+
+# Beside them in a table of their own: is it a motion? To be read beside the truth's row.
+DETAILS = {
+    "seam": Column("seam ratio"),
+    "speed": Column("speed (m/s)"),
+    "path": Column("path of the root (m)"),
+    "jerk": Column("jerk (m/s³)"),
+    "skate": Column("foot skate (m/s)"),
+    "bone_error": Column("bone length error (mm)", "lower", 1000.0),
+    "nearer": Column("nearer than interpolation"),
+    "l2p_best": Column("L2P, best sample", "lower"),
+}
+
+STATISTICS_STRIDE = 20  # frames between the windows behind the deviations of L2P, as in LaFAN1's protocol
+CHUNK = 32  # windows scored together
+
+make_objective, open_model = InbetweeningObjective, Bridge.from_tensors
+
+Fill = Callable[[Cut, list[int]], Tensor]  # windows, their numbers -> states (n, S, T, C)
 
 
 def load_data(cfg: Config) -> Split:
@@ -26,11 +77,153 @@ def load_data(cfg: Config) -> Split:
     return split_motions(cfg.data, ready if cfg.task.state == "rotations" else prepare)
 
 
-def make_objective(cfg: Config, data: Split, learnt: Mapping[str, Tensor]) -> InbetweeningObjective:
-    """What is trained."""
-    return InbetweeningObjective(cfg, data, learnt)
+def make_fill(cfg: Config, get_model: Callable[[], Bridge], split: Split, space: Space) -> Fill:
+    """What `method` names: the trained model, asked for only here, or a baseline, which sees the two ends of the gap alone."""
+    method, lead = cfg.sampling.method, cfg.task.past - 1
+    if method == "diffusion":
+        model = get_model()
+        return lambda cut, ids: model.sample(cut.x, window_ids=ids)
+    if method == "truth":
+        return lambda cut, ids: cut.x[:, None]
+    if method == "gaussian":
+        cut = Clips(split.train, space).cut(cfg.task.frames, STATISTICS_STRIDE, cfg.task.past)
+        gaussian = GaussianBetween(cut.x[:, lead:])
+        return _filled(lambda x: space.valid(gaussian(x)), lead)
+    if method not in PACES:
+        raise ValueError(f"method is {method!r}; expected diffusion, truth, gaussian or one of {', '.join(PACES)}")
+    return lambda cut, ids: torch.cat([cut.x[:, :lead], between(space, cut.x[:, lead:], method)], dim=1)[:, None]
 
 
-def open_model(cfg: Config, weights: Mapping[str, Tensor], learnt: Mapping[str, Tensor], about: Mapping[str, str]) -> Bridge:
-    """The bridge that a training left; it samples as `cfg` says."""
-    return Bridge.from_tensors(cfg, weights, learnt, about)
+def _filled(fill: Callable[[Tensor], Tensor], lead: int) -> Fill:
+    """What fills the frames after the first `lead`, with the given frames themselves."""
+
+    def whole(cut: Cut, ids: list[int]) -> Tensor:
+        x = torch.cat([cut.x[:, :lead], fill(cut.x[:, lead:])], dim=1)
+        return torch.where(given(x.shape[-2], lead + 1)[:, None], cut.x, x)[:, None]
+
+    return whole
+
+
+class Score:
+    """Metrics of filled windows, one number each.
+
+    Args:
+        space: what a state means.
+        deviation: of each coordinate of the joints over the training windows, for L2P.
+        past: frames given before those between. They are scored as keyframes; all else is of what follows from the last of them.
+    """
+
+    def __init__(self, space: Space, deviation: Float[Tensor, " C"], past: int = 1) -> None:
+        self.space, self.deviation, self.past = space, deviation, past
+        self.skeleton, self.fps = space.bodies.skeleton, space.bodies.fps
+        self.feet = feet(self.skeleton)
+        self.npss = NPSS()
+
+    @classmethod
+    def of(cls, split: Split, space: Space, frames: int, past: int = 1) -> Score:
+        """With the statistics of the training windows, each about the mean of its root on the floor."""
+        cut = Clips(split.train, space).cut(frames, STATISTICS_STRIDE, past)
+        places = space.positions(cut.x, cut.offsets)
+        places[..., :2] -= places[:, :, :1, :2].mean(1, keepdim=True)
+        return cls(space, places.flatten(-2).flatten(0, 1).std(0, correction=0).clamp_min(1e-4), past)
+
+    def __call__(self, x: Float[Tensor, "n S T C"], cut: Cut) -> dict[str, Float[Tensor, " n"]]:
+        """Every metric but NPSS, which is summed up over all windows."""
+        offsets, lead = cut.offsets[:, None], self.past - 1
+        p, g = self.space.positions(x, offsets), self.space.positions(cut.x[:, None], offsets)
+        met = keyframe_error(p.flatten(-2), g.flatten(-2), keyframes=(*range(self.past), -1)).amax(1)
+        x, cut, p, g = x[:, :, lead:], cut._replace(x=cut.x[:, lead:]), p[:, :, lead:], g[:, :, lead:]
+        straight = self.space.positions(between(self.space, cut.x, "interpolation"), cut.offsets).flatten(-2)
+        lengths = bone_lengths(g[:, :, 0], self.skeleton)
+        p, g = p.flatten(-2), g.flatten(-2)
+        inner, true = p[..., 1:-1, :], g[..., 1:-1, :]
+        errors = self.errors(x, cut.x[:, None], cut.offsets, p, g)
+        each = errors["l2p"]
+        apart = sample_ade(inner, true[:, 0])
+        found = {
+            **{name: error.mean(1) for name, error in errors.items()},
+            "l2p_best": each.amin(1),
+            "ade": apart.amin(1),
+            "ade_mean": apart.mean(1),
+            "apd": apd(inner) if p.shape[1] > 1 else each.new_full((len(p),), torch.nan),
+            "keyframe_error": met,
+            "nearer": nearer_share(inner, true[:, 0], straight[:, 1:-1]),
+            "bone_error": bone_length_error(p, lengths, self.skeleton).mean(1),
+            **self._motion(p, floor_of(g[:, 0].unflatten(-1, (-1, 3)), self.feet or [0])),
+        }
+        return found
+
+    def errors(
+        self,
+        x: Float[Tensor, "n S F C"],
+        truth: Float[Tensor, "n 1 F C"],
+        offsets: Float[Tensor, "n rig 3"],
+        p: Tensor | None = None,
+        g: Tensor | None = None,
+    ) -> dict[str, Float[Tensor, "n S"]]:
+        """L2P of every sample from keyframe to keyframe and, of rotations, L2Q; NPSS is summed up.
+
+        Args:
+            x, truth: states.
+            offsets: of their bodies.
+            p, g: their joints' places, flattened, where known.
+        """
+        offsets = offsets[:, None]
+        p, g = (self.space.positions(s, offsets).flatten(-2) if q is None else q for s, q in ((x, p), (truth, g)))
+        p, g = p[..., 1:-1, :], g[..., 1:-1, :]
+        found = {"l2p": l2p(p, g, torch.zeros_like(self.deviation), self.deviation)}
+        p_turns, g_turns = (self.space.rotations(s, offsets) for s in (x, truth))
+        if p_turns is None or g_turns is None:
+            self.npss.update(p, g)
+        else:
+            start = g_turns[:, :, 0]
+            p_turns, g_turns = (continued(turns[..., 1:-1, :, :], start) for turns in (p_turns, g_turns))
+            found["l2q"] = l2q(p_turns, g_turns)
+            self.npss.update(p_turns.flatten(-2), g_turns.flatten(-2))
+        return found
+
+    def _motion(self, p: Float[Tensor, "n S T C"], floor: Float[Tensor, " n"]) -> dict[str, Float[Tensor, " n"]]:
+        joints = p.unflatten(-1, (-1, 3)).clone()
+        joints[..., 2] -= floor[:, None, None, None]
+        return {
+            "seam": seam_ratio(p).mean(1),
+            "speed": speed(p, self.fps),
+            "path": path_length(joints[..., 0, :2]).mean(1),
+            "jerk": jerk(p, self.fps),
+        } | ({"skate": foot_skate(joints.flatten(-2), self.feet, self.fps).nanmean(1)} if self.feet else {})
+
+
+def evaluate(cfg: Config, get_model: Callable[[], Bridge], split: Split, progress: bool = False) -> dict[str, Any]:
+    """Metrics of a configuration on the test people of a split.
+
+    Args:
+        cfg: task, method and settings of the sampling.
+        get_model: the trained model, asked for only where the method needs one.
+        split: the data.
+        progress: show a bar on stderr.
+
+    Returns:
+        "mean" and "standard_error" (over clips) by metric, "windows", "values" of each window by metric with the "clips" that
+        they come from.
+    """
+    space = make_space(split.train, cfg.task.state)
+    frames, past = cfg.task.frames, cfg.task.past
+    cut = Clips(split.test, space).cut(frames, cfg.task.test_stride, past).thin(cfg.task.test_windows)
+    fill, score = make_fill(cfg, get_model, split, space), Score.of(split, space, frames, past)
+    parts = []
+    for first in tqdm(range(0, len(cut.x), CHUNK), desc=cfg.sampling.method, disable=not progress, leave=False):
+        rows = slice(first, first + CHUNK)
+        part = cut.pick(rows)
+        parts.append(score(fill(part, [*range(len(cut.x))][rows]), part))
+    values = {name: torch.cat([part[name] for part in parts]).double() for name in parts[0]}
+    values = {name: torch.where(value.isfinite(), value, torch.nan) for name, value in values.items()}  # still ones have no seam
+    clips = cut.clip.tolist()
+    mean = {name: float(value.nanmean()) for name, value in values.items()} | {"npss": score.npss.value()}
+    error = {name: clustered_error(value.numpy(), clips) for name, value in values.items()}
+    return {
+        "mean": mean,
+        "standard_error": error,
+        "windows": len(clips),
+        "values": {name: value.tolist() for name, value in values.items()},
+        "clips": clips,
+    }

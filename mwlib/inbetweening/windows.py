@@ -63,17 +63,17 @@ class Clips:
         motions: z up, of one skeleton and rate.
         space: of their states.
         mirror: also their mirror images. Where left and right are not built alike this warns and leaves them out.
+        dtype: of the states.
 
     Raises:
         ValueError: a clip has no rig, or another, where the space needs one.
     """
 
-    def __init__(self, motions: Sequence[Motion], space: Space, mirror: bool = False) -> None:
+    def __init__(self, motions: Sequence[Motion], space: Space, mirror: bool = False, dtype: torch.dtype = torch.float32) -> None:
         self.space, self.motions = space, [*motions]
         if mirror:
             self.motions += mirror_images(motions, space)
-        states = [space.encode(m) for m in self.motions]
-        self.flat = torch.cat(states)
+        self.flat = torch.cat([space.encode(m, dtype) for m in self.motions])
         self.offsets = torch.stack([space.offsets(m) for m in self.motions])
         self.lengths = torch.tensor([len(m) for m in self.motions])
         self.first = torch.cat([self.lengths.new_zeros(1), self.lengths.cumsum(0)[:-1]])

@@ -13,8 +13,8 @@ import mwlib as mw
 from mwlib.__main__ import main
 from mwlib.data.sources import Split
 from mwlib.experiments import get_run, lafan1_commands
-from mwlib.inbetweening import lafan1_table
-from mwlib.inbetweening.lafan1_table import published
+from mwlib.inbetweening import lafan1
+from mwlib.inbetweening.lafan1 import published
 from mwlib.inbetweening.windows import ready
 from tests.inbetweening.sample import small
 from tests.inbetweening.sample_lafan1 import TASK, small_set
@@ -61,10 +61,10 @@ def test_a_part_of_the_files_cannot_be_compared(folder, tmp_path, capsys):
 
 
 def test_all_files_meet_the_published_digits_or_not(folder, monkeypatch, capsys):
-    monkeypatch.setattr(lafan1_table, "ALL_WINDOWS", 4)
+    monkeypatch.setattr(lafan1, "ALL_WINDOWS", 4)
     assert main(["lafan1-benchmark", "--data", str(folder)]) == 0
     assert "NOT COMPARABLE" in capsys.readouterr().out  # four windows, but not all clips
-    monkeypatch.setattr(lafan1_table, "ALL_CLIPS", 5)
+    monkeypatch.setattr(lafan1, "ALL_CLIPS", 5)
     assert main(["lafan1-benchmark", "--data", str(folder)]) == 1
     told = capsys.readouterr().out
     assert "The published digits are NOT met:\n  L2P of interpolation at 15 frames is " in told
@@ -88,17 +88,17 @@ def test_what_cannot_be_measured_is_told(folder, tmp_path, capsys):
     assert end.value.code == 0 and "all 77 files" in text and "subject 5" in text and "(default: lafan1)" in text
 
 
-def trained(place: Path, seed: int) -> Path:
+def trained(place: Path, folder: Path, seed: int) -> Path:
     """A run of two steps."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("MWLIB_RUNS", str(place))
         cfg = small(**TASK, train_steps=2, lr=0.1, seed=seed)
-        return get_run(cfg, Split(ready([m for m in small_set() if m.subject != "5"], 30.0), [], []))
+        return get_run(cfg, Split(ready([m for m in mw.load_motions(folder) if m.subject != "5"], 30.0), [], []))
 
 
 @pytest.fixture(scope="module")
-def run(tmp_path_factory):
-    return trained(tmp_path_factory.mktemp("runs"), seed=0)
+def run(folder, tmp_path_factory):
+    return trained(tmp_path_factory.mktemp("runs"), folder, seed=0)
 
 
 def test_a_trained_model_gets_its_rows(folder, run, tmp_path, capsys):
@@ -124,7 +124,7 @@ def test_a_trained_model_gets_its_rows(folder, run, tmp_path, capsys):
 
 
 def test_runs_of_one_name_are_averaged(folder, run, tmp_path):
-    other = trained(tmp_path, seed=1)
+    other = trained(tmp_path, folder, seed=1)
     given = ["lafan1-benchmark", "--data", str(folder), "--samples", "2", "--out"]
     alone = [[*given, str(tmp_path / f"{i}"), "--model", f"one={path}"] for i, path in enumerate((run, other))]
     both = [*given, str(tmp_path / "both"), "--model", f"one={run}", "--model", f"one={other}"]

@@ -9,8 +9,8 @@ import torch
 
 from mwlib.body.skeleton import BANDAI21, CMU, H36M17, HUMANEVA15, HUMANML22, LAFAN1, Skeleton
 from mwlib.inbetweening.baselines import PACES, between
-from mwlib.inbetweening.evaluation import DETAILS, METRICS, Score, evaluate, make_fill
 from mwlib.inbetweening.losses import feet
+from mwlib.inbetweening.system import DETAILS, METRICS, Score, evaluate, make_fill
 from mwlib.inbetweening.windows import Clips, make_space
 from tests.inbetweening.sample import data_of, small, untrained
 
@@ -87,7 +87,7 @@ def test_with_a_past_what_is_between_is_scored_alone(method):
 
 def test_scores_do_not_depend_on_how_many_are_scored_together(monkeypatch):
     whole = score(method="hermite")
-    monkeypatch.setattr("mwlib.inbetweening.evaluation.CHUNK", 3)
+    monkeypatch.setattr("mwlib.inbetweening.system.CHUNK", 3)
     parts = score(method="hermite")
     assert parts["clips"] == whole["clips"]
     for name, value in whole["mean"].items():

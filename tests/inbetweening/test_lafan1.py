@@ -1,4 +1,4 @@
-"""The LaFAN1 benchmark against a slow transcription of its code's steps, and against that code's own numbers on real files."""
+"""The LaFAN1 benchmark against a slow transcription of its code's steps, and that code's own numbers; models on it."""
 
 from __future__ import annotations
 
@@ -13,28 +13,41 @@ import torch
 from scipy.spatial.transform import Rotation
 
 import mwlib as mw
-from mwlib.body.rotation import rotate, slerp
+from mwlib.body.rotation import slerp
 from mwlib.body.skeleton import LAFAN1
+from mwlib.data.sources import Split
 from mwlib.inbetweening import lafan1
-from mwlib.inbetweening.lafan1 import Frames, lafan1_benchmark, score, unified
-from mwlib.inbetweening.lafan1_table import (
+from mwlib.inbetweening.bridge import Bridge
+from mwlib.inbetweening.lafan1 import (
     BASELINES,
     LENGTHS,
+    PAST,
     TOLERANCE,
+    baseline,
     benchmark_slerp,
-    interpolation,
+    check_model,
+    in_frame_of_reference,
     is_complete,
+    lafan1_benchmark,
     misses,
+    model_table,
     published,
+    score,
     table,
-    zero_velocity,
-)
-from tests.inbetweening.sample_lafan1 import clip, small_set
+)  # fmt: skip
+from mwlib.inbetweening.objective import InbetweeningObjective
+from mwlib.inbetweening.windows import Clips, make_space, ready
+from tests.inbetweening.sample import shaken, small
+from tests.inbetweening.sample_lafan1 import TASK, clip, small_set
 
 
 @pytest.fixture(scope="module")
-def motions():
-    return small_set()
+def motions(tmp_path_factory):
+    """As read from files, in which End Sites stand among the joints."""
+    folder = tmp_path_factory.mktemp("lafan1")
+    for motion in small_set():
+        mw.write_bvh(motion, folder / f"{motion.name}.bvh")
+    return mw.load_motions(folder)
 
 
 @pytest.fixture(scope="module")
@@ -143,29 +156,33 @@ def values(rows):
     return {(r["method"], r["N"]): (r["windows"], r["L2Q"], r["L2P"], r["NPSS"]) for r in rows}
 
 
-def test_the_benchmark_is_its_transcription_from_files_on(motions, tmp_path):
-    for motion in motions:
-        mw.write_bvh(motion, tmp_path / f"{motion.name}.bvh")
-    read = lafan1_benchmark(mw.load_motions(tmp_path))
-    assert Counter(read.clip) == {"walk1_subject5": 2, "walk2_subject5": 2} and read.start.tolist() == [0, 40, 0, 40]
-    assert read.statistics_clips == ("aiming1_subject1", "dance1_subject2") and read.clips == 5 and not is_complete(read)
-    found, expected = values(table(read)), slow_table(motions)
+def test_the_benchmark_is_its_transcription(benchmark):
+    assert Counter(benchmark.clip) == {"walk1_subject5": 2, "walk2_subject5": 2}
+    assert benchmark.windows.start.tolist() == [0, 40, 0, 40] and not is_complete(benchmark)
+    assert benchmark.statistics_clips == ("aiming1_subject1", "dance1_subject2") and benchmark.clips == 5
+    found, expected = values(table(benchmark)), slow_table(small_set())
     assert list(found) == list(expected)
     for case, row in expected.items():
         assert found[case] == pytest.approx(row, rel=2e-5), case
         assert 1e-4 < row[3] and 0.02 < row[1] and 0.05 < row[2]  # a test of numbers that are something
 
 
-def test_windows_stand_where_the_benchmark_wants_them(benchmark, motions):
-    root, turns = benchmark.frames.root, benchmark.frames.rotations
-    assert root.mean(1)[:, [0, 2]].abs().max() < 1e-12
-    ahead = rotate(turns[:, 9, 0], torch.tensor([0.0, 1, 0], dtype=torch.float64).expand(4, 3))
+def test_windows_stand_where_the_benchmark_wants_them(benchmark):
+    """In place, turned, y up, heights kept; there already they stay; one body for all, that of the first training clip."""
+    space, windows = benchmark.space, benchmark.windows
+    x = in_frame_of_reference(space, windows.x[:, None], windows.x)
+    assert x.dtype == torch.float64 and x[..., [0, 2]].mean(2).abs().max() < 1e-12
+    ahead = x[:, 0, 9, 6:9]  # the root's own y-axis
     assert ahead[:, 2].abs().max() < 1e-12 and ahead[:, 0].min() > 0
-    path = torch.from_numpy(motions[2].rig.root)[40:105]
-    torch.testing.assert_close(root[1, :, 1], path[:, 1])  # heights stay
-    torch.testing.assert_close(root[1].diff(dim=0).norm(dim=-1), path.diff(dim=0).norm(dim=-1))
-    torch.testing.assert_close(unified(benchmark.frames).rotations, turns)
-    torch.testing.assert_close(benchmark.offsets, torch.from_numpy(motions[0].rig.offsets[:22]))
+    path = torch.from_numpy(small_set()[2].rig.root)[40:105]
+    torch.testing.assert_close(x[1, 0, :, 1], path[:, 1], atol=1e-5, rtol=0)  # as digits of the file have it
+    torch.testing.assert_close(x[1, 0, :, :3].diff(dim=0).norm(dim=-1), path.diff(dim=0).norm(dim=-1), atol=1e-5, rtol=0)
+    found = space.positions(windows.x, windows.offsets)
+    there = space.positions(x, windows.offsets[:, None])[:, 0]  # the same bodies, by y up
+    torch.testing.assert_close(there[..., 1], found[..., 2])
+    torch.testing.assert_close((there[:, :, 5] - there[:, :, 17]).norm(dim=-1), (found[:, :, 5] - found[:, :, 17]).norm(dim=-1))
+    expected = torch.from_numpy(small_set()[0].rig.offsets[:22]).float()
+    torch.testing.assert_close(windows.offsets[3][list(space.points)], expected, atol=1e-5, rtol=0)
 
 
 def test_where_people_were_and_in_which_unit_does_not_matter(benchmark, motions):
@@ -174,70 +191,60 @@ def test_where_people_were_and_in_which_unit_does_not_matter(benchmark, motions)
         rig = replace(rig, root=100 * rig.root + [500.0, 0, -70], offsets=100 * rig.offsets)
         return replace(motion, positions=rig.positions(), rig=rig)
 
-    again = table(lafan1_benchmark([moved(m) for m in motions]))
-    for case, row in values(table(benchmark)).items():
-        assert values(again)[case] == pytest.approx(row, rel=1e-6)
-    z_up = [m.with_up("z") for m in motions]
-    assert values(table(lafan1_benchmark(z_up)))["interpolation", 15] == pytest.approx(
-        values(table(benchmark))["interpolation", 15], rel=1e-6
-    )
+    expected = values(table(benchmark))
+    for given in ([moved(m) for m in motions], [m.with_up("z") for m in motions]):
+        again = values(table(lafan1_benchmark(given)))
+        for case, row in expected.items():
+            assert again[case] == pytest.approx(row, rel=1e-6)
 
 
-def test_any_predictor_is_scored_on_what_it_may_see(benchmark, monkeypatch):
+def test_what_fills_the_windows_is_scored_on_what_it_may_see(benchmark, monkeypatch):
     seen = []
 
-    def oracle(context: Frames, target: Frames, length: int) -> Frames:
-        """Finds the windows again that it was given frames of; answers with other signs and in float32."""
-        seen.append((tuple(context.rotations.shape), tuple(target.root.shape), length))
-        found = [(benchmark.frames.root[:, :10] - root).abs().amax((1, 2)).argmin() for root in context.root]
-        whole = benchmark.frames.take(torch.stack(found))
-        torch.testing.assert_close(whole.cut(10 + length, 11 + length).rotations, target.rotations)
-        frames = whole.cut(10, 10 + length)
-        signs = torch.randint(2, frames.rotations.shape[:3], generator=torch.Generator().manual_seed(0))
-        return Frames((frames.rotations * (2 * signs[..., None] - 1)).float(), frames.root.float())
+    def oracle(cut, ids):
+        """Knows the windows by their numbers; answers with vectors of another length, and in float32."""
+        frames = cut.x.shape[1]
+        seen.append((len(ids), frames))
+        truth = benchmark.windows.x[ids, :frames]
+        assert torch.equal(cut.x[:, :PAST], truth[:, :PAST]) and torch.equal(cut.x[:, -1], truth[:, -1])
+        assert not cut.x[:, PAST - 1 : -1].diff(dim=1).any()  # nothing of what is to be found
+        truth[..., 3:] *= 1.5
+        return truth[:, None].float().expand(-1, 2, -1, -1)
 
     for length in (1, 15, 54):
-        found = score(benchmark, oracle, length)
-        assert found.l2q.shape == found.l2p.shape == (4,)
-        assert max(found.l2q.max(), found.l2p.max(), found.npss) < 1e-5
-    assert seen == [((4, 10, 22, 4), (4, 1, 3), length) for length in (1, 15, 54)]
-    whole = score(benchmark, interpolation, 15)
+        assert max(score(benchmark, oracle, length).values()) < 1e-5
+    assert seen == [(4, PAST + length + 1) for length in (1, 15, 54)]
+    (row,) = table(benchmark, {"mine": oracle}, [7])
+    assert row["method"] == "mine" and row.keys() == {"method", "N", "windows", "L2Q", "L2P", "NPSS"}
+    still = baseline(benchmark.space, "zero_velocity")
+    whole = score(benchmark, still, 15)
     monkeypatch.setattr(lafan1, "CHUNK", 3)
-    parts = score(benchmark, interpolation, 15)
-    torch.testing.assert_close(parts.l2q, whole.l2q)
-    torch.testing.assert_close(parts.l2p, whole.l2p)
-    assert parts.npss == pytest.approx(whole.npss)
-    assert table(benchmark, {"mine": oracle}, [7])[0]["method"] == "mine"
+    assert score(benchmark, still, 15) == pytest.approx(whole)
 
 
-def test_the_mean_of_all_windows_is_in_the_table(benchmark):
-    (row,) = table(benchmark, {"still": zero_velocity}, [30])
-    found = score(benchmark, zero_velocity, 30)
-    assert row == {"method": "still", "N": 30, "windows": 4, "L2Q": found.l2q.mean(), "L2P": found.l2p.mean(), "NPSS": found.npss}
-
-
-def broken(change) -> lafan1.Predictor:
-    return lambda context, target, length: change(zero_velocity(context, target, length))
+def broken(change):
+    """A method whose windows are spoiled."""
+    return lambda cut, ids: change(cut.x[:, None])
 
 
 @pytest.mark.usefixtures("unchecked")
 @pytest.mark.parametrize(
-    "predict, length, message",
+    "fill, length, message",
     [
-        (zero_velocity, 0, "length is 0; expected 1 to 54 frames"),
-        (zero_velocity, 55, "length is 55; expected 1 to 54 frames"),
-        (broken(lambda x: x.cut(0, 4)), 5, r"rotations of the predictor are \(4, 4, 22, 4\), finite; expected \(4, 5, 22, 4\)"),
-        (broken(lambda x: x._replace(root=x.root / 0)), 5, r"root of the predictor are \(4, 5, 3\), not finite"),
-        (broken(lambda x: x._replace(rotations=x.rotations * 1.01)), 5, "quaternion of the predictor has length 1.01"),
+        (broken(lambda x: x), 0, "length is 0; expected 1 to 54 frames"),
+        (broken(lambda x: x), 55, "length is 55; expected 1 to 54 frames"),
+        (broken(lambda x: x[:, :, 1:]), 5, r"is \(4, 1, 15, 135\), finite; expected \(4, samples, 16, 135\), finite"),
+        (broken(lambda x: x[:3]), 5, r"is \(3, 1, 16, 135\), finite; expected \(4, samples"),
+        (broken(lambda x: x / 0), 5, r"what fills the windows is \(4, 1, 16, 135\), not finite"),
     ],
 )  # fmt: skip
-def test_predictions_that_cannot_be_scored_are_refused(benchmark, predict, length, message):
+def test_what_cannot_be_scored_is_refused(benchmark, fill, length, message):
     with pytest.raises(ValueError, match=message):
-        score(benchmark, predict, length)
+        score(benchmark, fill, length)
 
 
 def test_clips_that_are_not_lafan1_are_refused(motions):
-    train, test = motions[0], motions[2]
+    train, _, test, *_ = sorted(motions, key=lambda m: m.name)
     other = mw.load_motions("synthetic")[0]
     moves = np.tile(train.rig.offsets, (len(train), 1, 1))
     for given, message in (
@@ -315,7 +322,7 @@ def test_real_files(data_folder):
         row = listed[motion.name]
         # the list counts a window that ends with the last frame, which the benchmark leaves out
         last = (int(row["frames"]) - 65) % 40 == 0
-        assert len(lafan1._starts(motion, 65, 40)) == int(row["windows_65_by_40"]) - last, motion.name
+        assert len(range(0, len(motion) - 65, 40)) == int(row["windows_65_by_40"]) - last, motion.name
     found = lafan1_benchmark(motions)
     rows = table(found)
     by_case = values(rows)
@@ -335,11 +342,91 @@ def test_real_files(data_folder):
 def test_signs_of_recorded_motion_go_on_by_themselves(data_folder):
     """So the step that networks need does nothing to the baselines: their numbers are those of code without it."""
     (motion,) = [m for m in mw.load_motions(data_folder / "lafan1" / "ground1_subject5.bvh.xz")]
-    frames = lafan1_benchmark([motion, replace(motion, subject="1")]).frames
-    turns = lafan1._world(frames, torch.zeros(22, 3, dtype=torch.float64))[1]
-    assert (turns[:, 1:] * turns[:, :-1]).sum(-1).min() > 0
+    _, turns = motion.rig.world()
+    assert (turns[1:] * turns[:-1]).sum(-1).min() > 0
 
 
-def test_the_sample_is_a_human(motions):
+def test_the_sample_is_a_human():
+    motions = small_set()
     assert clip("walk1_subject5", "5", 145, size=1.1).positions.tolist() == motions[2].positions.tolist()
     assert all(1.2 < np.ptp(m.positions[..., 1], axis=1).max() < 2.3 for m in motions)
+
+
+def bridge_of(motions, **changes) -> Bridge:
+    """A model that was not trained."""
+    cfg = small(**{**TASK, **changes})
+    made = InbetweeningObjective(cfg, Split(ready([m for m in motions if m.subject != "5"], cfg.data.fps), [], []), {})
+    return Bridge(shaken(made.network, 0.02), made.representation, made.space, cfg)
+
+
+@pytest.fixture(scope="module")
+def bridge(motions):
+    return bridge_of(motions)
+
+
+def test_windows_are_those_that_the_model_has_of_the_clips(benchmark, motions, bridge):
+    """But for the body, which is one for all."""
+    assert bridge.space.points != tuple(range(22)) and sorted(bridge.space.turning) == sorted(bridge.space.points)
+    cut = Clips(ready([m for m in motions if m.subject == "5"], 30.0), bridge.space).cut(65, 40, PAST)
+    torch.testing.assert_close(benchmark.windows.x.float(), cut.x, atol=1e-5, rtol=0)
+
+
+@pytest.mark.parametrize("past", [1, 4, 10])
+def test_a_model_that_knows_the_windows_makes_no_error(benchmark, motions, past, monkeypatch):
+    """It is asked of what it is given alone, seen from the last frame of its past, and answers in the same place."""
+    made = bridge_of(motions, past=past, coast=0.0)
+    whole = benchmark.windows.x[:, PAST - past :].float()
+
+    def knows(x, mask, samples, seed, progress):
+        frames = x.shape[1]
+        assert x.dtype == torch.float32 and x[:, past - 1, :2].abs().max() < 1e-5
+        torch.testing.assert_close(x[:, [*range(past), -1]], whole[:, [*range(past), frames - 1]], atol=1e-5, rtol=0)
+        assert mask is None and not x[:, past - 1 : -1].diff(dim=1).any()  # nothing of what is to be found
+        return whole[:, None, :frames].expand(-1, samples, -1, -1)
+
+    monkeypatch.setattr(made, "sample", knows)
+    for row in model_table(made, benchmark, "mine", samples=3, lengths=(5, 45)):
+        assert row["windows"] == 4 and max(row["L2Q"], row["L2P"], row["NPSS"]) < 2e-5, row
+
+
+def test_rows_are_single_samples_and_their_average(benchmark, bridge):
+    rows = model_table(bridge, benchmark, "mine", samples=3, seed=5)
+    names = ["mine, single samples"] * 4 + ["mine, average of 3"] * 4
+    assert [(row["method"], row["N"]) for row in rows] == [*zip(names, [*LENGTHS, *LENGTHS], strict=True)]
+    x = bridge.sample(benchmark.windows.x[:, :26].float(), None, 3, 5)
+    each = [score(benchmark, lambda cut, ids, i=i: x[ids, i : i + 1], 15) for i in range(3)]
+    for name in TOLERANCE:
+        assert rows[1][name] == pytest.approx(sum(found[name] for found in each) / 3, rel=1e-5)
+    middle = score(benchmark, lambda cut, ids: x[ids].mean(1, keepdim=True), 15)
+    assert {name: rows[5][name] for name in TOLERANCE} == pytest.approx(middle, rel=1e-5)
+    assert all(0.01 < row["L2P"] < 100 for row in rows) and rows[5]["L2P"] < rows[1]["L2P"]
+    assert model_table(bridge, benchmark, "mine", samples=3, seed=6, lengths=[15])[0]["L2P"] != rows[1]["L2P"]
+
+
+def test_lengths_that_it_was_not_trained_for_stay_empty(benchmark, motions):
+    short = bridge_of(motions, between=20)
+    rows = model_table(short, benchmark, "mine", samples=1)
+    assert [row["L2P"] is None for row in rows] == [False, False, True, True] * 2
+    with pytest.raises(ValueError, match=r"the model is for 5 to 20 frames between; expected some of \[30, 45\]"):
+        model_table(short, benchmark, "mine", lengths=[30, 45])
+
+
+def test_models_that_do_not_fit_are_refused(bridge, benchmark, motions):
+    check_model(bridge.cfg, bridge.space)
+    bodies = bridge.space.bodies
+    places = make_space(ready(motions[:1], 30.0), "positions")
+    other = replace(bodies.skeleton, joints=tuple(f"joint{i}" for i in range(22)))
+    for changes, space, message in (
+        ({}, replace(bridge.space, bodies=replace(bodies, fps=25.0)), "has 25 frames per second"),
+        ({}, replace(bridge.space, bodies=replace(bodies, skeleton=other)), "is of skeleton .* with 22 joints"),
+        ({}, places, "has places or other rotations"),
+        (dict(past=11), bridge.space, "is given 11 frames of the past"),
+        (dict(train_subjects=("1", "5"), test_subjects=("2",)), bridge.space, "was trained on subject 5"),
+        (dict(train_subjects=(), test_subjects=("2",)), bridge.space, "was trained on subject 5"),
+    ):
+        with pytest.raises(ValueError, match=f"the model {message}; expected one of LaFAN1's 22 joints .* at most 10 frames"):
+            check_model(bridge.cfg.override(**changes), space)
+    for changes in (dict(train_subjects=()), dict(train_subjects=(), test_subjects=())):
+        check_model(bridge.cfg.override(**changes), bridge.space)  # then it is tested on, or among the last quarter
+    with pytest.raises(ValueError, match="trained on clips with another rig than the benchmark's"):
+        model_table(bridge_of(small_set()), benchmark, "mine")
