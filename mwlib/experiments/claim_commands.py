@@ -5,9 +5,8 @@ from __future__ import annotations
 from argparse import Namespace, _SubParsersAction
 from pathlib import Path
 
-from mwlib.experiments.checks import Tables
-from mwlib.experiments.claims import claims_file
-from mwlib.experiments.reproduction import report
+from mwlib.experiments.claims import Tables, claims_file
+from mwlib.experiments.claims import reproduction as report
 from mwlib.files import write_atomic
 
 
