@@ -6,7 +6,6 @@ checkout that mwlib is imported from, or the copy inside the installed package.
 
 from __future__ import annotations
 
-import hashlib
 from pathlib import Path
 
 CHECKOUT = Path(__file__).resolve().parents[1]
@@ -55,19 +54,3 @@ def course_folder() -> Path:
 def carried(folder: Path) -> list[Path]:
     """The files of a course that a wheel and a working copy have, in order, whatever else lies in the folder."""
     return [file for pattern in CARRIED for file in sorted(folder.glob(pattern)) if file.is_file()]
-
-
-def file_hash(file: Path) -> str:
-    """SHA-256 of a file, in hex."""
-    with file.open("rb") as stream:
-        return hashlib.file_digest(stream, "sha256").hexdigest()
-
-
-def package_hash(package: Path = PACKAGED.parent) -> str:
-    """Hash of the library's files; the course's tooling and its copy of the notebooks are left out, for they change no result."""
-    digest = hashlib.sha256()
-    for path in sorted(package.rglob("*")):
-        inside = path.relative_to(package)
-        if path.is_file() and "__pycache__" not in inside.parts and inside.parts[0] not in ("course", PACKAGED.name):
-            digest.update(inside.as_posix().encode() + b"\0" + path.read_bytes() + b"\0")
-    return digest.hexdigest()

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import difflib
-import hashlib
 import json
 import math
 import types
@@ -14,6 +13,8 @@ from typing import Annotated, Any, ClassVar, Literal, Self, TypeVar, get_args, g
 
 import yaml
 from annotated_types import Ge, Gt, Interval
+
+from mwlib.hashing import digest
 
 Count = Annotated[int, Ge(1)]
 Natural = Annotated[int, Ge(0)]
@@ -191,11 +192,6 @@ def read_tree(source: str | Path) -> dict[str, Any]:
 
 def _place(source: str | Path) -> str:
     return str(source) if isinstance(source, Path) else "the configuration"
-
-
-def digest(tree: Any) -> str:
-    """Eight hex digits over anything that JSON can write."""
-    return hashlib.sha256(json.dumps(tree, sort_keys=True).encode()).hexdigest()[:8]
 
 
 def parse_changes(words: Sequence[str]) -> dict[str, Any]:

@@ -23,8 +23,8 @@ ROOMS = (
     SYSTEMS, ("plots",), ("experiments",), ("course",), ("cli",), ("__main__", "__init__"),
 )  # fmt: skip
 FLOOR = {room: floor for floor, rooms in enumerate(ROOMS) for room in rooms}
-TO_COME = {"hashing", "cli"}
-MOST_LINES, MOST_LINES_OF_A_FUNCTION, MOST_MODULES_OF_A_SYSTEM = 500, 45, 80
+TO_COME = {"cli"}
+MOST_LINES, MOST_LINES_OF_A_FUNCTION, MOST_MODULES_OF_A_SYSTEM = 500, 45, 82
 NOT_YET = set(
     """
     mwlib.body.correspondence

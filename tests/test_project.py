@@ -27,7 +27,7 @@ from mwlib.course.stems import saved_stems
 from mwlib.experiments.origins import data_fingerprint
 from mwlib.experiments.store import parameters_hash, write_result
 from mwlib.files import write_atomic
-from mwlib.paths import package_hash
+from mwlib.hashing import package_hash
 from tests.sample_notebooks import bare, code, runnable, save
 
 ROOT = Path(__file__).parents[1]

@@ -25,7 +25,8 @@ from mwlib.course.notebooks import EXPERIMENT, TIMEOUT, ParameterError, read_not
 from mwlib.experiments import store
 from mwlib.experiments.grids import Grid, row_parameters
 from mwlib.files import write_atomic, write_together
-from mwlib.paths import home, package_hash
+from mwlib.hashing import package_hash
+from mwlib.paths import home
 
 PICTURES = ("image/png", "image/gif")
 KEPT_TYPES = (*PICTURES, "text/plain", "text/latex", "text/markdown")

@@ -20,7 +20,7 @@ from mwlib.course.notebooks import from_text, read_notebook, read_parameters, re
 from mwlib.experiments.origins import data_fingerprint
 from mwlib.experiments.store import parameters_hash, result_of
 from mwlib.files import write_atomic
-from mwlib.paths import package_hash
+from mwlib.hashing import package_hash
 from mwlib.plots import significant
 
 FIRST = ("data", "preset", "seed", "seeds")

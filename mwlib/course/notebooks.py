@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import ast
-import hashlib
 import io
 import json
 import re
@@ -16,6 +15,7 @@ from typing import Any
 import yaml
 
 from mwlib.files import write_atomic
+from mwlib.hashing import sha256
 from mwlib.paths import course_folder
 
 ROOT = course_folder()  # of the folder that the process was started in
@@ -91,7 +91,7 @@ def source_hash(notebook: Path | Mapping[str, Any]) -> str:
         (cell["cell_type"], cell.get("metadata", {}).get("tags", []), "".join(cell["source"]).strip())
         for cell in tree["cells"]
     ]  # fmt: skip
-    return hashlib.sha256(json.dumps(cells).encode()).hexdigest()
+    return sha256([json.dumps(cells)])
 
 
 def write_hashes(folder: Path, hashes: Mapping[str, str]) -> None:

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import hashlib
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -18,6 +17,7 @@ from mwlib.data.captioned_cmu import captioned_cmu
 from mwlib.data.captioned_people import captioned_people
 from mwlib.data.formats.humanml import LAYOUTS, CaptionedClip, FeatureLayout, TaggedCaption, read_folder
 from mwlib.data.load import data_folder, find_source
+from mwlib.hashing import sha256
 from mwlib.networks.matching import UNIT
 from mwlib.settings import Count, Natural
 
@@ -105,12 +105,14 @@ def _cut(clip: CaptionedClip, longest: int) -> CaptionedClip:
 
 def fingerprint(clips: Sequence[CaptionedClip]) -> str:
     """Eight hex digits over names, captions, their parts of speech where these are told, and features."""
-    digest = hashlib.sha256()
+    return sha256(_contents(clips))[:8]
+
+
+def _contents(clips: Sequence[CaptionedClip]) -> Iterator[bytes | str]:
     for clip in clips:
         tagged = [caption.tagged for caption in clip.captions if isinstance(caption, TaggedCaption)]
-        digest.update(f"{clip.name}/{clip.captions}/{clip.features.shape}{tagged or ''}".encode())
-        digest.update(np.ascontiguousarray(clip.features, dtype=np.float32).tobytes())
-    return digest.hexdigest()[:8]
+        yield f"{clip.name}/{clip.captions}/{clip.features.shape}{tagged or ''}"
+        yield np.ascontiguousarray(clip.features, dtype=np.float32).tobytes()
 
 
 SHORTENED = 1 / 3  # of the pieces

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import re
 from collections import Counter
 from collections.abc import Iterable, Sequence
@@ -24,6 +23,7 @@ from mwlib.data.meaning import ADULT, UPRIGHT, Reading, Stated, clips_row, heigh
 from mwlib.data.mirroring import unmirrored
 from mwlib.data.untrusted import MotionFormatError, bare_suffix
 from mwlib.data.windows import windows
+from mwlib.hashing import sha256
 from mwlib.synthetic.motions import synthetic_motions
 
 PROTOCOLS = {"HUMANEVA15": (60.0, 15, 60, 15)}  # hertz, history, future, stride
@@ -159,10 +159,10 @@ def _bodies(clips: Sequence[tuple[str, Reading]]) -> list[str]:
 
 
 def _copies(clips: Sequence[tuple[str, Reading]]) -> list[str]:
-    same: dict[bytes, list[str]] = {}
+    same: dict[str, list[str]] = {}
     for name, reading in clips:
         content = np.ascontiguousarray(reading.motion.positions, dtype=np.float32)
-        same.setdefault(hashlib.sha256(content.tobytes()).digest(), []).append(name)
+        same.setdefault(sha256([content.tobytes()]), []).append(name)
     twice = [" = ".join(names) for names in same.values() if len(names) > 1]
     return [f"the same clip twice, perhaps in training and test: {_some(twice)}"] if twice else []
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import re
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
@@ -11,6 +10,7 @@ import numpy as np
 
 from mwlib.body.motion import Motion
 from mwlib.body.skeleton import SKELETONS, Skeleton
+from mwlib.hashing import sha256
 
 # What says "left" in a name: the word, or one letter where a word begins (lThigh, J_Bip_L_Arm, thigh.L, ik_hand_l).
 WORDS = {"left": "right", "Left": "Right", "LEFT": "RIGHT"}
@@ -34,8 +34,7 @@ def paired(joints: tuple[str, ...]) -> tuple[tuple[int, ...], tuple[int, ...]]:
 
 def own_skeleton(joints: tuple[str, ...], parents: tuple[int, ...]) -> Skeleton:
     """A skeleton made from a file; equal ones get equal names, different ones different names; left and right are `paired`."""
-    digest = hashlib.sha256(repr((joints, parents)).encode()).hexdigest()[:4]
-    return Skeleton(f"{joints[0]}{len(joints)}_{digest}", joints, parents, *paired(joints))
+    return Skeleton(f"{joints[0]}{len(joints)}_{sha256([repr((joints, parents))])[:4]}", joints, parents, *paired(joints))
 
 
 def _counterparts(name: str) -> Iterator[str]:

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import hashlib
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Annotated, Literal, NamedTuple
 
@@ -13,6 +12,7 @@ from mwlib.body.motion import Motion
 from mwlib.data.load import load_motions
 from mwlib.data.meaning import UNITS
 from mwlib.data.windows import Bodies, prepare
+from mwlib.hashing import sha256
 from mwlib.settings import NotNegative, OneOf, Positive
 
 
@@ -101,9 +101,11 @@ def _check_lists(lists: dict[str, tuple[str, ...]], present: Sequence[str], data
 
 def fingerprint(motions: Sequence[Motion]) -> str:
     """Eight hex digits over subjects, skeleton and positions of the clips."""
-    digest = hashlib.sha256()
+    return sha256(_contents(motions))[:8]
+
+
+def _contents(motions: Sequence[Motion]) -> Iterator[bytes | str]:
     for m in motions:
         s = m.skeleton
-        digest.update(f"{m.subject}/{m.action}/{m.fps}/{m.up}/{s.joints}/{s.parents}/{s.left}/{s.right}".encode())
-        digest.update(np.ascontiguousarray(m.positions, dtype=np.float32).tobytes())
-    return digest.hexdigest()[:8]
+        yield f"{m.subject}/{m.action}/{m.fps}/{m.up}/{s.joints}/{s.parents}/{s.left}/{s.right}"
+        yield np.ascontiguousarray(m.positions, dtype=np.float32).tobytes()

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import os
 import platform
 from collections.abc import Iterator
@@ -14,7 +13,7 @@ from mwlib.data.known import named_source
 from mwlib.data.load import READERS, find_source
 from mwlib.data.meaning import LEVELS_UP
 from mwlib.data.untrusted import bare_suffix
-from mwlib.paths import file_hash
+from mwlib.hashing import file_hash, sha256
 
 HINTS = ("clips.csv", "skeleton.json")  # read along with motions that lie beside or below them
 
@@ -32,10 +31,8 @@ def data_fingerprint(source: str) -> str:
     Args:
         source: as `load_motions` takes it.
     """
-    digest = hashlib.sha256()
-    for name, file in _files(named_source(source)[0]):
-        digest.update(f"{name}\0{file.stat().st_size}\0{file_hash(file)}\n".encode(errors="surrogateescape"))
-    return digest.hexdigest()[:16]
+    files = _files(named_source(source)[0])
+    return sha256(f"{name}\0{file.stat().st_size}\0{file_hash(file)}\n" for name, file in files)[:16]
 
 
 def _files(source: str | Path) -> Iterator[tuple[str, Path]]:

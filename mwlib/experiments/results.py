@@ -14,8 +14,8 @@ from mwlib.experiments.runs import get_model, get_run, models_behind
 from mwlib.experiments.store import locked, read_result, runs_folder
 from mwlib.experiments.systems import Data, system_of
 from mwlib.files import write_json
-from mwlib.paths import file_hash, package_hash
-from mwlib.settings import Settings, digest
+from mwlib.hashing import digest, file_hash, package_hash
+from mwlib.settings import Settings
 from mwlib.training import MODEL
 from mwlib.version import __version__
 

@@ -17,8 +17,9 @@ from mwlib.experiments.origins import machine, models_used
 from mwlib.experiments.store import locked, read_result, runs_folder, write_result
 from mwlib.experiments.systems import Data, read_config, system_of
 from mwlib.files import sweep, write_atomic
-from mwlib.paths import CONFIG, file_hash, package_hash, run_folder, shipped
-from mwlib.settings import Settings, digest
+from mwlib.hashing import digest, file_hash, package_hash
+from mwlib.paths import CONFIG, run_folder, shipped
+from mwlib.settings import Settings
 from mwlib.training import MODEL, TrainingStep, read_model, read_outcome, train
 from mwlib.version import __version__
 

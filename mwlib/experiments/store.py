@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import json
 import os
 from collections.abc import Iterator, Mapping
@@ -13,6 +12,7 @@ from typing import Any, Literal
 from filelock import FileLock, Timeout
 
 from mwlib.files import write_json
+from mwlib.hashing import digest
 from mwlib.paths import home
 
 RESULT = "metrics.json"
@@ -61,8 +61,7 @@ def result_of(folder: Path) -> dict[str, Any]:
 
 def parameters_hash(parameters: Mapping[str, Any]) -> str:
     """Eight hex digits over a notebook's parameters; `out`, the place of the results, does not count."""
-    kept = {k: v for k, v in parameters.items() if k != "out"}
-    return hashlib.sha256(json.dumps(kept, sort_keys=True).encode()).hexdigest()[:8]
+    return digest({name: value for name, value in parameters.items() if name != "out"})
 
 
 @contextmanager

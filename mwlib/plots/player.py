@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import base64
 import gzip
-import hashlib
 import html
 import json
 import os
@@ -19,6 +18,7 @@ from jaxtyping import Float
 
 from mwlib.body.skeleton import Skeleton
 from mwlib.files import write_atomic
+from mwlib.hashing import sha256
 from mwlib.plots.bodies import COLOURS, ELEVATION, THREE_QUARTER, facing
 from mwlib.plots.look import CYCLE
 from mwlib.plots.loops import Actor, Film, Loop, Shown, film, loop_of, placed_pose
@@ -54,18 +54,15 @@ Promise.all([load(%(key)s, %(packed)s), ready]).then(([player]) => player?.mount
 
 def sources_hash() -> str:
     """SHA-256 over what the bundle is built of; line ends do not count."""
-    digest = hashlib.sha256()
-    for name in SOURCES:
-        text = (ASSETS / name).read_text(encoding="utf-8")
-        digest.update(f"{name}\n{len(text)}\n{text}".encode())
-    return digest.hexdigest()
+    texts = {name: (ASSETS / name).read_text(encoding="utf-8") for name in SOURCES}
+    return sha256(f"{name}\n{len(text)}\n{text}" for name, text in texts.items())
 
 
 @lru_cache(maxsize=1)
 def packed() -> tuple[str, str]:
     """A key that tells bundles apart, and the bundle as base64 of gzip."""
     code = BUNDLE.read_bytes()
-    return f"mwlibPlayer_{hashlib.sha256(code).hexdigest()[:12]}", base64.b64encode(gzip.compress(code, 9, mtime=0)).decode()
+    return f"mwlibPlayer_{sha256([code])[:12]}", base64.b64encode(gzip.compress(code, 9, mtime=0)).decode()
 
 
 def script(embed: bool) -> str:

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import copy
-import hashlib
 import json
 import os
 import time
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +17,7 @@ from torch import Tensor, nn
 from torch.optim.swa_utils import get_ema_multi_avg_fn
 
 from mwlib.files import write_atomic, write_json
+from mwlib.hashing import sha256
 
 
 class DamagedFileError(ValueError):
@@ -73,11 +73,13 @@ def _said(file: Path) -> tuple[str, str]:
 
 
 def _sha256(tensors: Mapping[str, Tensor], text: str) -> str:
-    digest = hashlib.sha256(text.encode())
-    for name, tensor in tensors.items():
-        digest.update(f"{name} {tensor.dtype} {tuple(tensor.shape)}".encode())
-        digest.update(tensor.reshape(-1).view(torch.uint8).numpy().tobytes())
-    return digest.hexdigest()
+    def contents() -> Iterator[bytes | str]:
+        yield text
+        for name, tensor in tensors.items():
+            yield f"{name} {tensor.dtype} {tuple(tensor.shape)}"
+            yield tensor.reshape(-1).view(torch.uint8).numpy().tobytes()
+
+    return sha256(contents())
 
 
 class MovingAverage:

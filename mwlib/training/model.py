@@ -64,10 +64,10 @@ class TrainedModel:
         Raises:
             ValueError: no sample is asked for.
         """
-        samples = self.sampling.samples if samples is None else samples
-        if samples < 1:
-            raise ValueError(f"samples is {samples}; expected at least 1")
-        return samples, self.sampling.sampling_seed if seed is None else seed
+        count = int(self.sampling.samples if samples is None else samples)
+        if count < 1:
+            raise ValueError(f"samples is {count}; expected at least 1")
+        return count, self.sampling.sampling_seed if seed is None else seed
 
 
 def identities(window_ids: Sequence[int] | None, count: int) -> list[int]:

@@ -23,7 +23,7 @@ from mwlib.course.manifest import FILES
 from mwlib.course.notebooks import ParameterError, source_hash
 from mwlib.experiments import store
 from mwlib.files import write_together
-from mwlib.paths import package_hash
+from mwlib.hashing import package_hash
 from tests.sample_notebooks import NASTY, PARAMETERS, code, runnable, save
 
 ROOT = Path(__file__).parents[2]

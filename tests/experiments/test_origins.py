@@ -13,7 +13,8 @@ from mwlib.experiments import get_model, get_result, load_run, runs
 from mwlib.experiments.origins import data_fingerprint, models_used
 from mwlib.experiments.results import result_file
 from mwlib.experiments.store import result_of
-from mwlib.paths import CONFIG, file_hash, package_hash
+from mwlib.hashing import file_hash, package_hash
+from mwlib.paths import CONFIG
 from mwlib.text_to_motion.config import Config as SentencesConfig
 from mwlib.training import MODEL
 from tests.sample_settings import small, two_people
@@ -80,18 +81,6 @@ def test_data_are_found_where_loading_finds_them(data, monkeypatch):
     monkeypatch.setenv("MWLIB_DATA", str(data.parent))
     assert data_fingerprint("data") == data_fingerprint(str(data)) != data_fingerprint("nowhere")
     assert data_fingerprint("synthetic") == data_fingerprint("tiny") == data_fingerprint("nowhere")
-
-
-def test_the_library_counts_but_for_the_courses_tooling(tmp_path):
-    for name in ("data/a.py", "course/b.py", "__pycache__/c.pyc"):
-        (tmp_path / name).parent.mkdir()
-        (tmp_path / name).write_text("x")
-    before = package_hash(tmp_path)
-    for name in ("course/b.py", "__pycache__/c.pyc"):
-        (tmp_path / name).write_text("y")
-    assert package_hash(tmp_path) == before
-    (tmp_path / "data" / "a.py").write_text("y")
-    assert package_hash(tmp_path) != before
 
 
 def test_runs_and_results_name_settings_data_library_and_model(monkeypatch, tmp_path):

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import csv
-import hashlib
 import io
 from collections.abc import Sequence
 from pathlib import Path
@@ -15,6 +14,7 @@ from mwlib.body.motion import Motion
 from mwlib.data.load import motion_files, read_motion_file
 from mwlib.data.untrusted import MOST_BYTES, PACKED, MotionFormatError, allowed, bare_name, read_bytes
 from mwlib.files import write_atomic
+from mwlib.hashing import sha256 as sha256_of
 
 FINENESS = 1e-4  # metres
 
@@ -47,9 +47,8 @@ def motion_digest(motion: Motion) -> str:
     last bits, which differ between machines' arithmetic, seldom do (`sources.fingerprint` sees every bit).
     """
     s = motion.skeleton
-    digest = hashlib.sha256(f"{motion.fps:g}/{motion.up}/{s.joints}/{s.parents}/{motion.positions.shape}".encode())
-    digest.update(np.rint(motion.positions.astype(np.float64) / FINENESS).astype("<i4").tobytes())
-    return digest.hexdigest()[:16]
+    head = f"{motion.fps:g}/{motion.up}/{s.joints}/{s.parents}/{motion.positions.shape}"
+    return sha256_of([head, np.rint(motion.positions.astype(np.float64) / FINENESS).astype("<i4").tobytes()])[:16]
 
 
 def list_file(name: str) -> Path:
@@ -69,7 +68,7 @@ def clips_of(folder: Path) -> list[Listed]:
     for file in motion_files(folder):
         (motion,) = read_motion_file(file)
         place = file.relative_to(folder).with_name(bare_name(file)).as_posix()
-        digest = hashlib.sha256(read_bytes(file, allowed(MOST_BYTES, file))).hexdigest()
+        digest = sha256_of([read_bytes(file, allowed(MOST_BYTES, file))])
         clips.append(Listed(place, motion.subject, motion.action, motion.fps, len(motion), motion_digest(motion), digest))
     return clips
 
@@ -110,7 +109,7 @@ def motion_fault(file: Path, clip: Listed) -> str:
 def byte_fault(file: Path, sha256: str) -> str:
     """Why a file does not have the expected bytes, unpacked; "" if it does."""
     try:
-        found = hashlib.sha256(read_bytes(file, allowed(MOST_BYTES, file))).hexdigest()
+        found = sha256_of([read_bytes(file, allowed(MOST_BYTES, file))])
     except MotionFormatError as error:
         return f"it cannot be read: {error}"
     return "" if found == sha256 else f"its SHA-256 is {found[:16]}…; expected {sha256[:16]}…"

@@ -52,7 +52,7 @@ MUTANTS = [
         "training/model.py", "training/test_model.py",
         ("settings-of-the-copy-for-both", "other = copy.copy(self)", "other = self"),
         ("the-trained-model-changes", "if owners[name] not in self.sampling_groups", "if False"),
-        ("no-sample-is-a-sample", "if samples < 1:", "if samples < 0:"),
+        ("no-sample-is-a-sample", "if count < 1:", "if count < 0:"),
         ("identities-of-other-windows", "if len(ids) != count:", "if len(ids) > count:"),
         ("a-chunk-overlaps-the-next", "yield slice(first, first + size)", "yield slice(first, first + size + 1)"),
         ("new-networks-draw", "with torch.random.fork_rng([]):", "if True:"),
