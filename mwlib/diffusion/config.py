@@ -1,11 +1,13 @@
-"""Settings of the forward process."""
+"""Settings of the forward process, and of keyframes as conditions of sampling."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from typing import Literal
 
-from mwlib.settings import Count
+from mwlib.settings import Count, NotNegative
+
+__all__ = ["DiffusionConfig", "KeyframeConfig"]
 
 
 @dataclass(frozen=True)
@@ -15,3 +17,15 @@ class DiffusionConfig:
     schedule: Literal["linear", "cosine", "sigmoid", "sqrt"] = "cosine"  # of the noise, see `alpha_bar`
     steps: Count = 1000  # M, noising steps
     prediction: Literal["eps", "y0", "v"] = "eps"  # what the network says: noise, clean coefficients, or both mixed
+
+
+@dataclass(frozen=True)
+class KeyframeConfig:
+    """How a sampler is made to meet keyframes. The defaults are FreqDiffusionBridge's, as far as the paper tells."""
+
+    # "replacement": noisy keyframes in every y_t; "paste": clean ones in every clean estimate; "none": the gradient alone
+    scheme: Literal["replacement", "paste", "none"] = "replacement"
+    keyframe_noise: Literal["fresh", "fixed"] = "fresh"  # of "replacement": drawn at every step, or once
+    eta: NotNegative = 0.0  # share of the posterior deviation that DDIM draws anew
+    repeats: Count = 1  # RePaint's r, how often each step is taken
+    reconstruction_weight: NotNegative = 0.0  # w of the gradient that draws the clean estimate to the keyframes

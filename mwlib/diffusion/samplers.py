@@ -16,6 +16,11 @@ from torch import Tensor
 
 from mwlib.diffusion.process import eps_of, noised, y0_hat_of
 
+__all__ = [
+    "AfterStep", "Denoise", "OnEstimate", "Step", "WindowNoise", "ddim", "dpm_solver", "karras_levels", "posterior_mean",
+    "sde_dpm_solver",
+]  # fmt: skip
+
 
 class WindowNoise:
     """Gaussian noise with one stream per window, so that chunking windows cannot change any number.
@@ -69,18 +74,27 @@ class Step(NamedTuple):
     eps: Tensor
 
 
-def _levels(alpha_bar: Tensor, indices: Sequence[int]) -> list[tuple[int, float, float]]:
-    """Index, its alpha_bar, and the alpha_bar that its step goes to; the last step leaves no noise, alpha_bar 1 (own choice)."""
-    here = [float(alpha_bar[t]) for t in indices]
+def _levels(alpha_bar: Tensor, indices: Sequence[int], levels: Sequence[float] | None = None) -> list[tuple[int, float, float]]:
+    """Index, alpha_bar there (or the given level), and that which the step goes to; after the last step it is 1 (own choice)."""
+    here = [float(alpha_bar[t]) for t in indices] if levels is None else [*levels]
     return list(zip(indices, here, [*here[1:], 1.0], strict=True))
 
 
-def _estimate(denoise: Denoise, y: Tensor, t: int, a: float, on_y0_hat: OnEstimate | None) -> tuple[Tensor, Tensor]:
-    """Clean estimate and noise at index t; where a hook changes the estimate, the noise is what leads from it to y."""
+def _estimate(
+    denoise: Denoise, y: Tensor, t: int, a: float, on_y0_hat: OnEstimate | None, read_at: float | None = None
+) -> tuple[Tensor, Tensor]:
+    """Clean estimate and noise at index t; the noise is what leads from the estimate to y.
+
+    Args:
+        a: alpha_bar of y.
+        on_y0_hat: changes the estimate.
+        read_at: alpha_bar at which the network's noise is read as a clean estimate; None = that of y.
+    """
     eps = denoise(y, t)
-    y0_hat = y0_hat_of(y, eps, a)
+    y0_hat = y0_hat_of(y, eps, a if read_at is None else read_at)
     if on_y0_hat is not None:
         y0_hat = on_y0_hat(y0_hat)
+    if on_y0_hat is not None or read_at is not None:
         eps = eps_of(y, y0_hat, a)
     return y0_hat, eps
 
@@ -150,22 +164,35 @@ def dpm_solver(
     alpha_bar: Float[Tensor, " M"],
     indices: Sequence[int],
     *,
+    levels: Sequence[float] | None = None,
+    read_at: Literal["index", "level"] = "level",
+    noise: Callable[[], Tensor] | None = None,
     on_y0_hat: OnEstimate | None = None,
     after_step: AfterStep | None = None,
 ) -> Iterator[Step]:
-    """DPM-Solver++(2M): deterministic DDIM whose clean estimate is extrapolated, for few steps.
+    """DPM-Solver++(2M), for few steps: DDIM, or with noise its stochastic form, whose clean estimate is extrapolated.
 
     Each step continues the line through its own clean estimate and the previous one to the middle of the step, measured in
-    lambda = log(sqrt(alpha_bar) / sqrt(1 - alpha_bar)), and then does DDIM's update with it. The first step has no
-    previous estimate and the last no finite length; both are plain DDIM.
+    lambda = log(sqrt(alpha_bar) / sqrt(1 - alpha_bar)): D. Without noise it does DDIM's update with D. With noise, h being the
+    step's length in lambda, a its alpha_bar and s = sqrt(1 - a),
 
-    Source: Lu et al. 2022, DPM-Solver++, Algorithm 2. Not in MotionWavelet.
+        y_prev = s_prev / s e^-h y + sqrt(a_prev) (1 - e^-2h) D + s_prev sqrt(1 - e^-2h) z.
+
+    The first step has no previous estimate; the last has no finite length and ends at its clean estimate.
+
+    Source: Lu et al. 2022, DPM-Solver++, Algorithm 2 and its appendix on the SDE. Not in MotionWavelet.
 
     Args:
-        denoise, y, alpha_bar, indices, on_y0_hat, after_step: as in `ddim`.
+        denoise, y, alpha_bar, indices, on_y0_hat, after_step: as in `ddim`; with `levels`, indices may repeat.
+        levels: alpha_bar of the state at each step; None = those of the indices.
+        read_at: the level at which eps is read as a clean estimate. "level": that of the state, as diffusers does for networks
+            that say eps. "index": that of the index told, right for networks that say y0 or v and were turned to eps by `to_eps`
+            there (diffusers' prediction_type "sample").
+        noise: draws a tensor like y, once a step but for the last; None for the solver without noise.
 
     Yields:
-        `Step` with the clean estimate as the network gave it (after `on_y0_hat`), not the extrapolated one.
+        `Step` with the clean estimate as the network gave it (after `on_y0_hat`), not the extrapolated one, and the noise that
+        leads from it to the state.
 
     >>> from mwlib.diffusion import alpha_bar, ddim_indices
     >>> a, clean = alpha_bar("cosine", 100), torch.full((4, 3), 0.5)
@@ -173,16 +200,23 @@ def dpm_solver(
     >>> torch.allclose(last.y, clean, atol=1e-5)
     True
     """
+    if read_at not in ("index", "level"):
+        raise ValueError(f"read_at is {read_at!r}; expected 'index' or 'level'")
     h_last, last = 0.0, None  # length of the last step in lambda, and the clean estimate that it started from
-    for t, a, a_prev in _levels(alpha_bar, indices):
-        y0_hat, eps = _estimate(denoise, y, t, a, on_y0_hat)
-        h = math.inf if a_prev == 1 else _half_log_snr(a_prev) - _half_log_snr(a)
-        denoised_d, noise = y0_hat, eps
-        if last is not None and a_prev < 1:
-            denoised_d = y0_hat + h / (2 * h_last) * (y0_hat - last)
-            noise = eps_of(y, denoised_d, a)
-        h_last, last = h, y0_hat
-        y = a_prev**0.5 * denoised_d + (1 - a_prev) ** 0.5 * noise
+    for t, a, a_prev in _levels(alpha_bar, indices, levels):
+        y0_hat, eps = _estimate(denoise, y, t, a, on_y0_hat, float(alpha_bar[t]) if read_at == "index" else None)
+        if a_prev == 1:
+            y = y0_hat
+        else:
+            h = _half_log_snr(a_prev) - _half_log_snr(a)
+            denoised = y0_hat if last is None else y0_hat + h / (2 * h_last) * (y0_hat - last)
+            if noise is None:
+                straight = eps if last is None else eps_of(y, denoised, a)
+                y = a_prev**0.5 * denoised + (1 - a_prev) ** 0.5 * straight
+            else:
+                drawn, s_prev = -math.expm1(-2 * h), (1 - a_prev) ** 0.5  # share of the variance
+                y = s_prev / (1 - a) ** 0.5 * math.exp(-h) * y + a_prev**0.5 * drawn * denoised + s_prev * drawn**0.5 * noise()
+            h_last, last = h, y0_hat
         if after_step is not None:
             y = after_step(y, a_prev)
         yield Step(t, y, y0_hat, eps)
@@ -273,33 +307,13 @@ def sde_dpm_solver(
     on_y0_hat: OnEstimate | None = None,
     after_step: AfterStep | None = None,
 ) -> Iterator[Step]:
-    """SDE-DPM-Solver++(2M): each step goes on with the line through two clean estimates and draws part of its noise anew.
+    """`dpm_solver` on Karras' levels: "sde-dpmsolver++" of diffusers with use_karras_sigmas and a final sigma of zero.
 
-    With lambda = log(sqrt(a) / sqrt(1 - a)), h a step's length in it, s = sqrt(1 - a) and D the clean estimate extrapolated to
-    the middle of the step:
-
-        y_prev = s_prev / s e^-h y + sqrt(a_prev) (1 - e^-2h) D + s_prev sqrt(1 - e^-2h) z.
-
-    Without noise e^-h is left out of the first factor and 2h is h: `dpm_solver` on other levels. The first step has no previous
-    estimate, and the last has no finite length and ends at its clean estimate.
-
-    Source: Lu et al. 2022, DPM-Solver++, Algorithm 2 and its appendix on the SDE, as diffusers has it ("sde-dpmsolver++",
-    use_karras_sigmas, final sigma zero); StableMoFusion samples so, with 10 steps.
+    Source: StableMoFusion samples so, with 10 steps.
 
     Args:
-        denoise: (y_t, t) -> eps.
-        y: start, noise.
-        alpha_bar: schedule, float64.
+        denoise, y, alpha_bar, noise, read_at, on_y0_hat, after_step: as in `dpm_solver`.
         steps: any number, see `karras_levels`.
-        noise: draws a tensor like y, once a step but for the last; None for the solver without noise.
-        read_at: the level at which eps is read as a clean estimate. "index": that of the index told, right for networks that say
-            y0 or v and were turned to eps by `to_eps` there (diffusers' prediction_type "sample"). "level": that of the state, as
-            diffusers does for networks that say eps.
-        on_y0_hat, after_step: as in `ddim`.
-
-    Yields:
-        `Step` with the index told, the clean estimate as the network gave it (after `on_y0_hat`), and the noise that leads from
-        it to the state.
 
     >>> from mwlib.diffusion import alpha_bar
     >>> a, clean = alpha_bar("cosine", 100), torch.full((4, 3), 0.5)
@@ -308,32 +322,6 @@ def sde_dpm_solver(
     >>> torch.allclose(last.y, clean, atol=1e-5)
     True
     """
-    if read_at not in ("index", "level"):
-        raise ValueError(f"read_at is {read_at!r}; expected 'index' or 'level'")
-    levels = karras_levels(alpha_bar, steps)
-    h_last, last = 0.0, None  # length of the last step in lambda, and the clean estimate that it started from
-    for number, (t, a) in enumerate(levels):
-        y0_hat = y0_hat_of(y, denoise(y, t), float(alpha_bar[t]) if read_at == "index" else a)
-        if on_y0_hat is not None:
-            y0_hat = on_y0_hat(y0_hat)
-        eps, a_prev = eps_of(y, y0_hat, a), 1.0
-        if number + 1 == len(levels):
-            y = y0_hat
-        else:
-            a_prev = levels[number + 1][1]
-            h = 0.5 * math.log(a_prev * (1 - a) / (a * (1 - a_prev)))
-            denoised_d = y0_hat if last is None else y0_hat + h / (2 * h_last) * (y0_hat - last)
-            y = _stepped(y, denoised_d, (1 - a) ** 0.5, a_prev, h, noise)
-            h_last, last = h, y0_hat
-        if after_step is not None:
-            y = after_step(y, a_prev)
-        yield Step(t, y, y0_hat, eps)
-
-
-def _stepped(y: Tensor, denoised: Tensor, s: float, a_prev: float, h: float, noise: Callable[[], Tensor] | None) -> Tensor:
-    """One step of length h from noise of deviation s to alpha_bar a_prev."""
-    s_prev = (1 - a_prev) ** 0.5
-    if noise is None:
-        return s_prev / s * y - a_prev**0.5 * math.expm1(-h) * denoised
-    drawn = -math.expm1(-2 * h)  # share of the variance
-    return s_prev / s * math.exp(-h) * y + a_prev**0.5 * drawn * denoised + s_prev * drawn**0.5 * noise()
+    indices, levels = zip(*karras_levels(alpha_bar, steps), strict=True)
+    shared = {"noise": noise, "on_y0_hat": on_y0_hat, "after_step": after_step}
+    return dpm_solver(denoise, y, alpha_bar, indices, levels=levels, read_at=read_at, **shared)

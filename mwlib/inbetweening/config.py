@@ -7,8 +7,7 @@ from typing import Any, ClassVar, Literal, Self
 
 from mwlib.data.known import NAMED_SOURCES
 from mwlib.data.sources import SourceConfig
-from mwlib.diffusion.conditioning import KeyframeConfig
-from mwlib.diffusion.config import DiffusionConfig
+from mwlib.diffusion.config import DiffusionConfig, KeyframeConfig
 from mwlib.diffusion.process import ddim_indices
 from mwlib.inbetweening.losses import Diversity, Smoothness
 from mwlib.settings import BelowOne, Count, Natural, NotNegative, Positive, Settings

@@ -12,7 +12,7 @@ MUTANTS = [
         "transforms/dwt.py", "transforms/test_time_wavelet.py",
         ("levels-in-another-order", "[1, *(2**k for k in range(level - omit))]", "[*(2**k for k in range(level - omit)), 1]"),
         ("coarse-details-left-out", "range(level, omit, -1)", "range(level - omit, 0, -1)"),
-        ("projection-is-the-identity", "Constant(a @ s), Constant((b", "Constant(np.eye(len(a))), Constant((b"),
+        ("projection-is-the-identity", "Constant(s), Constant(a @ s)", "Constant(s), Constant(np.eye(len(a)))"),
     ),
     *of(
         "transforms/trigonometric.py", "transforms/test_dst.py",
