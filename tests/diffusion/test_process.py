@@ -96,3 +96,7 @@ def test_indices():
 def test_bad_arguments_are_named(call, message):
     with pytest.raises(ValueError, match=message):
         call()
+
+
+def test_weights_by_signal_over_noise_are_bounded_at_both_ends():
+    assert snr_weights(torch.tensor([0.99, 0.5, 0.001], dtype=torch.float64)).tolist() == pytest.approx([5.0, 1.0, 0.05])
