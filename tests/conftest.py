@@ -16,7 +16,7 @@ from xdist.scheduler import LoadFileScheduling
 # Shapes in annotations are checked here, never at run time. Settings have no shapes, and checks of their own.
 ROOT = Path(__file__).parents[1]
 NOTEBOOK_RUNS = "test_figures.py"
-ROOMS = "body transforms networks diffusion metrics training prediction inbetweening text_to_motion".split()
+ROOMS = "body transforms networks diffusion metrics training matching prediction inbetweening text_to_motion".split()
 FILES = [file for room in ROOMS for file in (ROOT / "mwlib" / room).glob("*.py") if file.stem not in ("__init__", "config")]
 checker = beartype(conf=BeartypeConf(is_pep484_tower=True))  # 25 is a float, too
 jaxtyping.install_import_hook(

@@ -5,8 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cache
-from pathlib import Path
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 import torch
@@ -14,12 +13,15 @@ from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
 from mwlib.data.captioned_cmu import captioned_cmu
-from mwlib.data.captioned_people import captioned_people
 from mwlib.data.formats.humanml import LAYOUTS, CaptionedClip, FeatureLayout, TaggedCaption, read_folder
+from mwlib.data.formats.humanml_encoding import features_of
 from mwlib.data.load import data_folder, find_source
+from mwlib.data.normalisation import Statistics
+from mwlib.data.windows import JoinedClips
 from mwlib.hashing import sha256
 from mwlib.networks.matching import UNIT
 from mwlib.settings import Count, Natural
+from mwlib.synthetic.acts import captioned_positions
 
 
 @dataclass(frozen=True)
@@ -50,6 +52,22 @@ class Parts(NamedTuple):
         return LAYOUTS[self.train[0].features.shape[1]]
 
 
+def captioned_people(clips: int = 2400, seed: int = 0) -> list[CaptionedClip]:
+    """The embedded captioned set, licence-free: the clips of `captioned_positions` as features of HumanML3D.
+
+    Each has 40 to 120 frames, a multiple of four.
+
+    Raises:
+        ValueError: fewer than one clip.
+
+    >>> clip = captioned_people(1)[0]
+    >>> clip.features.shape, clip.split, clip.captions[0]
+    ((76, 263), 'train', 'an adult walks briskly forward')
+    """
+    made = captioned_positions(clips, seed)
+    return [CaptionedClip(features_of(x.positions), x.captions, x.name, x.split, x.attributes) for x in made]
+
+
 def load_clips(source: CaptionsConfig) -> Parts:
     """The configured clips, parted as their collection parts them.
 
@@ -60,8 +78,7 @@ def load_clips(source: CaptionsConfig) -> Parts:
     """
     clips = [_cut(clip, source.longest) for clip in _clips(source) if len(clip.features) >= source.shortest]
     train, val, test = ([clip for clip in clips if clip.split == split] for split in ("train", "val", "test"))
-    if source.few:
-        train = [train[i] for i in np.linspace(0, len(train) - 1, min(source.few, len(train))).round().astype(int)]
+    train = thinned(train, source.few)
     if not train or not test:
         found = f"{source.data} has {len(train)} clips to train and {len(test)} to test on"
         raise ValueError(f"{found}, of {source.shortest} frames or more; expected some of both")
@@ -81,19 +98,7 @@ def _clips(source: CaptionsConfig) -> list[CaptionedClip]:
     return _folder(folder)
 
 
-@cache
-def _people(clips: int) -> list[CaptionedClip]:
-    return captioned_people(clips)
-
-
-@cache
-def _cmu(folder: Path) -> list[CaptionedClip]:
-    return captioned_cmu(folder)
-
-
-@cache
-def _folder(folder: Path) -> list[CaptionedClip]:
-    return read_folder(folder)
+_people, _cmu, _folder = cache(captioned_people), cache(captioned_cmu), cache(read_folder)
 
 
 def _cut(clip: CaptionedClip, longest: int) -> CaptionedClip:
@@ -101,6 +106,12 @@ def _cut(clip: CaptionedClip, longest: int) -> CaptionedClip:
     if len(clip.features) <= longest:
         return clip
     return CaptionedClip(clip.features[:longest], clip.captions, clip.name, clip.split)
+
+
+def thinned(items: Sequence[Item], count: int) -> list[Item]:
+    """At most so many, spread evenly; 0 = all."""
+    kept = min(count or len(items), len(items))
+    return [items[i] for i in np.linspace(0, len(items) - 1, kept).round().astype(int)]
 
 
 def fingerprint(clips: Sequence[CaptionedClip]) -> str:
@@ -116,6 +127,7 @@ def _contents(clips: Sequence[CaptionedClip]) -> Iterator[bytes | str]:
 
 
 SHORTENED = 1 / 3  # of the pieces
+Item = TypeVar("Item")
 BUCKETS = 8  # groups of clips of like lengths, one of which a batch comes from: own choice, a third less padding
 
 
@@ -145,48 +157,47 @@ def piece(
     return lengths, (place * (full - lengths + 1)).long()
 
 
-class Pool:
-    """Clips laid end to end, so that a batch is one look-up.
+def joined(clips: Sequence[CaptionedClip], statistics: Statistics) -> JoinedClips:
+    """Clips laid end to end, normalised, as a network sees them."""
+    return JoinedClips([statistics.normalise(torch.from_numpy(clip.features)).float() for clip in clips])
+
+
+class ClipBatches:
+    """Random batches of clips of like lengths.
 
     Args:
         clips: at least one, none shorter than `UNIT` frames.
-        normalised: their features in the same order, as the network sees them.
+        statistics: normalises their features.
         padded: frames to which every batch is filled up; 0 = to its longest clip.
     """
 
-    def __init__(self, clips: Sequence[CaptionedClip], normalised: Sequence[Float[Tensor, "_ D"]], padded: int = 0) -> None:
-        self.clips, self.flat, self.padded = clips, torch.cat(list(normalised)), padded
-        self.lengths = torch.tensor([len(part) for part in normalised])
-        self.starts = torch.cat([torch.zeros(1, dtype=torch.long), self.lengths.cumsum(0)[:-1]])
-        order = self.lengths.argsort(stable=True)
+    def __init__(self, clips: Sequence[CaptionedClip], statistics: Statistics, padded: int = 0) -> None:
+        self.clips, self.frames, self.padded = clips, joined(clips, statistics), padded
+        order = self.frames.lengths.argsort(stable=True)
         self.buckets = [part for part in order.tensor_split(min(BUCKETS, len(clips))) if len(part)]
 
     def to(self, device: torch.device) -> None:
         """Move the features."""
-        self.flat = self.flat.to(device)
+        self.frames.to(device)
 
     def draw(self, batch: int, generator: torch.Generator) -> Batch:
         """Random clips of like lengths, a random caption of each, and a random piece of it."""
         sizes = torch.tensor([len(bucket) for bucket in self.buckets], dtype=torch.float)
         bucket = self.buckets[int(torch.multinomial(sizes, 1, generator=generator))]
         picked = bucket[torch.randint(len(bucket), (batch,), generator=generator)]
-        lengths, offset = piece(self.lengths[picked], *(torch.rand(batch, generator=generator) for _ in range(2)))
+        lengths, start = piece(self.frames.lengths[picked], *(torch.rand(batch, generator=generator) for _ in range(2)))
         words = torch.rand(batch, generator=generator).tolist()
-        captions = [
-            self.clips[i].captions[int(w * len(self.clips[i].captions))] for i, w in zip(picked.tolist(), words, strict=True)
-        ]
-        return self._batch(self.starts[picked] + offset, lengths, captions)
+        own = [self.clips[i].captions for i in picked.tolist()]
+        return self._batch(picked, start, lengths, [texts[int(w * len(texts))] for texts, w in zip(own, words, strict=True)])
 
     def whole(self, numbers: Sequence[int], captions: Sequence[str]) -> Batch:
         """Given clips from their beginning, cut to a multiple of 4 frames."""
         picked = torch.tensor(numbers)
-        return self._batch(self.starts[picked], self.lengths[picked] // UNIT * UNIT, list(captions))
+        return self._batch(picked, torch.zeros_like(picked), self.frames.lengths[picked] // UNIT * UNIT, list(captions))
 
-    def _batch(self, starts: Tensor, lengths: Int[Tensor, " B"], captions: list[str]) -> Batch:
-        frames = torch.arange(self.padded or int(lengths.max()))
-        mask = frames < lengths[:, None]
-        y = self.flat[torch.where(mask, starts[:, None] + frames, 0).to(self.flat.device)]
-        mask = mask.to(y.device)
+    def _batch(self, clip: Tensor, start: Tensor, lengths: Int[Tensor, " B"], captions: list[str]) -> Batch:
+        y = self.frames.take(clip, start, self.padded or int(lengths.max()))
+        mask = (torch.arange(y.shape[1]) < lengths[:, None]).to(y.device)
         return Batch(y * mask[..., None], mask, lengths.to(y.device), captions)
 
 

@@ -21,7 +21,7 @@ Kind = Literal["mdm", "stablemofusion", "evaluator"]
 # and the evaluators of Guo et al. 2022 (code: `feat_bias`, and the ratio of the evaluators' t2m_std.npy to Std.npy).
 WEIGHT: dict[str, float] = {"mdm": 1.0, "stablemofusion": 5.0, "evaluator": 25.0}
 WEIGHED = ("yaw_rate", "root_velocity", "height", "contacts")
-COLUMNS = 64  # features measured together
+COLUMNS = 64  # features measured together: all of HumanML3D in float64 would take 14 GB
 SMALL_ARRAY = 100_000  # bytes; Mean.npy has 3 thousand
 
 
@@ -36,6 +36,10 @@ class Statistics:
 
     Raises:
         ValueError: another width, a deviation that is not positive, or an unknown kind.
+
+    >>> model = Statistics("mdm", torch.zeros(263), torch.ones(263), LAYOUTS[263])
+    >>> float(model.of_kind("evaluator").normalise(torch.ones(2, 40, 263))[0, 0, 3])
+    25.0
     """
 
     kind: Kind
@@ -46,11 +50,10 @@ class Statistics:
     def __post_init__(self) -> None:
         if self.kind not in get_args(Kind):
             raise ValueError(f"kind is {self.kind!r}; expected one of {', '.join(get_args(Kind))}")
+        width = self.layout.width
         for name, values in (("mean", self.mean), ("deviation", self.deviation)):
-            if values.shape != (self.layout.width,):
-                raise ValueError(
-                    f"{name} has shape {tuple(values.shape)}; expected ({self.layout.width},) for {self.layout.name}"
-                )
+            if values.shape != (width,):
+                raise ValueError(f"{name} has shape {tuple(values.shape)}; expected ({width},) for {self.layout.name}")
         if not bool((self.deviation > 0).all()):
             raise ValueError(f"the smallest deviation is {float(self.deviation.min()):g}; expected positive numbers")
 
@@ -70,35 +73,26 @@ class Statistics:
         """
         if not clips:
             raise ValueError("there are no clips; expected some, to measure mean and deviation")
-        mean, deviation = _moments(clips, clips[0].shape[1])
+        mean, deviation = np.empty((2, clips[0].shape[1]))
+        for first in range(0, len(mean), COLUMNS):
+            part = slice(first, first + COLUMNS)
+            frames = np.concatenate([np.asarray(clip[:, part], np.float64) for clip in clips])
+            mean[part], deviation[part] = frames.mean(axis=0), frames.std(axis=0)
         for block in layout.blocks.values():
             deviation[block] = deviation[block].mean() or 1.0
         mean, deviation = (torch.from_numpy(values.astype(np.float32)) for values in (mean, deviation))
         return cls("mdm", mean, deviation, layout).of_kind(kind)
 
     @classmethod
-    def read(cls, folder: Path, kind: Kind = "mdm") -> Statistics:
-        """Mean.npy and Std.npy of a folder of HumanML3D or KIT-ML.
-
-        Args:
-            folder: where the two lie.
-            kind: which statistics to make of them; the files themselves are of the kind "mdm".
-
-        Raises:
-            MotionFormatError: no such file, or no 263 or 251 finite numbers, or deviations that are not positive.
-        """
-        return cls.of_files(folder / "Mean.npy", folder / "Std.npy", "mdm").of_kind(kind)
-
-    @classmethod
-    def of_files(cls, means: Path, deviations: Path, kind: Kind) -> Statistics:
-        """Two .npy files as they are.
+    def read(cls, means: Path, deviations: Path, kind: Kind = "mdm") -> Statistics:
+        """Two .npy files as they are, such as Mean.npy and Std.npy of HumanML3D or KIT-ML.
 
         Args:
             means, deviations: the files.
             kind: for which model they were made.
 
         Raises:
-            MotionFormatError: as `read`.
+            MotionFormatError: no such file, or no 263 or 251 finite numbers, or deviations that are not positive.
         """
         mean, deviation = _numbers(means), _numbers(deviations)
         if len(mean) not in LAYOUTS or len(mean) != len(deviation) or not (deviation > 0).all():
@@ -120,7 +114,7 @@ class Statistics:
         """The same measured numbers as another model scales them.
 
         The evaluators published with HumanML3D have a mean of their own for the root's height (0.9176 m, not 0.9386 m);
-        `of_files` reads it.
+        `read` takes it from their files.
         """
         if kind not in get_args(Kind):
             raise ValueError(f"kind is {kind!r}; expected one of {', '.join(get_args(Kind))}")
@@ -129,87 +123,13 @@ class Statistics:
             deviation[self.layout.blocks[name]] *= WEIGHT[self.kind] / WEIGHT[kind]
         return Statistics(kind, self.mean, deviation, self.layout)
 
-    def is_same(self, other: Statistics) -> bool:
-        """Whether both scale alike: the same kind, the same numbers."""
-        pairs = ((self.mean, other.mean), (self.deviation, other.deviation))
-        return self is other or (
-            self.kind == other.kind and all(a.shape == b.shape and torch.equal(a.cpu(), b.cpu()) for a, b in pairs)
-        )
-
-    def scale(self, raw: Float[Tensor, "*lead D"]) -> Scaled:
+    def normalise(self, raw: Float[Tensor, "*lead D"]) -> Float[Tensor, "*lead D"]:
         """Raw features less the mean, by the deviation."""
-        return Scaled((raw - self.mean.to(raw)) / self.deviation.to(raw), self)
+        return (raw - self.mean.to(raw)) / self.deviation.to(raw)
 
-    def scaled(self, values: Float[Tensor, "*lead D"]) -> Scaled:
-        """Values that a model made, which was trained on features scaled by these statistics."""
-        return Scaled(values, self)
-
-
-@dataclass(frozen=True, eq=False)
-class Scaled:
-    """Features that were scaled, and by what. There is no way to their numbers but to say which scale is expected.
-
-    Args:
-        values: (..., D).
-        by: the statistics.
-
-    >>> layout = LAYOUTS[263]
-    >>> model = Statistics("mdm", torch.zeros(263), torch.ones(263), layout)
-    >>> x = model.scale(torch.ones(2, 40, 263))
-    >>> float(x.to(model.of_kind("evaluator")).raw().mean()), float(x.to(model.of_kind("evaluator")).values[0, 0, 3])
-    (1.0, 25.0)
-    >>> x.seen_by(model.of_kind("evaluator"))
-    Traceback (most recent call last):
-    ...
-    ValueError: found features of HumanML3D scaled for mdm; expected evaluator: say .to(statistics) first
-    """
-
-    values: Float[Tensor, "*lead D"]
-    by: Statistics
-
-    def __post_init__(self) -> None:
-        if self.values.shape[-1] != self.by.layout.width:
-            raise ValueError(
-                f"values have width {self.values.shape[-1]}; expected {self.by.layout.width} for {self.by.layout.name}"
-            )
-
-    def raw(self) -> Float[Tensor, "*lead D"]:
-        """The features in their own units. Gradients pass."""
-        return self.values * self.by.deviation.to(self.values) + self.by.mean.to(self.values)
-
-    def to(self, other: Statistics) -> Scaled:
-        """The same features, scaled by other statistics.
-
-        Raises:
-            ValueError: those are of features of another data set.
-        """
-        if other.layout != self.by.layout:
-            raise ValueError(f"features are those of {self.by.layout.name}; expected {other.layout.name}")
-        return self if self.by.is_same(other) else other.scale(self.raw())
-
-    def seen_by(self, expected: Statistics) -> Float[Tensor, "*lead D"]:
-        """The numbers, for a model that was trained with these statistics.
-
-        Raises:
-            ValueError: they were scaled by others.
-        """
-        if not self.by.is_same(expected):
-            found, wanted = self.by.kind, expected.kind
-            other = wanted if found != wanted else "the same with other numbers"
-            raise ValueError(
-                f"found features of {self.by.layout.name} scaled for {found}; expected {other}: say .to(statistics) first"
-            )
-        return self.values
-
-
-def _moments(clips: Sequence[Float[np.ndarray, "_T D"]], width: int) -> tuple[np.ndarray, np.ndarray]:
-    """Mean and deviation of each feature, some columns at a time: all of HumanML3D in float64 would take 14 GB."""
-    mean, deviation = np.empty(width), np.empty(width)
-    for first in range(0, width, COLUMNS):
-        part = slice(first, first + COLUMNS)
-        frames = np.concatenate([np.asarray(clip[:, part], np.float64) for clip in clips])
-        mean[part], deviation[part] = frames.mean(axis=0), frames.std(axis=0)
-    return mean, deviation
+    def denormalise(self, values: Float[Tensor, "*lead D"]) -> Float[Tensor, "*lead D"]:
+        """Inverse of `normalise`: features in their own units. Gradients pass."""
+        return values * self.deviation.to(values) + self.mean.to(values)
 
 
 def _numbers(file: Path) -> Float[np.ndarray, " D"]:

@@ -18,7 +18,7 @@ from torch import Tensor
 from torch.nn import functional as F
 from torch.nn.utils.rnn import pad_sequence
 
-from mwlib.data.captioned import piece
+from mwlib.data.captioned import joined, piece
 from mwlib.data.formats.humanml import CaptionedClip, TaggedCaption
 from mwlib.data.normalisation import Statistics
 from mwlib.matching.config import Half
@@ -126,9 +126,7 @@ class PairedClips:
             if len(clip.features) < UNIT or not clip.captions:
                 found = f"{len(clip.features)} frames and {len(clip.captions)} captions"
                 raise ValueError(f"clip {clip.name!r} has {found}; expected at least {UNIT} frames and a caption")
-        self.flat = torch.cat([statistics.scale(torch.from_numpy(clip.features)).values.float() for clip in clips])
-        self.lengths = torch.tensor([len(clip.features) for clip in clips])
-        self.first = self.lengths.cumsum(0) - self.lengths
+        self.frames = joined(clips, statistics)
         self.words, self.word_counts = vocabulary.ids([caption for clip in clips for caption in clip.captions])
         self.captions = torch.tensor([len(clip.captions) for clip in clips])
         self.first_caption = self.captions.cumsum(0) - self.captions
@@ -138,12 +136,12 @@ class PairedClips:
 
         Of each a random piece of whole movements, see `piece`.
         """
-        clip = torch.randperm(len(self.lengths), generator=generator)[:count]
+        clip = torch.randperm(len(self.frames.lengths), generator=generator)[:count]
         share = torch.rand(3, len(clip), generator=generator)
         caption = self.first_caption[clip] + (share[0] * self.captions[clip]).long()
-        length, start = piece(self.lengths[clip], share[1], share[2])
+        length, start = piece(self.frames.lengths[clip], share[1], share[2])
         counts = self.word_counts[caption]
-        return Pairs(self.words[caption, : counts.max()], counts, self._cut(clip, start, length), length)
+        return Pairs(self.words[caption, : counts.max()], counts, self.frames.take(clip, start, int(length.max())), length)
 
     def windows(self, count: int, frames: int, generator: torch.Generator) -> Float[Tensor, "B T D"]:
         """Random windows, every one that there is as likely as any other.
@@ -151,17 +149,12 @@ class PairedClips:
         Raises:
             ValueError: no clip has so many frames.
         """
-        there = (self.lengths - frames + 1).clamp_min(0)
-        if not there.any():
-            raise ValueError(f"the longest clip has {int(self.lengths.max())} frames; expected {frames} as movement_frames says")
+        there, longest = (self.frames.lengths - frames + 1).clamp_min(0), int(self.frames.lengths.max())
+        if longest < frames:
+            raise ValueError(f"the longest clip has {longest} frames; expected {frames} as movement_frames says")
         clip = torch.multinomial(there.double(), count, replacement=True, generator=generator)
         start = (torch.rand(count, generator=generator) * there[clip]).long()
-        return self._cut(clip, start, torch.full((count,), frames))
-
-    def _cut(self, clip: Int[Tensor, " B"], start: Int[Tensor, " B"], length: Int[Tensor, " B"]) -> Float[Tensor, "B T D"]:
-        """Frames from `start` on, as many as the longest has; what lies beyond a row's own length is anything."""
-        place = (self.first[clip] + start)[:, None] + torch.arange(int(length.max()))
-        return self.flat[place.clamp_max(len(self.flat) - 1)]
+        return self.frames.take(clip, start, frames)
 
 
 UNKNOWN_WORD, START_WORD, END_WORD, OTHER = "unk", "sos", "eos", "OTHER"

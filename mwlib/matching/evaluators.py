@@ -126,7 +126,7 @@ class Matcher:
         if features.shape[-1] != width or int(lengths.min()) < UNIT or int(lengths.max()) > features.shape[1]:
             found = f"features are {tuple(features.shape)}, lengths {int(lengths.min())} to {int(lengths.max())}"
             raise ValueError(f"{found}; expected (B, T, {width}) and lengths from {UNIT} to T")
-        scaled = self.statistics.scale(features.to(self.device, torch.float32)).values
+        scaled = self.statistics.normalise(features.to(self.device, torch.float32))
         return self.network.motion(*self.movement.codes(scaled, lengths))
 
     @torch.no_grad()
@@ -214,7 +214,7 @@ def open_published(folder: Path) -> Matcher:
     if missing := [f"{folder / FILES[part].places[0]} (from {FILES[part].origin})" for part in needed if part not in files]:
         raise FileNotFoundError(f"the published evaluator in {folder} is not whole; missing: {'; '.join(missing)}")
     text, motion, movement = published_weights(files["weights"])
-    statistics = Statistics.of_files(files["mean"], files["deviation"], "evaluator")
+    statistics = Statistics.read(files["mean"], files["deviation"], "evaluator")
     words, vectors = _vocabulary(files)
     found = {
         "features": (movement.features, statistics.layout.width),

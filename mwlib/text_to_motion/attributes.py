@@ -6,8 +6,7 @@ can be held against the sentence without another network.
 
 from __future__ import annotations
 
-from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from functools import cached_property
 from typing import NamedTuple
 
@@ -191,34 +190,6 @@ def measured_attributes(positions: Float[np.ndarray, "T J 3"], fps: float = 20.0
     if len(events) > 1:
         found["then"] = events[1].action
     return found
-
-
-def attribute_accuracy(
-    positions: Sequence[Float[np.ndarray, "_ J 3"]], attributes: Sequence[Attributes], fps: float = 20.0
-) -> dict[str, tuple[int, int]]:
-    """How many clips show what they should: by attribute, clips that do and clips of which it is claimed.
-
-    Args:
-        positions: clips, metres, y up, on the joints of HumanML3D.
-        attributes: what is claimed of each.
-        fps: frames per second.
-
-    Raises:
-        ValueError: not as many claims as clips, or a clip that cannot be measured.
-    """
-    hits, claimed = Counter(), Counter()
-    for clip, claims in zip(positions, attributes, strict=True):
-        found = measured_attributes(clip, fps)
-        claimed.update(claims.keys())
-        hits.update(name for name, value in claims.items() if found.get(name) == value)
-    return {name: (hits[name], total) for name, total in sorted(claimed.items())}
-
-
-def attribute_chance(attributes: Sequence[Attributes]) -> dict[str, float]:
-    """The accuracy of always guessing an attribute's commonest value, for those of whom it is claimed."""
-    names = sorted({name for claims in attributes for name in claims})
-    values = {name: Counter(claims[name] for claims in attributes if name in claims) for name in names}
-    return {name: counted.most_common(1)[0][1] / counted.total() for name, counted in values.items()}
 
 
 def _events(body: BodySignals) -> list[Event]:

@@ -116,7 +116,7 @@ class ObjectiveConfig:
 class SamplingConfig:
     """The reverse process, how much of it to run, and who judges the result."""
 
-    method: Method = "diffusion"  # or a yardstick; see `mwlib.text_to_motion.evaluation`
+    method: Method = "diffusion"  # or a baseline; see `make_motions`
     sampler: Literal["ddpm", "ddim", "sde_dpm"] = "ddpm"  # ancestral, deterministic, or SDE-DPM-Solver++ with Karras' levels
     sampling_steps: Natural = 0  # denoising steps; 0 = all
     guidance: NotNegative = 2.5  # s of classifier-free guidance; 1 = none

@@ -175,7 +175,7 @@ class TextToMotion:
         for part in tqdm(chunks, disable=not progress, desc="sampling", unit="chunk"):
             lengths = [frames[i] for i in part]
             *_, last = self.steps([texts[i] for i in part], lengths, seed, [ids[i] for i in part])
-            raw = self.statistics.scaled(last.y).raw().cpu()
+            raw = self.statistics.denormalise(last.y).cpu()
             for i, row, n in zip(part, raw, lengths, strict=True):
                 found[i] = row[:n].clone()
         return found

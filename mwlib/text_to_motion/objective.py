@@ -1,16 +1,14 @@
-"""What Free-T2M trains: the loss of diffusion, the low-frequency loss and the semantic loss, on random clips with captions."""
+"""Training of Free-T2M: the losses of diffusion, of low frequencies and of meaning, on random clips with captions."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 
-import numpy as np
 import torch
 from jaxtyping import Float
 from torch import Tensor, nn
 
-from mwlib.data.captioned import Batch, Parts, Pool
-from mwlib.data.formats.humanml import CaptionedClip
+from mwlib.data.captioned import Batch, ClipBatches, Parts
 from mwlib.data.normalisation import Statistics
 from mwlib.diffusion import alpha_bar, noised
 from mwlib.matching.evaluators import Matcher, finished_run, open_matcher
@@ -47,8 +45,8 @@ class TextObjective(Objective):
         else:
             features = [clip.features for clip in parts.train]
             self.statistics = Statistics.measured(features, self.layout, cfg.forward.normalisation)
-        self.pool = self._pool(parts.train)
-        self.held_out = self._pool(parts.val) if parts.val else None
+        self.clips = ClipBatches(parts.train, self.statistics, cfg.padded)
+        self.held_out = ClipBatches(parts.val, self.statistics, cfg.padded) if parts.val else None
         self.low_pass = LowPass(cfg.data.longest, cfg.objective.lf_k, cfg.objective.lf_hz, self.layout.fps)
         self.power = self._power() if cfg.objective.stage == "snr" else None
         self.critic = open_matcher(cfg.objective.critic, self.layout) if cfg.objective.semantic_weight else None
@@ -60,28 +58,23 @@ class TextObjective(Objective):
         if weights:
             _begin_with(self.network, weights, cfg.model.start)
 
-    def _pool(self, clips: Sequence[CaptionedClip]) -> Pool:
-        return Pool(clips, [normalised(clip.features, self.statistics) for clip in clips], self.cfg.padded)
-
     def _power(self) -> Float[Tensor, " K"]:
         """Of the low cosines of the training clips, over all features."""
-        count, total = len(self.pool.clips), torch.zeros(())
+        count, total = len(self.clips.clips), torch.zeros(())
         for part in torch.arange(count).split(CHUNK):
-            batch = self.pool.whole(part.tolist(), [""] * len(part))
+            batch = self.clips.whole(part.tolist(), [""] * len(part))
             total = total + self.low_pass.coefficients(batch.y, batch.lengths).square().mean(2).sum(0)
         return total / count
 
     def to(self, device: torch.device) -> None:
         """Move the clips and the critic."""
-        for pool in (self.pool, self.held_out):
-            if pool is not None:
-                pool.to(device)
-        if self.critic is not None:
-            self.critic.to(device)
+        for part in (self.clips, self.held_out, self.critic):
+            if part is not None:
+                part.to(device)
 
     def draw(self, batch: int, generator: torch.Generator) -> Batch:
         """Clips of like lengths with a caption each."""
-        return self.pool.draw(batch, generator)
+        return self.clips.draw(batch, generator)
 
     def loss(self, network: nn.Module, batch: Batch, generator: torch.Generator) -> Float[Tensor, ""]:
         """lambda_1 L_simple + lambda_2 L_LF + lambda_3 L_S, each sample at its own t (Eq. 17, with a plus: see semantic_loss)."""
@@ -109,9 +102,9 @@ class TextObjective(Objective):
         if len(rows) == 0:
             return torch.zeros_like(weight)
         lengths = batch.lengths[rows]
-        estimate = critic.embed_motion(self.statistics.scaled(y0_hat[rows]).raw(), lengths)
+        estimate = critic.embed_motion(self.statistics.denormalise(y0_hat[rows]), lengths)
         with torch.no_grad():
-            truth = critic.embed_motion(self.statistics.scaled(batch.y[rows]).raw(), lengths)
+            truth = critic.embed_motion(self.statistics.denormalise(batch.y[rows]), lengths)
             text = critic.embed_text([batch.captions[row] for row in rows.tolist()])
         loss = semantic_loss(estimate, truth, text, o.semantic, o.s_th)
         return torch.zeros_like(weight).index_put((rows,), weight[rows] * loss)
@@ -139,8 +132,3 @@ def _begin_with(network: nn.Module, weights: Mapping[str, Tensor], start: str) -
         found = f"start is {start!r}, whose {other} has the shape {shapes[1].get(other)}"
         raise ValueError(f"{found}; expected {shapes[0].get(other)}: a run of the same sizes")
     network.load_state_dict(weights)
-
-
-def normalised(features: Float[np.ndarray, "T D"], statistics: Statistics) -> Float[Tensor, "T D"]:
-    """Raw features as a network sees them that was trained with these statistics."""
-    return statistics.scale(torch.from_numpy(features)).seen_by(statistics)

@@ -96,11 +96,6 @@ def forward_power(power: Float[Tensor, " K"], alpha_bar: Float[Tensor, "*times"]
     return a * power + 1 - a
 
 
-def driftless_power(power: Float[Tensor, " K"], variance: Float[Tensor, "*times"]) -> Float[Tensor, "*times K"]:
-    """E c_t² = P_k + the variance of the noise so far: Eq. 18 as it stands, with ∫g² = variance (drift 0)."""
-    return power + variance[..., None]
-
-
 def snr(power: Float[Tensor, " K"], alpha_bar: Float[Tensor, "*times"]) -> Float[Tensor, "*times K"]:
     """a P_k / (1 - a). Source: Eq. 3 for the process of Eq. 2.
 
@@ -133,11 +128,6 @@ def recovery_time(power: Float[Tensor, "*shape"], steps: int, gamma: float = 1.0
     """
     level = recovery_level(power, gamma)
     return steps * (1.008 * 2 / math.pi * torch.arccos(level.sqrt()) - 0.008)
-
-
-def recovery_index(power: Float[Tensor, " K"], alpha_bar: Float[Tensor, " M"], gamma: float = 1.0) -> Tensor:
-    """The largest index at which the SNR is at least gamma, whatever the schedule; -1 where it never is. (K,) integers."""
-    return (alpha_bar[:, None] >= recovery_level(power, gamma)).sum(0) - 1
 
 
 def wiener_gain(power: Float[Tensor, " K"], alpha_bar: Float[Tensor, "*times"]) -> Float[Tensor, "*times K"]:

@@ -1,19 +1,56 @@
-"""Free-T2M as the experiments see it: settings, data, what is trained, and how it is scored."""
+"""Free-T2M as a system: data, training, scores of motions made from sentences, and baselines that need no training."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import warnings
+from collections import Counter
+from collections.abc import Callable, Sequence
+from typing import Any
 
+import numpy as np
+import torch
+from jaxtyping import Float
+from scipy.sparse import csr_array
 from torch import Tensor
 
-from mwlib.data.captioned import Parts, load_clips
-from mwlib.matching.evaluators import stands_on
-from mwlib.text_to_motion.config import Config
-from mwlib.text_to_motion.evaluation import DETAILS, METRICS, evaluate
+from mwlib.data.captioned import Parts, load_clips, one_caption_each, thinned
+from mwlib.data.formats.humanml import CaptionedClip, FeatureLayout
+from mwlib.matching.evaluators import Matcher, open_matcher, stands_on
+from mwlib.metrics import Column, clustered_error, diversity, fid, mm_dist, multimodality, r_precision
+from mwlib.networks.matching import UNIT
+from mwlib.networks.text import words_of
+from mwlib.text_to_motion.attributes import CLAIMS, claims_met, movement
+from mwlib.text_to_motion.config import RANKS, Config
 from mwlib.text_to_motion.model import TextToMotion
 from mwlib.text_to_motion.objective import TextObjective
 
-__all__ = ["DETAILS", "METRICS", "Config", "built_on", "evaluate", "judged_by", "load_data", "make_objective", "open_model"]
+METRICS = {  # the columns of every table
+    "fid": Column("FID", "lower"),
+    "top1": Column("R-precision top 1", "higher"),
+    "top2": Column("R-precision top 2", "higher"),
+    "top3": Column("R-precision top 3", "higher"),
+    "mm_dist": Column("MM-Dist", "lower"),
+    "diversity": Column("Diversity"),
+    "multimodality": Column("MultiModality"),
+}
+
+# Beside them in a table of their own: does the body do what the sentence says, and does it move like one?
+DETAILS = {
+    **{name: Column(f"{name} right", "higher") for name in CLAIMS},
+    "joint_speed": Column("speed of joints (m/s)"),
+    "way": Column("way of the root (m)"),
+    "jerk": Column("jerk (m/s³)"),
+    "skate": Column("foot skate (m/s)"),
+    "bone_jitter": Column("change of bone lengths (mm)", "lower", 1000.0),
+}
+
+PAIRS = 300  # of Diversity
+ROWS = 256  # sentences compared together by their words: with all captions of HumanML3D they fill 140 MB
+STRANGE = 0.1  # share of words that an evaluator does not know, from which on its scores are doubted: own choice
+
+Make = Callable[[Sequence[str], Sequence[int], int], list[Tensor]]  # sentences, lengths, seed -> raw features
+
+make_objective, open_model = TextObjective, TextToMotion.from_tensors
 
 
 def load_data(cfg: Config) -> Parts:
@@ -25,18 +62,6 @@ def load_data(cfg: Config) -> Parts:
     return load_clips(cfg.data)
 
 
-def make_objective(cfg: Config, data: Parts, learnt: Mapping[str, Tensor]) -> TextObjective:
-    """What is trained."""
-    return TextObjective(cfg, data, learnt)
-
-
-def open_model(
-    cfg: Config, weights: Mapping[str, Tensor], learnt: Mapping[str, Tensor], about: Mapping[str, str]
-) -> TextToMotion:
-    """The model that a training left; it samples as `cfg` says."""
-    return TextToMotion.from_tensors(cfg, weights, learnt, about)
-
-
 def built_on(cfg: Config) -> list[str]:
     """Names, folders or files of the trained models that a training begins with or asks."""
     critic = stands_on(cfg.objective.critic) if cfg.objective.semantic_weight else []
@@ -46,3 +71,171 @@ def built_on(cfg: Config) -> list[str]:
 def judged_by(cfg: Config) -> list[str]:
     """Names, folders or files of the trained models that score the motions."""
     return stands_on(cfg.sampling.evaluator)
+
+
+def nearest_caption(clips: Sequence[CaptionedClip], texts: Sequence[str]) -> list[int]:
+    """For each sentence the clip with a caption that shares most words with it: cosine of word counts; of equals the first.
+
+    >>> clips = [CaptionedClip(np.zeros((40, 263), np.float32), (text,)) for text in ("a person walks", "a person runs fast")]
+    >>> nearest_caption(clips, ["a man runs"])
+    [1]
+    """
+    captions = [caption for clip in clips for caption in clip.captions]
+    owner = [i for i, clip in enumerate(clips) for _ in clip.captions]
+    vocabulary = {word: i for i, word in enumerate(sorted({word for text in [*captions, *texts] for word in words_of(text)}))}
+    asked, known = _counts(texts, vocabulary), _counts(captions, vocabulary).T.tocsr()
+    parts = [(asked[first : first + ROWS] @ known).toarray().argmax(axis=1) for first in range(0, len(texts), ROWS)]
+    return [owner[int(i)] for i in np.concatenate(parts)]
+
+
+def _counts(texts: Sequence[str], vocabulary: dict[str, int]) -> csr_array:
+    """Rows of unit length."""
+    rows = [Counter(vocabulary[word] for word in words_of(text)) for text in texts]
+    sizes = [np.sqrt(sum(n * n for n in row.values())) or 1.0 for row in rows]
+    places = [(i, word, n / size) for i, (row, size) in enumerate(zip(rows, sizes, strict=True)) for word, n in row.items()]
+    at, words, values = zip(*places, strict=True) if places else ((), (), ())
+    return csr_array((values, (at, words)), shape=(len(texts), len(vocabulary)))
+
+
+def any_clip(clips: Sequence[CaptionedClip], count: int, seed: int) -> list[int]:
+    """Random clips: people who move well and do not listen."""
+    rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(4,)))
+    return rng.integers(len(clips), size=count).tolist()
+
+
+def mean_pose(clips: Sequence[CaptionedClip], frames: Sequence[int]) -> list[Float[Tensor, "_ D"]]:
+    """The mean of all features, in every frame: who moves like nobody."""
+    total = np.sum([clip.features.sum(0, dtype=np.float64) for clip in clips], axis=0)
+    mean = torch.from_numpy((total / sum(len(clip.features) for clip in clips)).astype(np.float32))
+    return [mean.repeat(n, 1) for n in frames]
+
+
+def make_motions(cfg: Config, get_model: Callable[[], TextToMotion], parts: Parts, test: Sequence[CaptionedClip]) -> Make:
+    """What `method` names: the trained model, asked for only here, or a baseline.
+
+    "truth": the clips themselves. "other_captions": the clips themselves, each with the next one's sentence. "any_clip": random
+    training clips. "nearest_caption": the training clip whose caption shares most words. "mean_pose": the mean of all features.
+    """
+    if cfg.sampling.method == "diffusion":
+        return get_model().sample
+    train, own = parts.train, [torch.from_numpy(clip.features) for clip in test]
+    baselines: dict[str, Make] = {
+        "truth": lambda texts, frames, seed: [x[:n] for x, n in zip(own, frames, strict=True)],
+        "other_captions": lambda texts, frames, seed: [own[i - 1][: frames[i - 1]] for i in range(len(texts))],
+        "any_clip": lambda texts, frames, seed: _picked(train, any_clip(train, len(texts), seed)),
+        "nearest_caption": lambda texts, frames, seed: _picked(train, nearest_caption(train, texts)),
+        "mean_pose": lambda texts, frames, seed: mean_pose(train, frames),
+    }
+    return baselines[cfg.sampling.method]
+
+
+def _picked(clips: Sequence[CaptionedClip], numbers: Sequence[int]) -> list[Tensor]:
+    return [torch.from_numpy(clips[i].features[: len(clips[i].features) // UNIT * UNIT]) for i in numbers]
+
+
+def evaluate(cfg: Config, get_model: Callable[[], TextToMotion], parts: Parts, progress: bool = False) -> dict[str, Any]:
+    """Metrics of a configuration on the test clips.
+
+    Args:
+        cfg: method and settings of the sampling.
+        get_model: the trained model, asked for only where the method needs one.
+        parts: the data.
+        progress: show nothing; the sampling has a bar of its own.
+
+    Returns:
+        "mean" and "standard_error" by metric (of the set metrics over replicates, where there are several; of the others over
+        clips), "windows" (clips), "values" of each clip by metric with the "clips" that they belong to.
+
+    Warns where the evaluator does not know many words of the captions, as the one that comes with the package on other data.
+
+    Raises:
+        ValueError: there are fewer than three test clips; or the evaluator needs parts of speech, and a caption has none.
+        FileNotFoundError, MotionFormatError: as `open_matcher`.
+    """
+    test = thinned(parts.test, cfg.sampling.test_clips)
+    if len(test) < RANKS:
+        raise ValueError(f"there are {len(test)} test clips; expected at least {RANKS}, to rank them by their captions")
+    make, judge = make_motions(cfg, get_model, parts, test), open_matcher(cfg.sampling.evaluator, parts.layout)
+    _warn_of_strange_words(cfg.sampling.evaluator, judge, test)
+    lengths = [len(clip.features) // UNIT * UNIT for clip in test]
+    real = judge.embed_motions([torch.from_numpy(clip.features[:n]) for clip, n in zip(test, lengths, strict=True)])
+    rounds, values = [], []
+    for replicate in range(cfg.sampling.replicates):
+        seed = cfg.sampling.sampling_seed + 1000 * replicate
+        texts = one_caption_each(test, seed)
+        motions = make(texts, lengths, seed)
+        words, found = judge.embed_text(texts).cpu(), judge.embed_motions(motions)
+        rounds.append(_of_sets(cfg, seed, words, found, real))
+        values.append({"mm_dist": (words - found).norm(dim=-1).tolist(), **_of_clips(motions, test, parts.layout)})
+    if cfg.sampling.method == "diffusion":
+        rounds[0]["multimodality"] = _multimodality(cfg, make, judge, test, lengths)
+    return _summary(rounds, values, [clip.name for clip in test])
+
+
+def _warn_of_strange_words(name: str, judge: Matcher, test: Sequence[CaptionedClip]) -> None:
+    words = [word for clip in test for caption in clip.captions for word in judge.vocabulary.words_of(caption)]
+    known = {*judge.vocabulary.words}
+    strange = [word for word in words if word not in known]
+    if len(strange) > STRANGE * len(words):
+        warnings.warn(
+            f"{name} does not know {len(strange)} of {len(words)} words of the test captions, such as {strange[0]!r}: its scores "
+            "mean little; expected one that was trained on such data (`mwlib train --system matching --set data=FOLDER`)",
+            stacklevel=3,
+        )
+
+
+def _of_sets(cfg: Config, seed: int, text: Tensor, motion: Tensor, real: Tensor) -> dict[str, float]:
+    generator = torch.Generator().manual_seed(seed)
+    top = r_precision(text, motion, pool=min(cfg.sampling.pool, len(text)), generator=generator)
+    return {
+        "fid": round(fid(motion, real), 9),  # of equal sets: 0, not what rounding leaves
+        **{f"top{k}": float(share) for k, share in enumerate(top, 1)},
+        "mm_dist": float(mm_dist(text, motion)),
+        "diversity": float(diversity(motion, pairs=min(PAIRS, len(motion) - 1), generator=generator)),
+    }
+
+
+def _of_clips(
+    motions: Sequence[Float[Tensor, "_ D"]], test: Sequence[CaptionedClip], layout: FeatureLayout
+) -> dict[str, list[float]]:
+    rows = [{**movement(x, layout), **claims_met(x, clip, layout)} for x, clip in zip(motions, test, strict=True)]
+    return {name: [row.get(name, float("nan")) for row in rows] for name in DETAILS}
+
+
+def _multimodality(cfg: Config, make: Make, judge: Matcher, test: Sequence[CaptionedClip], lengths: Sequence[int]) -> float:
+    """Of so many motions for each of some sentences."""
+    s = cfg.sampling
+    picked = thinned(range(len(test)), s.repeated)
+    texts = [text for i in picked for text in [test[i].captions[0]] * s.repeats]
+    frames = [n for i in picked for n in [lengths[i]] * s.repeats]
+    found = judge.embed_motions(make(texts, frames, s.sampling_seed + 500)).unflatten(0, (len(picked), s.repeats))
+    generator = torch.Generator().manual_seed(s.sampling_seed)
+    return float(multimodality(found, pairs=s.repeats - 1, generator=generator))
+
+
+def _over_replicates(values: Float[np.ndarray, "R N"]) -> Float[np.ndarray, " N"]:
+    """Means over the replicates that have a value; NaN where none has."""
+    there = np.isfinite(values)
+    return np.where(there, values, 0.0).sum(axis=0) / np.where(there.any(axis=0), there.sum(axis=0), np.nan)
+
+
+def _summary(
+    rounds: Sequence[dict[str, float]], values: Sequence[dict[str, list[float]]], names: Sequence[str]
+) -> dict[str, Any]:
+    mean = {name: float(np.mean([r[name] for r in rounds if name in r])) for name in rounds[0]}
+    error = {
+        name: float(np.std([r[name] for r in rounds], ddof=1) / len(rounds) ** 0.5)
+        for name in rounds[0]
+        if len(rounds) > 1 and all(name in r for r in rounds)
+    }
+    each = {name: _over_replicates(np.array([v[name] for v in values])) for name in values[0]}
+    for name, value in each.items():
+        if np.isfinite(value).any():
+            mean[name], error[name] = float(np.nanmean(value)), clustered_error(value, names)
+    return {
+        "mean": mean,
+        "standard_error": error,
+        "windows": len(names),
+        "values": {name: value.tolist() for name, value in each.items()},
+        "clips": list(names),
+    }

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import torch
 
-from mwlib.data.captioned_people import captioned_people
+from mwlib.data.captioned import captioned_people
 from mwlib.data.formats.humanml import HUMANML3D, joints_of
 from mwlib.metrics import foot_skate, jerk
 from mwlib.text_to_motion.motions import fused_joints, motion_of

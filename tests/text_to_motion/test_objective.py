@@ -1,4 +1,4 @@
-"""The objective: weights, stages, the critic's gradient, and a training that resumes."""
+"""The objective: weights, stages, the gradient of the critic, trainings that resume or begin with another."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ from mwlib.text_to_motion import model, objective
 from mwlib.text_to_motion.losses import LowPass, low_frequency_loss, masked_error
 from mwlib.text_to_motion.objective import TextObjective
 from mwlib.training import seeded, train
+from mwlib.training.checkpoint import save_tensors
 from tests.text_to_motion.sample import small, toy
 
 
@@ -130,7 +131,7 @@ def test_the_loss_is_the_mean_square_of_the_clean_estimate():
 def test_power_of_low_cosines_is_that_of_all_clips(monkeypatch):
     one = TextObjective(small(stage="snr", low_weight=1.0), toy())
     numbers = [*range(30)]
-    batch = one.pool.whole(numbers, [""] * 30)
+    batch = one.clips.whole(numbers, [""] * 30)
     assert_close(one.power, one.low_pass.coefficients(batch.y, batch.lengths).square().mean((0, 2)))
     monkeypatch.setattr(objective, "CHUNK", 7)
     assert_close(one._power(), one.power)
@@ -192,3 +193,36 @@ def test_low_frequencies_of_nothing_are_nothing():
     lengths = torch.tensor([8, 8])
     assert not low_frequency_loss(torch.zeros(2, 8, 3), lengths, LowPass(8, 2)).any()
     assert not masked_error(torch.zeros(2, 8, 3), torch.ones(2, 8, dtype=torch.bool)).any()
+
+
+def written(folder, cfg):
+    """A finished run's folder, of an objective with weights of its own."""
+    one = TextObjective(cfg, toy())
+    with torch.no_grad():
+        for weights in one.network.parameters():
+            weights.add_(1.0)
+    tensors = {f"net.{name}": t for name, t in one.network.state_dict().items()}
+    save_tensors(folder / "model.safetensors", tensors | {f"objective.{n}": 2 * t for n, t in one.learnt().items()}, {})
+    (folder / "config.yaml").write_text(cfg.to_yaml())
+    return one
+
+
+def test_weights_words_and_statistics_are_those_of_the_run_that_it_starts_from(tmp_path):
+    before = written(tmp_path, small())
+    fewer = toy()._replace(train=toy().train[:4:2])  # of which all go up: "down" would not be a word
+    after = TextObjective(small(start=str(tmp_path)), fewer)
+    state = after.network.state_dict()
+    assert all(torch.equal(t, state[name]) for name, t in before.network.state_dict().items())
+    assert torch.equal(after.statistics.mean, 2 * before.statistics.mean)
+    plain = TextObjective(small(), toy())
+    assert not torch.equal(plain.network.body.enter.weight, after.network.body.enter.weight)
+
+
+def test_what_cannot_be_started_from_is_refused(tmp_path):
+    written(tmp_path, small())
+    with pytest.raises(
+        FileNotFoundError, match="nowhere/config.yaml is missing: no finished run there; name a run of text_to_motion"
+    ):
+        TextObjective(small(start="nowhere"), toy())
+    with pytest.raises(ValueError, match="start is .*has the shape .*; expected .*: a run of the same sizes"):
+        TextObjective(small(start=str(tmp_path), width=32), toy())

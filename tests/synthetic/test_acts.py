@@ -1,4 +1,4 @@
-"""Actions do what their attributes say; every oracle here is geometry written out, none is the measuring of the library."""
+"""Actions do what their attributes say, by geometry written out; clips are deterministic and split by person."""
 
 from __future__ import annotations
 
@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from mwlib.body.skeleton import HUMANML22
-from mwlib.synthetic.acts import JUMP_HEIGHTS, SPEEDS, act_out
+from mwlib.data.captioned import captioned_people
+from mwlib.synthetic.acts import JUMP_HEIGHTS, PEOPLE, SPEEDS, act_out, captioned_positions
 from mwlib.synthetic.person import draw_figure
 from mwlib.synthetic.sentences import PAIRS, RECIPES, draw_attributes
 
@@ -168,3 +169,39 @@ def test_recipes_draw_what_they_list():
             assert found == {float(v) if number else v for v in values.split()} or action == "backward"
     sided = {"left", "right", "both"}
     assert all(sum(a.get(n) in sided for n in ("hand", "foot")) <= 1 for a in drawn)
+
+
+@pytest.fixture(scope="module")
+def clips():
+    return captioned_positions(PEOPLE + 4, seed=2)
+
+
+def test_nobody_is_in_two_splits_and_the_shares_are_those_of_humanml3d(clips):
+    shares = {split: np.mean([clip.split == split for clip in clips[:PEOPLE]]) for split in ("train", "val", "test")}
+    assert shares == {"train": 0.8, "val": 0.05, "test": 0.15}
+    split_of = {}
+    for clip in clips:
+        assert split_of.setdefault(clip.name.split("_")[0], clip.split) == clip.split
+    assert len(split_of) == PEOPLE and len({clip.name for clip in clips}) == len(clips)
+
+
+def test_a_clip_depends_on_seed_and_number_only(clips):
+    again, other = captioned_positions(3, seed=2), captioned_positions(3, seed=3)
+    for a, b, c in zip(clips, again, other, strict=False):
+        np.testing.assert_array_equal(a.positions, b.positions)
+        assert (a.captions, a.attributes, a.name) == (b.captions, b.attributes, b.name)
+        assert a.positions.shape != c.positions.shape or not np.allclose(a.positions, c.positions)
+
+
+def test_a_person_keeps_its_bones_and_acts_anew(clips):
+    first, later = clips[1], clips[PEOPLE + 1]
+    assert first.name.split("_")[0] == later.name.split("_")[0]
+    shin = [np.linalg.norm(clip.positions[:, 7] - clip.positions[:, 4], axis=-1) for clip in (first, later, clips[2])]
+    np.testing.assert_allclose(shin[0][0], shin[1], atol=1e-12)
+    assert abs(shin[0][0] - shin[2][0]) > 1e-4 and (first.captions, first.attributes) != (later.captions, later.attributes)
+
+
+@pytest.mark.parametrize("make", [captioned_people, captioned_positions])
+def test_impossible_sizes_are_refused(make):
+    with pytest.raises(ValueError, match="clips is 0; expected at least 1"):
+        make(0)

@@ -8,9 +8,9 @@ import torch
 
 from mwlib.experiments import get_model, get_result, get_run, system
 from mwlib.matching import system as matching_system
-from mwlib.matching.evaluation import DETAILS, METRICS, null_checks
+from mwlib.matching.system import DETAILS, METRICS, null_checks
 from mwlib.metrics import fid, r_precision
-from tests.text_to_motion.sample_matching import parts, small, toy_clips, untrained
+from tests.matching.sample import parts, small, toy_clips, untrained
 
 
 def padded(clips) -> tuple[torch.Tensor, torch.Tensor]:

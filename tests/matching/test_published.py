@@ -20,11 +20,11 @@ from mwlib.experiments.runs import models_behind
 from mwlib.matching.clips import KINDS, PARTS, TaggedVocabulary
 from mwlib.matching.evaluators import FILES, open_matcher, open_published, published_files
 from mwlib.networks.matching import published_weights
-from mwlib.text_to_motion.evaluation import evaluate
 from mwlib.text_to_motion.objective import TextObjective
+from mwlib.text_to_motion.system import evaluate
+from tests.matching.sample_published import ROWS, WORDS, Published, features, scored, write_collection, write_evaluator
 from tests.networks.test_matching import slowly
 from tests.text_to_motion.sample import small, toy
-from tests.text_to_motion.sample_published import ROWS, WORDS, Published, features, scored, write_collection, write_evaluator
 
 # The order in the published code, and what it makes of some words with tags.
 ORDER = "VERB NOUN DET ADP NUM AUX PRON ADJ ADV Loc_VIP Body_VIP Obj_VIP Act_VIP Desc_VIP OTHER".split()

@@ -6,7 +6,6 @@ import pytest
 import torch
 from torch.testing import assert_close
 
-from mwlib.text_to_motion.objective import normalised
 from tests.text_to_motion.sample import toy, untrained
 
 
@@ -47,7 +46,7 @@ def test_a_network_that_knows_the_answer_gives_it():
     raw = torch.from_numpy(clip.features[:n])
     for changes in ({}, {"sampler": "ddim"}, {"sampler": "sde_dpm", "sampling_steps": 5}):
         one = untrained(guidance=1.0, **changes)
-        y = normalised(clip.features[:n], one.statistics)
+        y = one.statistics.normalise(raw)
         one.net.forward = lambda y_t, *_, y=y: y[None].expand_as(y_t)
         assert_close(one.sample(["someone rises"], [n])[0], raw, atol=1e-4, rtol=1e-4)
 

@@ -11,7 +11,7 @@ import torch
 from mwlib.data.formats.humanml import HUMANML3D
 from mwlib.data.normalisation import Statistics
 from mwlib.matching.clips import PairedClips, Vocabulary, of_half
-from tests.text_to_motion.sample_matching import toy_clips
+from tests.matching.sample import toy_clips
 
 
 @pytest.fixture

@@ -1,4 +1,4 @@
-"""Normalisation: three kinds, measured and read, and values that cannot be taken for those of another kind."""
+"""Normalisation of features: three kinds, measured and read."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from jaxtyping import TypeCheckError
 
 from mwlib import MotionFormatError
 from mwlib.data.formats.humanml import HUMANML3D, KIT
-from mwlib.data.normalisation import Scaled, Statistics
+from mwlib.data.normalisation import Statistics
 
 # Of the statistics that MDM evaluates with (t2m_std.npy): yaw rate, root velocity, height, contacts.
 EVALUATORS = {"yaw_rate": 0.00051467, "root_velocity": 0.00067693, "height": 0.00612082}
@@ -40,16 +40,16 @@ def test_measured_deviations_are_averaged_within_each_block():
         expected = 1.0 if name == "contacts" else np.mean([np.std(frames[:, i]) for i in range(251)[block]])
         np.testing.assert_allclose(found.deviation[block], expected, rtol=1e-5, err_msg=name)
     assert found.kind == "mdm" and found.mean.dtype == found.deviation.dtype == torch.float32
-    assert Statistics.measured(clips, KIT, "evaluator").is_same(found.of_kind("evaluator"))
+    np.testing.assert_array_equal(Statistics.measured(clips, KIT, "evaluator").deviation, found.of_kind("evaluator").deviation)
     with pytest.raises(ValueError, match="there are no clips; expected some"):
         Statistics.measured([], KIT)
 
 
 def test_published_statistics_and_the_evaluators_that_follow_from_them(data_folder):
-    own = Statistics.read(data_folder / "humanml3d")
+    own = Statistics.read(data_folder / "humanml3d" / "Mean.npy", data_folder / "humanml3d" / "Std.npy")
     for name, block in HUMANML3D.blocks.items():
         np.testing.assert_allclose(own.deviation[block], PUBLISHED[name], rtol=5e-4, err_msg=name)
-    evaluator = Statistics.read(data_folder / "humanml3d", "evaluator")
+    evaluator = own.of_kind("evaluator")
     for name, block in HUMANML3D.blocks.items():
         ratio = (own.deviation / evaluator.deviation)[block]
         weight = 25.0 if name in ("yaw_rate", "root_velocity", "height", "contacts") else 1.0
@@ -70,44 +70,21 @@ def test_kinds_differ_in_root_and_contacts(statistics, kind, weight):
         np.testing.assert_allclose(other.of_kind(there).of_kind(kind).deviation, other.deviation, rtol=1e-6)
 
 
-def test_from_one_model_to_another_and_back(statistics):
-    raw = torch.randn(2, 7, 263)
-    x = statistics.of_kind("stablemofusion").scale(raw)
-    np.testing.assert_allclose(x.values, (raw - statistics.mean) / statistics.of_kind("stablemofusion").deviation, rtol=1e-5)
-    np.testing.assert_allclose(x.raw(), raw, atol=1e-5)
-    there = x.to(statistics.of_kind("evaluator"))
-    assert there.by.kind == "evaluator" and there.values.dtype == torch.float32
-    np.testing.assert_allclose(there.values[..., :4] / x.values[..., :4], 5.0, rtol=1e-4)
-    np.testing.assert_allclose(there.to(statistics.of_kind("stablemofusion")).values, x.values, atol=1e-5)
-    assert x.to(x.by) is x
+def test_there_and_back(statistics):
+    raw, other = torch.randn(2, 7, 263), statistics.of_kind("stablemofusion")
+    x = other.normalise(raw)
+    np.testing.assert_allclose(x, (raw - statistics.mean) / other.deviation, rtol=1e-5)
+    np.testing.assert_allclose(other.denormalise(x), raw, atol=1e-5)
+    assert x.dtype == torch.float32 and other.normalise(raw.double()).dtype == torch.float64
     made = torch.randn(1, 3, 263, requires_grad=True)
-    statistics.scaled(made).to(there.by).values.sum().backward()
+    statistics.of_kind("evaluator").normalise(statistics.denormalise(made)).sum().backward()
     np.testing.assert_allclose(made.grad[0, 0, 0], 25.0, rtol=1e-5)
-
-
-def test_values_of_one_kind_are_not_taken_for_those_of_another(statistics):
-    x = statistics.scale(torch.zeros(4, 263))
-    assert x.seen_by(Statistics("mdm", statistics.mean.clone(), statistics.deviation.clone(), HUMANML3D)) is x.values
-    with pytest.raises(
-        ValueError, match=r"found features of HumanML3D scaled for mdm; expected evaluator: say .to\(statistics\)"
-    ):
-        x.seen_by(statistics.of_kind("evaluator"))
-    others = Statistics("mdm", statistics.mean + 1, statistics.deviation, HUMANML3D)
-    with pytest.raises(ValueError, match="scaled for mdm; expected the same with other numbers"):
-        x.seen_by(others)
-    kit = Statistics("mdm", torch.zeros(251), torch.ones(251), KIT)
-    with pytest.raises(ValueError, match="features are those of HumanML3D; expected KIT-ML"):
-        x.to(kit)
-    with pytest.raises(ValueError, match="values have width 251; expected 263 for HumanML3D"):
-        Scaled(torch.zeros(4, 251), statistics)
-    with pytest.raises(TypeError):
-        x + x  # type: ignore[operator]
 
 
 def test_statistics_go_with_a_model(statistics):
     same = Statistics.from_tensors("evaluator", statistics.of_kind("evaluator").tensors())
-    assert same.is_same(statistics.of_kind("evaluator")) and same.layout is HUMANML3D
-    assert not same.is_same(statistics)
+    assert same.layout is HUMANML3D and same.kind == "evaluator"
+    assert torch.equal(same.mean, statistics.mean) and torch.equal(same.deviation, statistics.of_kind("evaluator").deviation)
 
 
 def test_statistics_that_make_no_sense_are_refused(statistics, tmp_path):
@@ -118,12 +95,14 @@ def test_statistics_that_make_no_sense_are_refused(statistics, tmp_path):
     for make in (statistics.of_kind, lambda kind: Statistics(kind, statistics.mean, statistics.deviation, HUMANML3D)):
         with pytest.raises((ValueError, TypeCheckError), match="expected one of mdm, stablemofusion, evaluator|'guo'"):
             make("guo")
+    files = tmp_path / "Mean.npy", tmp_path / "Std.npy"
     with pytest.raises(MotionFormatError, match="Mean.npy, file: found No such file"):
-        Statistics.read(tmp_path)
-    np.save(tmp_path / "Mean.npy", np.zeros(263))
-    np.save(tmp_path / "Std.npy", np.zeros(263))
-    with pytest.raises(MotionFormatError, match="263 means, 263 deviations from 0; expected 263 or 251 of each, .* above 0"):
-        Statistics.read(tmp_path)
-    np.save(tmp_path / "Std.npy", np.ones((263, 1)))
-    with pytest.raises(MotionFormatError, match=r"Std.npy, array: found float64 of shape \(263, 1\)"):
-        Statistics.read(tmp_path)
+        Statistics.read(*files)
+    np.save(files[0], np.zeros(263))
+    for deviations, message in (
+        (np.zeros(263), "263 means, 263 deviations from 0; expected 263 or 251 of each, .* above 0"),
+        (np.ones((263, 1)), r"Std.npy, array: found float64 of shape \(263, 1\)"),
+    ):
+        np.save(files[1], deviations)
+        with pytest.raises(MotionFormatError, match=message):
+            Statistics.read(*files)

@@ -13,7 +13,7 @@ from mwlib.matching.config import Config
 from mwlib.matching.objective import MatchingObjective, contrastive_loss, infonce_loss, movement_loss, train_movements
 from mwlib.training import CHECKPOINT, MODEL, train
 from mwlib.training.checkpoint import load_tensors
-from tests.text_to_motion.sample_matching import objective, parts, small, toy_clips
+from tests.matching.sample import objective, parts, small, toy_clips
 
 TEXT, MOTION = torch.tensor([[0.0, 0.0], [3.0, 4.0]]), torch.tensor([[0.0, 1.0], [3.0, 0.0]])
 each_loss = pytest.mark.parametrize("loss", ["contrastive", "infonce"])
@@ -140,13 +140,13 @@ def test_evaluator_and_critic_learn_from_their_own_clips():
     for half in ("evaluator", "critic"):
         chosen = of_half(parts().train, half)
         made = objective(half=half)
-        assert torch.equal(made.clips.lengths, torch.tensor([len(clip.features) for clip in chosen]))
+        assert torch.equal(made.clips.frames.lengths, torch.tensor([len(clip.features) for clip in chosen]))
         frames = np.concatenate([clip.features for clip in chosen])
         torch.testing.assert_close(made.statistics.mean, torch.from_numpy(frames.mean(0)), atol=1e-5, rtol=1e-4)
 
 
 def test_root_and_contacts_weigh_more_where_asked():
-    plain, heavy = (objective(statistics=kind).clips.flat for kind in ("mdm", "evaluator"))
+    plain, heavy = (objective(statistics=kind).clips.frames.flat for kind in ("mdm", "evaluator"))
     ratio = heavy.std(0) / plain.std(0)
     torch.testing.assert_close(ratio[[0, 3, 4, 100, 258, 259, 262]], torch.tensor([25.0, 25, 1, 1, 1, 25, 25]))
 

@@ -1,4 +1,4 @@
-"""Evaluation: yardsticks are what they say, metrics are those of mw.metrics, claims are read off the bodies."""
+"""Evaluation: baselines are what they say, metrics are those of mw.metrics, claims are read off the bodies."""
 
 from __future__ import annotations
 
@@ -9,14 +9,13 @@ import pytest
 import torch
 
 import mwlib as mw
-from mwlib.data.captioned import CaptionsConfig, Parts, fingerprint, load_clips
-from mwlib.data.captioned_people import captioned_people
+from mwlib.data.captioned import captioned_people
 from mwlib.data.formats.humanml import HUMANML3D, KIT, CaptionedClip
 from mwlib.matching.clips import Vocabulary
 from mwlib.matching.evaluators import Matcher
-from mwlib.text_to_motion import evaluation
+from mwlib.text_to_motion import system
 from mwlib.text_to_motion.attributes import CLAIMS, claims_met, movement
-from mwlib.text_to_motion.evaluation import any_clip, evaluate, mean_pose, nearest_caption, thinned
+from mwlib.text_to_motion.system import any_clip, evaluate, mean_pose, nearest_caption
 from tests.text_to_motion.sample import clip, small, toy
 
 
@@ -35,7 +34,7 @@ class Judge(Matcher):
 
 
 def scores(monkeypatch, **changes):
-    monkeypatch.setattr(evaluation, "open_matcher", lambda name, layout: Judge())
+    monkeypatch.setattr(system, "open_matcher", lambda name, layout: Judge())
     return evaluate(small(**changes), lambda: pytest.fail("no model is needed"), toy())
 
 
@@ -89,34 +88,13 @@ def test_movement_of_one_who_slides():
 
 def test_a_replicate_without_a_value_does_not_take_the_others_away():
     values = np.array([[1.0, np.nan, np.nan], [3.0, 5.0, np.nan]])
-    assert np.array_equal(evaluation._over_replicates(values), [2.0, 5.0, np.nan], equal_nan=True)
-
-
-def test_thinned_clips_are_spread_evenly():
-    clips = toy().train
-    assert thinned(clips, 0) == clips == thinned(clips, 99)
-    assert [c.name for c in thinned(clips, 3)] == [clips[0].name, clips[14].name, clips[29].name]
+    assert np.array_equal(system._over_replicates(values), [2.0, 5.0, np.nan], equal_nan=True)
 
 
 def test_words_are_counted_and_lengths_kept():
     train = toy().train
     assert train[nearest_caption(train, ["a person goes down"])[0]].captions[0] == "a person goes down"
     assert [len(x) for x in mean_pose(train, [8, 12])] == [8, 12]
-
-
-def test_people_are_parted_and_known_again():
-    parts = load_clips(CaptionsConfig(clips=80))
-    people = [{c.name.split("_")[0] for c in part} for part in parts]
-    assert not (people[0] & people[1] or people[0] & people[2] or people[1] & people[2])
-    assert parts.layout == HUMANML3D and parts.fingerprints() == load_clips(CaptionsConfig(clips=80)).fingerprints()
-    few = load_clips(CaptionsConfig(clips=80, few=5, longest=60))
-    kept = [clip for clip in parts.train if len(clip.features) >= 40]
-    assert [clip.name for clip in few.train[::4]] == [kept[0].name, kept[-1].name]
-    assert len(few.train) == 5 and max(len(c.features) for part in few for c in part) <= 60
-    assert fingerprint(parts.train) != fingerprint(parts.train[1:])
-    with pytest.raises(ValueError, match="people has 0 clips to train and 0 to test on, of 150 frames"):
-        load_clips(CaptionsConfig(clips=80, shortest=150))
-    assert isinstance(parts, Parts)
 
 
 def test_toes_slide_not_heels():
@@ -129,38 +107,15 @@ def test_toes_slide_not_heels():
     assert found["skate"] == pytest.approx(100 * KIT.metres_per_unit * KIT.fps, rel=1e-3)
 
 
-def test_a_clip_that_was_cut_claims_nothing():
-    whole, cut = (load_clips(CaptionsConfig(clips=80, longest=n)).train for n in (120, 60))
-    assert all(clip.attributes for clip in whole)
-    assert all(bool(b.attributes) == (len(a.features) <= 60) for a, b in zip(whole, cut, strict=True))
-
-
-def test_data_are_found_under_the_folder_of_data(tmp_path, monkeypatch):
-    folder = tmp_path / "data" / "MyKIT"
-    for inside in ("new_joint_vecs", "texts"):
-        (folder / inside).mkdir(parents=True)
-    for split in ("train", "test"):
-        (folder / f"{split}.txt").write_text(split)
-        np.save(folder / "new_joint_vecs" / f"{split}.npy", np.ones((30, 251), np.float32))
-        (folder / "texts" / f"{split}.txt").write_text("a man walks#a/DET man/NOUN walk/VERB#0.0#0.0")
-    monkeypatch.setenv("MWLIB_DATA", str(tmp_path / "data"))
-    monkeypatch.chdir(tmp_path)
-    assert load_clips(CaptionsConfig(data="MyKIT", shortest=24)).layout == KIT
-    with pytest.raises(
-        FileNotFoundError, match="data is 'MyKITT', which is neither here nor in .*data.*; expected people, cmu, or"
-    ):
-        load_clips(CaptionsConfig(data="MyKITT"))
-
-
 def test_too_few_clips_to_rank_are_refused(monkeypatch):
-    monkeypatch.setattr(evaluation, "open_matcher", lambda name, layout: Judge())
+    monkeypatch.setattr(system, "open_matcher", lambda name, layout: Judge())
     parts = toy()
     with pytest.raises(ValueError, match="there are 2 test clips; expected at least 3"):
         evaluate(small(method="truth"), lambda: None, parts._replace(test=parts.test[:2]))
 
 
 def test_an_evaluator_of_other_sentences_is_doubted(monkeypatch):
-    monkeypatch.setattr(evaluation, "open_matcher", lambda name, layout: Judge("a person goes"))
+    monkeypatch.setattr(system, "open_matcher", lambda name, layout: Judge("a person goes"))
     with pytest.warns(UserWarning, match="evaluator does not know .* words of the test captions, such as"):
         evaluate(small(method="truth"), lambda: None, toy())
 
@@ -170,7 +125,7 @@ def test_sentences_without_words_and_many_sentences_are_looked_up(monkeypatch):
     assert nearest_caption(train, ["...", "!"]) == [0, 0]
     texts = ["someone falls", "a person goes up", "..."] * 3
     whole = nearest_caption(train, texts)
-    monkeypatch.setattr(evaluation, "ROWS", 2)
+    monkeypatch.setattr(system, "ROWS", 2)
     assert nearest_caption(train, texts) == whole
 
 
