@@ -19,14 +19,14 @@ from mwlib.inbetweening.baselines import between
 from mwlib.inbetweening.config import Config
 from mwlib.inbetweening.losses import STANDING, floor_of
 from mwlib.inbetweening.system import Score, load_data
-from mwlib.inbetweening.windows import Clips, Cut, make_space
+from mwlib.inbetweening.windows import Clips, PlacedWindows, make_space
 from mwlib.metrics import foot_contacts
 from mwlib.transforms import DSTTransform
 
 SAMPLES, SUNK = 4, 0.01  # motions of a window; metres below the floor
 
 
-def described(score: Score, cut: Cut, x: Tensor) -> dict[str, float]:
+def described(score: Score, cut: PlacedWindows, x: Tensor) -> dict[str, float]:
     """Skate and jerk of samples (N, S, T, C), and their feet: all, and where and when those of the truth stand."""
     feet, fps = score.feet, score.fps
     truth = score.space.positions(cut.x, cut.offsets)
@@ -49,13 +49,13 @@ def main(folder: Path) -> None:
     grid, cfg = read_grids()["bridge_feet"], Config.preset("bandai")
     split = load_data(cfg)
     space = make_space(split.train, cfg.task.state)
-    cut, score = Clips(split.test, space).cut(cfg.task.frames, cfg.task.test_stride), Score.of(split, space, cfg.task.frames)
+    cut, score = Clips(split.test, space).windows(cfg.task.frames, cfg.task.test_stride), Score.of(split, space, cfg.task.frames)
     line = between(space, cut.x, "interpolation")
     motions = {"truth": cut.x[:, None], "interpolation": line[:, None]}
-    hint = cut.x[:, :1] + (cut.x[:, -1:] - cut.x[:, :1]) * torch.linspace(0, 1, cfg.task.frames)[:, None]
+    line = cut.x[:, :1] + (cut.x[:, -1:] - cut.x[:, :1]) * torch.linspace(0, 1, cfg.task.frames)[:, None]
     for rows in (8, 16, 30):
         tf = DSTTransform(cfg.task.frames, space.channels, rows)
-        motions[f"truth in {rows} sines"] = space.valid(tf.inverse(tf(cut.x - hint)) + hint)[:, None]
+        motions[f"truth in {rows} sines"] = space.valid(tf.inverse(tf(cut.x - line)) + line)[:, None]
     for row in grid.rows[2:]:
         motions[row.name] = get_model(row_config(grid, row, cfg), split).sample(cut.x, samples=SAMPLES)
     table = [{"motions": name, **described(score, cut, x)} for name, x in motions.items()]

@@ -6,12 +6,10 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from itertools import count
 from math import ceil
-from typing import Any
 
 import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
-from tqdm import tqdm
 
 from mwlib.body.motion import Motion
 from mwlib.diffusion import Denoise, WindowNoise, alpha_bar, ddim_indices, keyframed, to_eps, with_keyframes
@@ -21,22 +19,26 @@ from mwlib.inbetweening.objective import make_network
 from mwlib.inbetweening.representation import Representation
 from mwlib.inbetweening.space import Space, space_from_json
 from mwlib.inbetweening.windows import given
+from mwlib.training import TrainedModel, chunks, identities, with_weights
 
 CHUNK = 64  # motions sampled together on a processor
 
 
-class Bridge:
+class Bridge(TrainedModel):
     """A network with what it was trained for, and settings of the sampling.
 
     Args:
         net: trained weights (the moving average).
         representation: windows as what is diffused.
         space: what a state means.
-        cfg: of the training; the group `sampling` says how it samples.
+        cfg: of the training; the groups `sampling` and `imposing` say how it samples.
     """
 
+    sampling_groups = ("sampling", "imposing")
+
     def __init__(self, net: KeyframeNetwork | WienerNetwork, representation: Representation, space: Space, cfg: Config) -> None:
-        self.net, self.representation, self.space, self.cfg = net.eval(), representation, space, cfg
+        super().__init__(net, cfg)
+        self.representation, self.space = representation, space
         self.alpha_bar = alpha_bar(cfg.diffusion.schedule, cfg.diffusion.steps)
 
     @classmethod
@@ -44,27 +46,9 @@ class Bridge:
         cls, cfg: Config, weights: Mapping[str, Tensor], learnt: Mapping[str, Tensor], about: Mapping[str, str]
     ) -> Bridge:
         """The bridge that a finished training left (see `mwlib.training.read_model`)."""
-        space = space_from_json(about["space"])
         representation = Representation.restore(cfg.model, cfg.task.gap, learnt)
-        with torch.random.fork_rng([]):  # initial weights are drawn and thrown away
-            net = make_network(cfg, representation)
-        net.load_state_dict(weights)
-        return cls(net, representation, space, cfg)
-
-    def to(self, device: torch.device | str) -> Bridge:
-        """Move the network."""
-        self.net.to(device)
-        return self
-
-    def with_sampling(self, **changes: Any) -> Bridge:
-        """The same model with other settings of the sampling, e.g. ``bridge.with_sampling(repeats=5)``.
-
-        Raises:
-            ValueError: unknown settings, bad values, or settings of the trained model.
-        """
-        if others := [name for name in changes if Config.owners().get(name, "sampling") not in ("sampling", "imposing")]:
-            raise ValueError(f"{', '.join(others)} belongs to the trained model; expected settings of the sampling")
-        return Bridge(self.net, self.representation, self.space, self.cfg.override(**changes))
+        net = with_weights(lambda: make_network(cfg, representation), weights)
+        return cls(net, representation, space_from_json(about["space"]), cfg)
 
     def check(self, frames: int, mask: Bool[Tensor, " T"]) -> None:
         """Refuse lengths and keyframes that the model was not made for."""
@@ -76,12 +60,13 @@ class Bridge:
             raise ValueError(
                 f"mask has shape {tuple(mask.shape)}, {int(mask.sum())} keyframes; expected ({frames},), at least one"
             )
-        told, most = model.keyframes == "told", task.past + 1 + model.more_keyframes
-        if told and int(mask.sum()) > most:
-            raise ValueError(f"{int(mask.sum())} keyframes; expected at most {most}, as the model was told")
-        if told and not (mask[: task.past].all() and mask[-1]):
+        if not model.condition_on_keyframes:
+            return
+        if int(mask.sum()) > (most := task.past + 1 + model.more_keyframes):
+            raise ValueError(f"{int(mask.sum())} keyframes; expected at most {most}, as in the model's training")
+        if not (mask[: task.past].all() and mask[-1]):
             first, all_ = ("first", "both") if task.past == 1 else (f"{task.past} first", "all")
-            raise ValueError(f"the {first} or last frame is no keyframe; expected {all_}, as the model was told")
+            raise ValueError(f"the {first} or last frame is no keyframe; expected {all_}, as in the model's training")
 
     @torch.inference_mode()
     def sample(
@@ -106,37 +91,30 @@ class Bridge:
         Raises:
             ValueError: the length or the keyframes do not fit the model, or no sample is asked for.
         """
-        settings, frames = self.cfg.sampling, x.shape[-2]
-        mask = given(frames, self.cfg.task.past) if mask is None else mask
-        samples = settings.samples if samples is None else samples
-        if samples < 1:
-            raise ValueError(f"samples is {samples}; expected at least 1")
+        frames, past = x.shape[-2], self.cfg.task.past
+        mask = given(frames, past) if mask is None else mask
+        samples, seed = self.asked(samples, seed)
         self.check(frames, mask)
-        ids = [*range(len(x))] if window_ids is None else [*window_ids]
-        if len(x) == 0 or len(ids) != len(x):
-            raise ValueError(f"{len(ids)} window_ids for {len(x)} windows; expected one each, and at least one window")
-        size = max(1, CHUNK // samples)
-        found = []
-        for first in tqdm(range(0, len(x), size), disable=not progress, desc="sampling", unit="chunk"):
-            part = x[first : first + size].to(self.net.device)
-            shape = (samples, *self.representation.transform(frames - self.cfg.task.past + 1).shape)
-            noise = WindowNoise(
-                settings.sampling_seed if seed is None else seed, ids[first : first + size], shape, self.net.device
-            )
-            found.append(self._sample(part, mask.to(self.net.device), noise).cpu())
+        ids = identities(window_ids, len(x))
+        if not ids:
+            raise ValueError("there are no windows; expected at least one")
+        found, shape = [], (samples, *self.representation.transform(frames - past + 1).shape)
+        for part in chunks(len(x), max(1, CHUNK // samples), progress):
+            noise = WindowNoise(seed, ids[part], shape, self.device)
+            found.append(self._sample(x[part].to(self.device), mask.to(self.device), noise).cpu())
         return torch.cat(found)
 
     def _sample(self, x: Float[Tensor, "n T C"], mask: Bool[Tensor, " T"], noise: WindowNoise) -> Float[Tensor, "n S T C"]:
         whole, lead = x, self.cfg.task.past - 1
         before, x, inner = x[:, :lead], x[:, lead:], mask[lead:]
-        hint = self.representation.hint(x, before, inner)
+        line = self.representation.interpolation(x, before, inner)
         tf = self.representation.transform(x.shape[-2])
-        target = self.representation.modelled(torch.where(inner[:, None], x, hint), hint)
+        target = self.representation.modelled(torch.where(inner[:, None], x, line), line)
         settings = self.cfg.sampling
         indices = ddim_indices(self.cfg.diffusion.steps, settings.ddim_steps, settings.spacing)
-        warm, denoise = tempered(noise, settings.temperature), self._denoise(hint, before, inner)
+        warm, denoise = tempered(noise, settings.temperature), self._denoise(line, before, inner)
         z = keyframed(denoise, tf, target[:, None], inner, self.alpha_bar, indices, warm, self.cfg.imposing)
-        states = self.space.valid(self.representation.states(z, hint[:, None]))
+        states = self.space.valid(self.representation.states(z, line[:, None]))
         if settings.bones == "keyframes":
             states = self.space.with_bones(states, self._sized(x, inner)[:, None])
         early = before[:, None].expand(-1, states.shape[1], -1, -1)
@@ -147,15 +125,15 @@ class Bridge:
         last = torch.where(mask, torch.arange(len(mask), device=mask.device), 0).cummax(0).values
         return x[:, last]
 
-    def _denoise(self, hint: Float[Tensor, "n T C"], before: Float[Tensor, "n P C"], mask: Bool[Tensor, " T"]) -> Denoise:
+    def _denoise(self, line: Float[Tensor, "n T C"], before: Float[Tensor, "n P C"], mask: Bool[Tensor, " T"]) -> Denoise:
         """The network's noise estimate of (n, S, rows, C)."""
-        told = None
-        if self.cfg.model.keyframes == "told":
-            told = self.representation.told(hint, before, mask.expand(hint.shape[:-1]))
+        seen = None
+        if self.cfg.model.condition_on_keyframes:
+            seen = self.representation.conditioning(line, before, mask.expand(line.shape[:-1]))[:, None]
 
         def denoise(y: Tensor, t: int) -> Tensor:
             items = y.flatten(0, 1)
-            beside = None if told is None else told[:, None].expand(*y.shape[:2], -1, -1).flatten(0, 1)
+            beside = None if seen is None else seen.expand(*y.shape[:2], -1, -1).flatten(0, 1)
             output = self.net(items, t, beside)
             return to_eps(self.cfg.diffusion.prediction, output, items, self.alpha_bar[t]).reshape(y.shape)
 

@@ -13,25 +13,19 @@ from mwlib.inbetweening.losses import Diversity, Smoothness
 from mwlib.settings import BelowOne, Count, Natural, NotNegative, Positive, Settings
 from mwlib.training.config import TrainingConfig
 
-# Own choice, by measurement: the network is told the keyframes, and says how a motion departs from interpolation.
-_TOLD: dict[str, Any] = dict(
-    keyframes="told", target="departure", tokens="sines", output="wiener", prediction="y0", level_weight="snr", scheme="none",
-    lr=1e-3, lr_schedule="cosine", warmup=100, spacing="trailing", ddim_steps=20, bones="keyframes",
+# Own choice, by measurement: the network sees the keyframes, and says how a motion departs from interpolation.
+_CONDITIONED: dict[str, Any] = dict(
+    condition_on_keyframes=True, target="departure", tokens="sines", output="wiener", prediction="y0", level_weight="snr",
+    scheme="none", lr=1e-3, lr_schedule="cosine", warmup=100, spacing="trailing", ddim_steps=20, bones="keyframes",
 )  # fmt: skip
-_LAPTOP: dict[str, Any] = _TOLD | dict(
+_LAPTOP: dict[str, Any] = _CONDITIONED | dict(
     rows=16, width=128, layers=4, heads=4, feedforward=256, dropout=0.1,
     train_steps=4000, ema=0.998, ema_start=500, checkpoint_every=500,
 )  # fmt: skip
 
-
-def _source(name: str) -> dict[str, Any]:
-    """Data of a preset of prediction."""
-    return {"data": NAMED_SOURCES[name][0]}
-
-
 PRESETS: dict[str, dict[str, Any]] = {
     # Half a minute on two cores; synthetic people.
-    "tiny": _TOLD | dict(
+    "tiny": _CONDITIONED | dict(
         data="synthetic", fps=25.0, between=22, test_stride=12, test_windows=48, validation_subjects=("P6",),
         test_subjects=("P7", "P8"), width=64, layers=4, heads=4, feedforward=128, dropout=0.0, steps=200, train_steps=400,
         batch=32, lr=2e-3, warmup=50, ema=0.99, ema_start=100, checkpoint_every=200, ddim_steps=10,
@@ -40,7 +34,7 @@ PRESETS: dict[str, dict[str, Any]] = {
     "laptop": _LAPTOP | dict(
         data="synthetic", fps=30.0, validation_subjects=("P6",), test_subjects=("P7", "P8"),
     ),
-    # The CMU clips on 17 joints, found under MWLIB_DATA; whole people are held out. It is told its length, up to 1.5 s.
+    # The CMU clips on 17 joints, found under MWLIB_DATA; whole people are held out. Any length up to 1.5 s.
     "cmu": _LAPTOP | dict(
         data="cmu/asfamc", fps=30.0, between=45, shortest=8, validation_subjects=("1",), test_subjects=("2", "7", "29"),
     ),
@@ -51,8 +45,8 @@ PRESETS: dict[str, dict[str, Any]] = {
     ),
     # The protocol of `mwlib lafan1-benchmark`: ten frames before, one after, up to 45 between; persons 1 to 4 train, 5 tests.
     "lafan1_official": _LAPTOP | dict(
-        data="lafan1", fps=30.0, state="rotations", temperature=0.5, past=10, between=45, shortest=5, coast=8.0, sizes="each",
-        train_subjects=("1", "2", "3", "4"), test_subjects=("5",),
+        data="lafan1", fps=30.0, state="rotations", temperature=0.5, past=10, between=45, shortest=5, coast=8.0,
+        departure_scale="each", train_subjects=("1", "2", "3", "4"), test_subjects=("5",),
     ),
     # 81 files of Bandai-Namco under MWLIB_DATA: rotations of 22 joints. They name no people; whole styles are held out.
     "bandai": _LAPTOP | dict(
@@ -60,11 +54,11 @@ PRESETS: dict[str, dict[str, Any]] = {
         validation_subjects=("angry",), test_subjects=("old", "youthful"),
     ),
     # Human3.6M's people by convention; the paper names no split, rate or window.
-    "h36m": _LAPTOP | _source("h36m") | dict(
-        fps=25.0, train_subjects=("S1", "S5", "S6", "S7", "S8"), test_subjects=("S9", "S11"),
+    "h36m": _LAPTOP | dict(
+        data=NAMED_SOURCES["h36m"][0], fps=25.0, train_subjects=("S1", "S5", "S6", "S7", "S8"), test_subjects=("S9", "S11"),
     ),
-    "humaneva": _LAPTOP | _source("humaneva") | dict(
-        fps=30.0, train_subjects=("Train/S1", "Train/S2", "Train/S3"),
+    "humaneva": _LAPTOP | dict(
+        data=NAMED_SOURCES["humaneva"][0], fps=30.0, train_subjects=("Train/S1", "Train/S2", "Train/S3"),
         test_subjects=("Validate/S1", "Validate/S2", "Validate/S3"),
     ),
 }  # fmt: skip
@@ -80,7 +74,7 @@ class TaskConfig:
 
     past: Count = 1  # frames given before those between; the last of them is the first keyframe
     between: Count = 30  # N, frames between the two keyframes
-    shortest: Natural = 0  # the model is told its length: any N from here to `between`; 0 = always `between`
+    shortest: Natural = 0  # any N from here to `between`, which the network then sees; 0 = always `between`
     state: Literal["positions", "rotations"] = "positions"  # of the body: places of joints, or root and six numbers per rotation
     mirror: bool = True  # also train on mirror images, where left and right are built alike
     test_stride: Count = 40  # frames between the starts of the test windows
@@ -114,10 +108,10 @@ class ModelConfig:
     tokens: Literal["cosines", "sines", "frames"] = "cosines"  # DCT, DST of what vanishes at both ends, or frames ("without DCT")
     rows: Natural = 0  # cosines or sines kept, where there are so many; 0 = all
     target: Literal["motion", "departure"] = "motion"  # what is diffused: the motion, or how it departs from interpolation
-    sizes: Literal["longest", "each"] = "longest"  # departures are measured by those of the longest windows, or of each length
-    keyframes: Literal["untold", "told"] = "untold"  # whether the network is shown the keyframes, or only the sampler
+    departure_scale: Literal["longest", "each"] = "longest"  # of departures: that of the longest windows, or of each length
+    condition_on_keyframes: bool = False  # whether the network sees the keyframes, or the sampler alone
     output: Literal["direct", "wiener"] = "direct"  # what `prediction` says; or what the best linear denoiser misses
-    more_keyframes: Natural = 0  # where they are told: train on up to so many more, anywhere between
+    more_keyframes: Natural = 0  # with condition_on_keyframes: train on up to so many more, anywhere between
     coast: NotNegative = 0.0  # frames in which the interpolation forgets the velocity of the past; 0: it is a straight line
     width: Count = 512  # of the network
     layers: Count = 8  # blocks, an even number
@@ -161,8 +155,8 @@ class Config(Settings):
     """Everything that a run of in-betweening depends on.
 
     >>> cfg = Config.preset("tiny", between=20)
-    >>> cfg.task.frames, cfg.model.keyframes
-    (22, 'told')
+    >>> cfg.task.frames, cfg.model.condition_on_keyframes
+    (22, True)
 
     Raises:
         ValueError: see `Settings`, and settings that do not fit each other.
@@ -170,7 +164,8 @@ class Config(Settings):
 
     system: ClassVar[str] = "inbetweening"
     presets = PRESETS
-    newer = {"past": 1, "coast": 0.0, "sizes": "longest"}
+    renamed = {"keyframes": "condition_on_keyframes", "sizes": "departure_scale"}
+    newer = {"past": 1, "coast": 0.0, "departure_scale": "longest"}
     after_training: ClassVar[frozenset[str]] = frozenset(
         {"sampling", "imposing", "test_stride", "test_windows", "checkpoint_every"}
     )
@@ -195,40 +190,37 @@ class Config(Settings):
     def check(self) -> None:
         """Refuse values that do not fit each other."""
         m, task, s = self.model, self.task, self.sampling
-        if m.width % m.heads or m.width % 2:
-            raise ValueError(f"width is {m.width}; expected an even multiple of heads ({m.heads})")
-        if m.layers % 2:
-            raise ValueError(f"layers is {m.layers}; expected an even number (long skips pair the blocks)")
         most = task.gap - 2 * (m.tokens == "sines")
-        if m.rows > most:
-            raise ValueError(f"rows is {m.rows}; expected at most {most}, as many {m.tokens} as there are")
-        if m.tokens == "sines" and m.target != "departure":
-            raise ValueError(f"tokens are sines, but target is {m.target}; expected departure: it vanishes at both ends")
-        if m.rows and m.tokens == "frames":
-            raise ValueError(f"rows is {m.rows} with frames as tokens; expected 0: only cosines or sines can be left out")
-        if task.between < 2:
-            raise ValueError(f"between is {task.between}; expected at least 2: seams and jerk are those of four frames")
-        if task.shortest > task.between:
-            raise ValueError(f"shortest is {task.shortest}; expected at most between ({task.between})")
-        if m.output == "wiener" and self.diffusion.prediction != "y0":
-            raise ValueError(f"output is wiener with prediction {self.diffusion.prediction}; expected prediction=y0")
-        if self.objective.level_weight == "unit" and m.output == "direct":
-            raise ValueError("level_weight is unit, but output is direct; expected output=wiener, which has a unit")
-        if m.more_keyframes and m.keyframes == "untold":
-            raise ValueError(f"more_keyframes is {m.more_keyframes}, but keyframes are untold; expected 0, or keyframes=told")
-        if m.target == "departure" and m.keyframes == "untold":
-            raise ValueError("target is departure, but keyframes are untold; expected keyframes=told: it departs from them")
-        if task.shortest and m.keyframes == "untold":
-            raise ValueError(
-                f"shortest is {task.shortest}, but keyframes are untold; expected keyframes=told: with them the length"
-            )
-        if m.sizes == "each" and m.target != "departure":
-            raise ValueError(f"sizes is each, but target is {m.target}; expected departure, whose sizes they are")
-        if task.past > 1 and m.keyframes == "untold":
-            raise ValueError(f"past is {task.past}, but keyframes are untold; expected keyframes=told: with them the past")
-        if m.coast and task.past < 2:
-            raise ValueError(f"coast is {m.coast:g} with past {task.past}; expected a past of 2 or more, which has a velocity")
-        if s.ddim_steps >= self.diffusion.steps:
-            raise ValueError(f"ddim_steps is {s.ddim_steps}; expected fewer than steps ({self.diffusion.steps})")
+        unseen = "but condition_on_keyframes is false; expected condition_on_keyframes=true"
+        rules = (
+            (m.width % m.heads or m.width % 2, f"width is {m.width}; expected an even multiple of heads ({m.heads})"),
+            (m.layers % 2, f"layers is {m.layers}; expected an even number (long skips pair the blocks)"),
+            (m.rows > most, f"rows is {m.rows}; expected at most {most}, as many {m.tokens} as there are"),
+            (m.tokens == "sines" and m.target != "departure",
+             f"tokens are sines, but target is {m.target}; expected departure: it vanishes at both ends"),
+            (m.rows and m.tokens == "frames",
+             f"rows is {m.rows} with frames as tokens; expected 0: only cosines or sines can be left out"),
+            (task.between < 2, f"between is {task.between}; expected at least 2: seams and jerk are those of four frames"),
+            (task.shortest > task.between, f"shortest is {task.shortest}; expected at most between ({task.between})"),
+            (m.output == "wiener" and self.diffusion.prediction != "y0",
+             f"output is wiener with prediction {self.diffusion.prediction}; expected prediction=y0"),
+            (self.objective.level_weight == "unit" and m.output == "direct",
+             "level_weight is unit, but output is direct; expected output=wiener, which has a unit"),
+            (m.departure_scale == "each" and m.target != "departure",
+             f"departure_scale is each, but target is {m.target}; expected departure, whose scale it is"),
+            (m.coast and task.past < 2,
+             f"coast is {m.coast:g} with past {task.past}; expected a past of 2 or more, which has a velocity"),
+            (s.ddim_steps >= self.diffusion.steps,
+             f"ddim_steps is {s.ddim_steps}; expected fewer than steps ({self.diffusion.steps})"),
+            *((bool(value) and not m.condition_on_keyframes, f"{what}, {unseen}") for value, what in (
+                (m.more_keyframes, f"more_keyframes is {m.more_keyframes}"),
+                (m.target == "departure", "target is departure"),
+                (task.shortest, f"shortest is {task.shortest}"),
+                (task.past > 1, f"past is {task.past}"),
+            )),
+        )  # fmt: skip
+        for is_wrong, message in rules:
+            if is_wrong:
+                raise ValueError(message)
         if ddim_indices(self.diffusion.steps, s.ddim_steps, s.spacing)[-1] == 0:
             raise ValueError(f"ddim_steps is {s.ddim_steps} of {self.diffusion.steps}, which reaches t = 0; expected fewer")

@@ -23,8 +23,8 @@ from mwlib.inbetweening.baselines import between
 from mwlib.inbetweening.bridge import Bridge
 from mwlib.inbetweening.config import Config
 from mwlib.inbetweening.space import UP, Placement, RotationSpace, Space
-from mwlib.inbetweening.system import Fill, Score
-from mwlib.inbetweening.windows import Clips, Cut
+from mwlib.inbetweening.system import Fill, Score, after
+from mwlib.inbetweening.windows import Clips, PlacedWindows
 
 FPS = 30.0
 PAST = 10  # frames before the transition
@@ -68,7 +68,7 @@ class Benchmark:
     """
 
     space: RotationSpace
-    windows: Cut
+    windows: PlacedWindows
     clip: tuple[str, ...]
     deviation: Float[Tensor, " C"]
     statistics_clips: tuple[str, ...]
@@ -102,7 +102,7 @@ def lafan1_benchmark(motions: Sequence[Motion], progress: bool = False) -> Bench
     space = RotationSpace.of(train[0])
     clips = Clips(test, space, dtype=torch.float64)
     clips.offsets = space.offsets(train[0]).expand_as(clips.offsets)
-    windows = clips.cut(WINDOW, STRIDE, PAST)
+    windows = clips.windows(WINDOW, STRIDE, PAST)
     names = tuple(test[number].name for number in windows.clip.tolist())
     return Benchmark(space, windows, names, _deviation(train, space, progress), tuple(m.name for m in train), len(motions))
 
@@ -128,8 +128,8 @@ def _deviation(motions: Sequence[Motion], space: RotationSpace, progress: bool) 
     """Of the coordinates over all frames of all windows, divided by their number, not by one less."""
     count, sums = 0, torch.zeros(2, 3 * len(LAFAN1), dtype=torch.float64)
     for motion in tqdm(motions, "statistics of subjects 1 to 4", unit="clip", disable=None if progress else True):
-        cut = Clips([motion], space, dtype=torch.float64).cut(TRAIN_WINDOW, TRAIN_STRIDE, PAST)
-        x = space.positions(in_frame_of_reference(space, cut.x[:, None], cut.x), cut.offsets[:, None]).flatten(0, 2).flatten(1)
+        seen = Clips([motion], space, dtype=torch.float64).windows(TRAIN_WINDOW, TRAIN_STRIDE, PAST)
+        x = space.positions(in_frame_of_reference(space, seen.x[:, None], seen.x), seen.offsets[:, None]).flatten(0, 2).flatten(1)
         sums += torch.stack([x.sum(0), x.square().sum(0)])
         count += len(x)
     mean, square = sums / count
@@ -184,12 +184,12 @@ def score(benchmark: Benchmark, fill: Fill, length: int) -> dict[str, float]:
             expected = f"({len(truth)}, samples, {', '.join(map(str, truth.shape[1:]))}), finite"
             raise ValueError(f"what fills the windows is {tuple(found.shape)}, {is_finite}; expected {expected}")
         x, g = (in_frame_of_reference(space, each.to(truth)[:, :, PAST - 1 :], part.x) for each in (found, truth[:, None]))
-        parts.append(scored.errors(x, g, part.offsets))
+        parts.append(scored.errors(x, g, part.offsets, *(scored.joints(each, part.offsets) for each in (x, g))))
     means = {name.upper(): float(torch.cat([each[name] for each in parts]).mean()) for name in ("l2q", "l2p")}
     return means | {"NPSS": scored.npss.value()}
 
 
-def _hidden(windows: Cut, length: int) -> Cut:
+def _hidden(windows: PlacedWindows, length: int) -> PlacedWindows:
     """Windows around a transition of this length, which stands still in them: what is to be found is not even there."""
     x = windows.x[:, : PAST + length + 1].clone()
     x[:, PAST:-1] = x[:, PAST - 1 : PAST]
@@ -198,11 +198,7 @@ def _hidden(windows: Cut, length: int) -> Cut:
 
 def baseline(space: Space, pace: str) -> Fill:
     """From the last frame before the transition to the one after it: places linearly, local rotations by `benchmark_slerp`."""
-
-    def fill(cut: Cut, ids: list[int]) -> Tensor:
-        return torch.cat([cut.x[:, : PAST - 1], between(space, cut.x[:, PAST - 1 :], pace, benchmark_slerp)], dim=1)[:, None]
-
-    return fill
+    return after(PAST - 1, lambda x: between(space, x, pace, benchmark_slerp))
 
 
 def benchmark_slerp(
@@ -287,8 +283,8 @@ def model_table(
 def _given(benchmark: Benchmark, x: Float[Tensor, "N S F C"]) -> Fill:
     """What fills the windows by states that are there already, perhaps of the last frames of the past alone."""
 
-    def fill(cut: Cut, ids: list[int]) -> Tensor:
-        before = cut.x[:, None, : cut.x.shape[1] - x.shape[2]].expand(-1, x.shape[1], -1, -1)
+    def fill(seen: PlacedWindows, ids: list[int]) -> Tensor:
+        before = seen.x[:, None, : seen.x.shape[1] - x.shape[2]].expand(-1, x.shape[1], -1, -1)
         return torch.cat([before, x[ids].to(before)], dim=2)
 
     return fill

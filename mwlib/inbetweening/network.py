@@ -1,4 +1,4 @@
-"""The denoiser: TransLinear on frequency tokens, without MotionWavelet's condition; perhaps told the keyframes."""
+"""The denoiser: TransLinear on frequency tokens, without MotionWavelet's condition; perhaps conditioned on keyframes."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from torch import Tensor, nn
 from mwlib.inbetweening.config import ModelConfig
 from mwlib.networks import TransLinear
 
-TOLD = 3  # numbers of a token beside the interpolation: mask, frequency, length
+BESIDE = 3  # numbers of a token beside the interpolation: mask, frequency, length
 
 
 class KeyframeNetwork(nn.Module):
@@ -17,42 +17,37 @@ class KeyframeNetwork(nn.Module):
 
     Source: FreqDiffusionBridge, Sec. 3.2, tells of linear layers, self-attention over the tokens and an embedding of the step
     that is added; HumanMAC's network, which does this and has skips and a learned place for each token, stands in. Own choice:
-    what is told enters as columns beside each token's numbers.
+    the conditioning enters as columns beside each token's numbers.
 
     Args:
-        model: sizes; whether keyframes are told.
+        model: sizes; whether the network sees the keyframes.
         rows: most tokens.
         channels: numbers per token.
-        past: frames given before those between, see `Representation.told`.
+        past: frames given before those between, see `Representation.conditioning`.
     """
 
     def __init__(self, model: ModelConfig, rows: int, channels: int, past: int = 1) -> None:
         super().__init__()
-        told = past * channels + TOLD if model.keyframes == "told" else 0
+        extra = past * channels + BESIDE if model.condition_on_keyframes else 0
         self.net = TransLinear(
             rows, channels, model.width, model.layers, model.heads, model.feedforward, model.dropout, model.attention_dropout,
-            told=told, conditioned=False,
+            extra_columns=extra, conditioned=False,
         )  # fmt: skip
-
-    @property
-    def device(self) -> torch.device:
-        """Where it lives."""
-        return self.net.position.device
 
     def forward(
         self,
         y_t: Float[Tensor, "B rows channels"],
         t: Int[Tensor, " B"] | int,
-        told: Float[Tensor, "B rows told"] | None = None,
+        conditioning: Float[Tensor, "B rows conditioning"] | None = None,
     ) -> Float[Tensor, "B rows channels"]:
         """Its output. Fewer tokens than the most are followed by zeros.
 
         Args:
             y_t: noised tokens.
             t: diffusion index, one for all or one per item.
-            told: see `Representation.told`; what was built to be told must be.
+            conditioning: see `Representation.conditioning`; a network that was built for it needs it.
         """
-        entering = y_t if told is None else torch.cat([y_t, told], dim=-1)
+        entering = y_t if conditioning is None else torch.cat([y_t, conditioning], dim=-1)
         missing = self.net.rows - y_t.shape[-2]
         output, _ = self.net.evaluate(nn.functional.pad(entering, (0, 0, 0, missing)), t, None)
         return output[:, : y_t.shape[-2]]
@@ -81,20 +76,15 @@ class WienerNetwork(nn.Module):
         self.register_buffer("power", power.clone(), persistent=False)
         self.register_buffer("alpha_bar", alpha_bar.float(), persistent=False)
 
-    @property
-    def device(self) -> torch.device:
-        """Where it lives."""
-        return self.inner.device
-
     def forward(
         self,
         y_t: Float[Tensor, "B rows channels"],
         t: Int[Tensor, " B"] | int,
-        told: Float[Tensor, "B rows told"] | None = None,
+        conditioning: Float[Tensor, "B rows conditioning"] | None = None,
     ) -> Float[Tensor, "B rows channels"]:
         """The clean estimate."""
         a, s, v = self._levels(y_t, t)
-        return (a.sqrt() * s**2 / v) * y_t + self.share(y_t, t) * self.inner(y_t / v.sqrt(), t, told)
+        return (a.sqrt() * s**2 / v) * y_t + self.share(y_t, t) * self.inner(y_t / v.sqrt(), t, conditioning)
 
     def share(self, y_t: Float[Tensor, "B rows channels"], t: Int[Tensor, " B"] | int) -> Float[Tensor, "*B rows channels"]:
         """Deviation of what the linear denoiser misses: the network's output counts so much."""

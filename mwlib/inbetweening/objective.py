@@ -10,7 +10,7 @@ from jaxtyping import Bool, Float, Int
 from torch import Tensor, nn
 
 from mwlib.data.sources import Split
-from mwlib.diffusion import alpha_bar, network_target, noised, to_eps, y0_hat_of
+from mwlib.diffusion import alpha_bar, network_target, noised, snr_weights, to_eps, y0_hat_of
 from mwlib.inbetweening.config import Config
 from mwlib.inbetweening.losses import (
     bone_angle_loss,
@@ -21,13 +21,12 @@ from mwlib.inbetweening.losses import (
     diversity_loss,
     feet,
     smoothness_loss,
-)
+)  # fmt: skip
 from mwlib.inbetweening.network import KeyframeNetwork, WienerNetwork
 from mwlib.inbetweening.representation import Representation
-from mwlib.inbetweening.windows import Clips, Cut, draw_keyframes, make_space
+from mwlib.inbetweening.windows import Clips, PlacedWindows, draw_keyframes, make_space
 from mwlib.training import Objective, seeded
 
-SNR_BOUNDS = 0.05, 5.0  # Hang et al. 2023 above; own choice below: errors where all is noise must count for something
 FITTED_ON = 4000  # windows
 ON_BODIES = "diversity_weight", "smoothness_weight", "length_weight", "angle_weight", "contact_weight"
 LIMIT = 0.995  # quantile of the training data's angles that is their limit: own choice, the paper's limits are not given
@@ -36,7 +35,7 @@ LIMIT = 0.995  # quantile of the training data's angles that is their limit: own
 class Batch(NamedTuple):
     """Windows, and which of their frames are keyframes."""
 
-    cut: Cut
+    windows: PlacedWindows
     mask: Bool[Tensor, "B T"]
 
 
@@ -65,18 +64,17 @@ class InbetweeningObjective(Objective):
         self.clips = Clips(split.train, self.space, cfg.task.mirror)
         self.held_out = Clips(split.validation, self.space) if split.validation else None
         if self.held_out is not None:
-            self.held_out.require(self.task.frames)
+            self.held_out.check(self.task.frames)
         self.alpha_bar = alpha_bar(cfg.diffusion.schedule, cfg.diffusion.steps)
-        snr = self.alpha_bar / (1 - self.alpha_bar)
-        self.level = snr.clamp(*SNR_BOUNDS).float() if cfg.objective.level_weight == "snr" else None
+        self.level = snr_weights(self.alpha_bar) if cfg.objective.level_weight == "snr" else None
         if learnt:
             self.limits = learnt["limits"]
             self.representation = Representation.restore(cfg.model, self.task.gap, learnt)
         else:
             with seeded(cfg.training.seed, 0) as generator:
-                cut = self.clips.draw(FITTED_ON, self.task.frames, generator, self.task.past)
-            self.representation = Representation.fit(cfg.model, task.gap, cut.x, task.past, task.smallest_gap)
-            angles = bone_angles(self.space.positions(cut.x, cut.offsets)[:, ::4], self.space.bodies.skeleton)
+                seen = self.clips.draw(FITTED_ON, self.task.frames, generator, self.task.past)
+            self.representation = Representation.fit(cfg.model, task.gap, seen.x, task.past, task.smallest_gap)
+            angles = bone_angles(self.space.positions(seen.x, seen.offsets)[:, ::4], self.space.bodies.skeleton)
             self.limits = torch.quantile(angles.flatten(0, 1)[:200_000], LIMIT, dim=0)
         with seeded(cfg.training.seed, 0):
             self.network: nn.Module = make_network(cfg, self.representation)
@@ -96,20 +94,20 @@ class InbetweeningObjective(Objective):
     def loss(self, network: nn.Module, batch: Batch, generator: torch.Generator) -> Float[Tensor, ""]:
         """L = L_noise + lambda_d L_div + lambda_s L_smooth + lambda_l L_len + lambda_a L_ang + the contacts; t in 1..M-1."""
         lead = self.task.past - 1
-        before, mask = batch.cut.x[:, :lead], batch.mask[:, lead:]
-        cut = batch.cut._replace(x=batch.cut.x[:, lead:])
-        options, told = self.cfg.objective, self.cfg.model.keyframes == "told"
+        before, x, mask = batch.windows.x[:, :lead], batch.windows.x[:, lead:], batch.mask[:, lead:]
+        options, seen = self.cfg.objective, None
         draws = options.draws if options.diversity_weight else 1
-        hint = self.representation.hint(cut.x, before, mask)
-        tf = self.representation.transform(cut.x.shape[-2])
-        y = tf(self.representation.modelled(cut.x, hint))
+        line = self.representation.interpolation(x, before, mask)
+        tf = self.representation.transform(x.shape[-2])
+        y = tf(self.representation.modelled(x, line))
         t = torch.randint(1, len(self.alpha_bar), (len(y),), generator=generator)
         a = self.alpha_bar[t].repeat_interleave(draws)  # float64, on the CPU: not every device has that precision
         y, steps = (v.repeat_interleave(draws, dim=0) for v in (y, t.to(y.device)))
         eps = torch.randn(y.shape, generator=generator).to(y.device)
         y_t = noised(y, eps, a)
-        hints = self.representation.told(hint, before, mask).repeat_interleave(draws, dim=0) if told else None
-        output = network(y_t, steps, hints)
+        if self.cfg.model.condition_on_keyframes:
+            seen = self.representation.conditioning(line, before, mask).repeat_interleave(draws, dim=0)
+        output = network(y_t, steps, seen)
         error = output - network_target(self.cfg.diffusion.prediction, y, eps, a)
         if options.level_weight == "unit":
             error = error / self.network.share(y_t, steps)  # pyright: ignore[reportCallIssue]  (Config.check: it is Wiener's)
@@ -117,17 +115,17 @@ class InbetweeningObjective(Objective):
         total = (error if self.level is None else error * self.level.to(y.device)[steps]).mean()
         if any(getattr(options, name) for name in ON_BODIES):
             y0_hat = y0_hat_of(y_t, to_eps(self.cfg.diffusion.prediction, output, y_t, a), a)
-            total = total + self._of_bodies(tf.inverse(y0_hat), cut, hint, t, draws)
+            total = total + self._of_bodies(tf.inverse(y0_hat), batch.windows._replace(x=x), line, t, draws)
         return total
 
-    def _of_bodies(self, z: Tensor, cut: Cut, hint: Tensor, t: Int[Tensor, " B"], draws: int) -> Float[Tensor, ""]:
+    def _of_bodies(self, z: Tensor, windows: PlacedWindows, line: Tensor, t: Int[Tensor, " B"], draws: int) -> Float[Tensor, ""]:
         """The losses on clean estimates, metres, times alpha_bar: an error in eps is divided by it in the estimate."""
         o, skeleton = self.cfg.objective, self.space.bodies.skeleton
-        x = self.representation.states(z.unflatten(0, (-1, draws)), hint[:, None])  # (B, M, T, C)
-        places = self.space.positions(x, cut.offsets[:, None])
+        x = self.representation.states(z.unflatten(0, (-1, draws)), line[:, None])  # (B, M, T, C)
+        places = self.space.positions(x, windows.offsets[:, None])
         is_compared = o.smoothness == "velocity"
         frames = slice(None if is_compared or o.contact_weight else 1)  # of the truth, as many as are looked at
-        truth = self.space.positions(cut.x[:, frames], cut.offsets)[:, None]
+        truth = self.space.positions(windows.x[:, frames], windows.offsets)[:, None]
         flat = places.flatten(-2)
         total = x.new_zeros(len(x), draws)
         if o.smoothness_weight:
@@ -144,17 +142,13 @@ class InbetweeningObjective(Objective):
             total = total + o.diversity_weight * diversity_loss(flat, o.diversity, o.diversity_scale)[:, None]
         return (total.mean(1) * self.alpha_bar[t].to(x)).mean()
 
-    @torch.inference_mode()
-    def validate(self, network: nn.Module) -> float | None:
-        """Loss on windows of people held out, with fixed noise, without dropout."""
+    def held_out_loss(self, network: nn.Module, generator: torch.Generator) -> float | None:
+        """Loss on windows of people held out."""
         if self.held_out is None:
             return None
-        network.eval()
-        with seeded(7, 7) as generator:
-            parts = [self.held_out.draw(256, self.task.frames, generator, self.task.past) for _ in range(2)]
-            mask = draw_keyframes(256, self.task.frames, 0, generator, self.task.past).to(self.held_out.flat.device)
-            losses = [self.loss(network, Batch(part, mask), generator) for part in parts]
-        return float(torch.stack(losses).mean())
+        parts = [self.held_out.draw(256, self.task.frames, generator, self.task.past) for _ in range(2)]
+        mask = draw_keyframes(256, self.task.frames, 0, generator, self.task.past).to(self.held_out.flat.device)
+        return float(torch.stack([self.loss(network, Batch(part, mask), generator) for part in parts]).mean())
 
     def learnt(self) -> dict[str, Tensor]:
         """Statistics of the windows, and the limits of the angles."""

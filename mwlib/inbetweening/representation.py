@@ -24,8 +24,8 @@ STATISTICS = ("mean", "deviation", "departure", "power", "velocity")
 class Representation:
     """What is diffused, for motions of up to T frames from the first to the last keyframe.
 
-    Frames before the first keyframe are told: the steps from each to the next, in every token. Own choice: they are not
-    diffused, so that a past costs no tokens, and what is diffused still vanishes at both ends.
+    Frames before the first keyframe are part of the conditioning: the steps from each to the next, in every token. Own choice:
+    they are not diffused, so that a past costs no tokens, and what is diffused still vanishes at both ends.
 
     Args:
         model: tokens, target.
@@ -60,16 +60,16 @@ class Representation:
             model, frames: as of the class.
             x: windows of past - 1 + T frames.
             past: the first so many frames and the last are given.
-            fewest: the smallest T, of sizes "each".
+            fewest: the smallest T, of departure_scale "each".
         """
         before, x = x[:, : past - 1], x[:, past - 1 :]
         steps = torch.cat([before, x[:, :1]], dim=1).diff(dim=1).flatten(0, 1)
         velocity = steps.square().mean(0).sqrt().clamp_min(FINEST) if past > 1 else None
         flat = x.flatten(0, 1)
         fitted = cls(model, frames, flat.mean(0), flat.std(0).clamp_min(LEAST), torch.ones(x.shape[-1]), velocity=velocity)
-        left = x - fitted.hint(x, before, given(x.shape[1]))
+        left = x - fitted.interpolation(x, before, given(x.shape[1]))
         fitted.departure = left[:, 1:-1].flatten(0, 1).square().mean(0).sqrt().clamp_min(LEAST)
-        if model.sizes == "each":
+        if model.departure_scale == "each":
             fitted.departure = torch.stack([fitted._size(x[:SIZED_ON, :n], before[:SIZED_ON]) for n in range(fewest, frames + 1)])
         y = fitted.transform(frames)(fitted.modelled(x, x - left))
         fitted.power = y.square().mean(0).sqrt().clamp_min(QUIETEST)
@@ -77,7 +77,7 @@ class Representation:
 
     def _size(self, x: Float[Tensor, "N T C"], before: Float[Tensor, "N P C"]) -> Float[Tensor, " C"]:
         """Of departures in windows of one length, see `departure`."""
-        left = (x - self.hint(x, before, given(x.shape[1])))[:, 1:-1]
+        left = (x - self.interpolation(x, before, given(x.shape[1])))[:, 1:-1]
         share = (x.shape[1] - 2) / (self.frames - 2)
         return left.square().mean((0, 1)).sqrt().clamp_min(FINEST) * share**0.5
 
@@ -107,7 +107,7 @@ class Representation:
                 self._transforms[frames] = DSTTransform(frames, channels, min(rows, frames - 2))
         return self._transforms[frames]
 
-    def hint(
+    def interpolation(
         self, x: Float[Tensor, "*lead T C"], before: Float[Tensor, "*lead P C"], mask: Bool[Tensor, "*#lead T"]
     ) -> Float[Tensor, "*lead T C"]:
         """Interpolation between keyframes, see `coasting` and `interpolated`.
@@ -119,37 +119,37 @@ class Representation:
         """
         return coasting(x, before, mask, self.model.coast) if self.model.coast else interpolated(x, mask)
 
-    def modelled(self, x: Float[Tensor, "*lead T C"], hint: Float[Tensor, "*#lead T C"] | None) -> Float[Tensor, "*lead T C"]:
+    def modelled(self, x: Float[Tensor, "*lead T C"], line: Float[Tensor, "*#lead T C"] | None) -> Float[Tensor, "*lead T C"]:
         """States as what is diffused, in time.
 
         Args:
             x: states.
-            hint: interpolation between their keyframes; of target "departure".
+            line: interpolation between their keyframes; of target "departure".
         """
-        if self.model.target == "departure" and hint is not None:
-            return (x - hint) / self._departure(x.shape[-2]).to(x)
+        if self.model.target == "departure" and line is not None:
+            return (x - line) / self._departure(x.shape[-2]).to(x)
         return (x - self.mean.to(x)) / self.deviation.to(x)
 
-    def states(self, z: Float[Tensor, "*lead T C"], hint: Float[Tensor, "*#lead T C"] | None) -> Float[Tensor, "*lead T C"]:
+    def states(self, z: Float[Tensor, "*lead T C"], line: Float[Tensor, "*#lead T C"] | None) -> Float[Tensor, "*lead T C"]:
         """Inverse of `modelled`."""
-        if self.model.target == "departure" and hint is not None:
-            return z * self._departure(z.shape[-2]).to(z) + hint
+        if self.model.target == "departure" and line is not None:
+            return z * self._departure(z.shape[-2]).to(z) + line
         return z * self.deviation.to(z) + self.mean.to(z)
 
-    def told(
-        self, hint: Float[Tensor, "*lead T C"], before: Float[Tensor, "*lead P C"], mask: Bool[Tensor, "*lead T"]
-    ) -> Float[Tensor, "*lead rows told"]:
-        """What the network is told: interpolation and mask in tokens; each token's frequency and the length, of the most; and
-        in every token all steps of the past.
+    def conditioning(
+        self, line: Float[Tensor, "*lead T C"], before: Float[Tensor, "*lead P C"], mask: Bool[Tensor, "*lead T"]
+    ) -> Float[Tensor, "*lead rows conditioning"]:
+        """What the network sees beside noised tokens: interpolation and mask in tokens; each token's frequency and the length,
+        of the most; and in every token all steps of the past.
         """
-        frames = hint.shape[-2]
+        frames = line.shape[-2]
         tf = self.transform(frames)
-        seen = tf((hint - self.mean.to(hint)) / self.deviation.to(hint))
-        where = tf(mask[..., None].expand(hint.shape).to(hint))[..., :1]
-        rows = torch.arange(tf.shape[0], device=hint.device, dtype=hint.dtype) / frames
+        seen = tf((line - self.mean.to(line)) / self.deviation.to(line))
+        where = tf(mask[..., None].expand(line.shape).to(line))[..., :1]
+        rows = torch.arange(tf.shape[0], device=line.device, dtype=line.dtype) / frames
         place = torch.stack([rows, torch.full_like(rows, frames / self.frames)], dim=-1)
         columns = [seen, where, place.expand(*seen.shape[:-1], 2)]
         if self.velocity is not None:
-            steps = torch.cat([before, hint[..., :1, :]], dim=-2).diff(dim=-2) / self.velocity.to(hint)
+            steps = torch.cat([before, line[..., :1, :]], dim=-2).diff(dim=-2) / self.velocity.to(line)
             columns.append(steps.flatten(-2)[..., None, :].expand(*seen.shape[:-1], -1))
         return torch.cat(columns, dim=-1)

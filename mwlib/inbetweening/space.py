@@ -41,7 +41,7 @@ class Space(ABC):
         bodies: skeleton, frame rate and up-axis of the motions.
         channels: numbers in a state, C.
         turned: how many of its vectors turn with the body.
-        rigid: whether no state changes the length of a bone.
+        rigid: whether no state changes the length of a bone: no joint that turns lies amid one.
     """
 
     bodies: Bodies
@@ -105,26 +105,15 @@ class Space(ABC):
         return torch.cat([turned, x[..., 3 * self.turned :]], dim=-1)
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(eq=False)
 class PositionSpace(Space):
-    """Places: the root's, and every other joint's from the root."""
+    """Places: the root's, and every other joint's from the root; all of them turn with the body."""
 
     bodies: Bodies
 
-    @property
-    def channels(self) -> int:  # pyright: ignore[reportIncompatibleVariableOverride]
-        """3 per joint."""
-        return 3 * len(self.bodies.skeleton)
-
-    @property
-    def turned(self) -> int:  # pyright: ignore[reportIncompatibleVariableOverride]
-        """All."""
-        return len(self.bodies.skeleton)
-
-    @property
-    def rigid(self) -> bool:  # pyright: ignore[reportIncompatibleVariableOverride]
-        """No: every joint may go anywhere."""
-        return False
+    def __post_init__(self) -> None:
+        self.turned, self.rigid = len(self.bodies.skeleton), False
+        self.channels = 3 * self.turned
 
     def encode(self, motion: Motion, dtype: torch.dtype = torch.float32) -> Float[Tensor, "T C"]:
         """See `Space`."""
@@ -157,7 +146,7 @@ class PositionSpace(Space):
         return x
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(eq=False)
 class RotationSpace(Space):
     """The root's place, and six numbers for the rotation of each joint that turns (Zhou et al. 2019).
 
@@ -180,21 +169,11 @@ class RotationSpace(Space):
         turning = tuple(j for j, names in enumerate(rig.channels) if any("rotation" in name for name in names or ()))
         return cls(Bodies.of([motion]), rig.skeleton, turning, rig.points)
 
-    @property
-    def channels(self) -> int:  # pyright: ignore[reportIncompatibleVariableOverride]
-        """3 for the root's place, 6 per joint."""
-        return 3 + 6 * len(self.turning)
-
-    @property
-    def turned(self) -> int:  # pyright: ignore[reportIncompatibleVariableOverride]
-        """The root's place and the two vectors of its rotation; the others are against their parents."""
-        return 3
-
-    @property
-    def rigid(self) -> bool:  # pyright: ignore[reportIncompatibleVariableOverride]
-        """Whether no joint that turns lies amid a bone of the skeleton."""
+    def __post_init__(self) -> None:
+        self.channels = 3 + 6 * len(self.turning)
+        self.turned = 3  # the root's place and the two vectors of its rotation; the others are against their parents
         ends = ((self.points[parent], self.points[joint]) for parent, joint in self.bodies.skeleton.bones)
-        return not any(joint in self.turning for start, end in ends for joint in self._between(start, end))
+        self.rigid = not any(joint in self.turning for start, end in ends for joint in self._between(start, end))
 
     def _between(self, start: int, end: int) -> list[int]:
         """Joints of the rig on the way up from `end` to `start`, or to the root where it leads past."""

@@ -12,19 +12,18 @@ from tqdm import tqdm
 
 from mwlib.data.sources import Split, split_motions
 from mwlib.data.windows import prepare
-from mwlib.inbetweening.baselines import PACES, GaussianBetween, between
+from mwlib.inbetweening.baselines import GaussianBetween, between
 from mwlib.inbetweening.bridge import Bridge
 from mwlib.inbetweening.config import Config
 from mwlib.inbetweening.losses import bone_lengths, feet, floor_of
 from mwlib.inbetweening.objective import InbetweeningObjective
 from mwlib.inbetweening.space import Space
-from mwlib.inbetweening.windows import Clips, Cut, given, make_space, ready
+from mwlib.inbetweening.windows import Clips, PlacedWindows, given, make_space, ready
 from mwlib.metrics import (
     NPSS,
     Column,
     apd,
     bone_length_error,
-    clustered_error,
     continued,
     foot_skate,
     jerk,
@@ -36,7 +35,8 @@ from mwlib.metrics import (
     sample_ade,
     seam_ratio,
     speed,
-)
+    summary,
+)  # fmt: skip
 
 METRICS = {  # the columns of every table
     "l2p": Column("L2P", "lower"),
@@ -65,7 +65,7 @@ CHUNK = 32  # windows scored together
 
 make_objective, open_model = InbetweeningObjective, Bridge.from_tensors
 
-Fill = Callable[[Cut, list[int]], Tensor]  # windows, their numbers -> states (n, S, T, C)
+Fill = Callable[[PlacedWindows, list[int]], Tensor]  # windows, their numbers -> states (n, S, T, C)
 
 
 def load_data(cfg: Config) -> Split:
@@ -82,26 +82,19 @@ def make_fill(cfg: Config, get_model: Callable[[], Bridge], split: Split, space:
     method, lead = cfg.sampling.method, cfg.task.past - 1
     if method == "diffusion":
         model = get_model()
-        return lambda cut, ids: model.sample(cut.x, window_ids=ids)
+        return lambda windows, ids: model.sample(windows.x, window_ids=ids)
     if method == "truth":
-        return lambda cut, ids: cut.x[:, None]
-    if method == "gaussian":
-        cut = Clips(split.train, space).cut(cfg.task.frames, STATISTICS_STRIDE, cfg.task.past)
-        gaussian = GaussianBetween(cut.x[:, lead:])
-        return _filled(lambda x: space.valid(gaussian(x)), lead)
-    if method not in PACES:
-        raise ValueError(f"method is {method!r}; expected diffusion, truth, gaussian or one of {', '.join(PACES)}")
-    return lambda cut, ids: torch.cat([cut.x[:, :lead], between(space, cut.x[:, lead:], method)], dim=1)[:, None]
+        return lambda windows, ids: windows.x[:, None]
+    if method != "gaussian":
+        return after(lead, lambda x: between(space, x, method))
+    seen = Clips(split.train, space).windows(cfg.task.frames, STATISTICS_STRIDE, cfg.task.past)
+    gaussian = GaussianBetween(seen.x[:, lead:])
+    return after(lead, lambda x: torch.where(given(x.shape[-2])[:, None], x, space.valid(gaussian(x))))
 
 
-def _filled(fill: Callable[[Tensor], Tensor], lead: int) -> Fill:
-    """What fills the frames after the first `lead`, with the given frames themselves."""
-
-    def whole(cut: Cut, ids: list[int]) -> Tensor:
-        x = torch.cat([cut.x[:, :lead], fill(cut.x[:, lead:])], dim=1)
-        return torch.where(given(x.shape[-2], lead + 1)[:, None], cut.x, x)[:, None]
-
-    return whole
+def after(lead: int, fill: Callable[[Tensor], Tensor]) -> Fill:
+    """What fills the frames after the first `lead`, one sample of each window."""
+    return lambda windows, ids: torch.cat([windows.x[:, :lead], fill(windows.x[:, lead:])], dim=1)[:, None]
 
 
 class Score:
@@ -122,57 +115,58 @@ class Score:
     @classmethod
     def of(cls, split: Split, space: Space, frames: int, past: int = 1) -> Score:
         """With the statistics of the training windows, each about the mean of its root on the floor."""
-        cut = Clips(split.train, space).cut(frames, STATISTICS_STRIDE, past)
-        places = space.positions(cut.x, cut.offsets)
+        seen = Clips(split.train, space).windows(frames, STATISTICS_STRIDE, past)
+        places = space.positions(seen.x, seen.offsets)
         places[..., :2] -= places[:, :, :1, :2].mean(1, keepdim=True)
         return cls(space, places.flatten(-2).flatten(0, 1).std(0, correction=0).clamp_min(1e-4), past)
 
-    def __call__(self, x: Float[Tensor, "n S T C"], cut: Cut) -> dict[str, Float[Tensor, " n"]]:
+    def __call__(self, x: Float[Tensor, "n S T C"], windows: PlacedWindows) -> dict[str, Float[Tensor, " n"]]:
         """Every metric but NPSS, which is summed up over all windows."""
-        offsets, lead = cut.offsets[:, None], self.past - 1
-        p, g = self.space.positions(x, offsets), self.space.positions(cut.x[:, None], offsets)
+        lead = self.past - 1
+        p, g = (self.joints(states, windows.offsets) for states in (x, windows.x[:, None]))
         met = keyframe_error(p.flatten(-2), g.flatten(-2), keyframes=(*range(self.past), -1)).amax(1)
-        x, cut, p, g = x[:, :, lead:], cut._replace(x=cut.x[:, lead:]), p[:, :, lead:], g[:, :, lead:]
-        straight = self.space.positions(between(self.space, cut.x, "interpolation"), cut.offsets).flatten(-2)
+        x, truth, p, g = x[:, :, lead:], windows.x[:, None, lead:], p[:, :, lead:], g[:, :, lead:]
+        errors = self.errors(x, truth, windows.offsets, p, g)
+        straight = self.joints(between(self.space, truth[:, 0], "interpolation")[:, None], windows.offsets).flatten(-2)[:, 0]
         lengths = bone_lengths(g[:, :, 0], self.skeleton)
+        floor = floor_of(g[:, 0], self.feet or [0])
         p, g = p.flatten(-2), g.flatten(-2)
-        inner, true = p[..., 1:-1, :], g[..., 1:-1, :]
-        errors = self.errors(x, cut.x[:, None], cut.offsets, p, g)
-        each = errors["l2p"]
-        apart = sample_ade(inner, true[:, 0])
-        found = {
+        inner, true = p[..., 1:-1, :], g[:, 0, 1:-1]
+        apart = sample_ade(inner, true)
+        return {
             **{name: error.mean(1) for name, error in errors.items()},
-            "l2p_best": each.amin(1),
+            "l2p_best": errors["l2p"].amin(1),
             "ade": apart.amin(1),
             "ade_mean": apart.mean(1),
-            "apd": apd(inner) if p.shape[1] > 1 else each.new_full((len(p),), torch.nan),
+            "apd": apd(inner) if p.shape[1] > 1 else met.new_full((len(p),), torch.nan),
             "keyframe_error": met,
-            "nearer": nearer_share(inner, true[:, 0], straight[:, 1:-1]),
+            "nearer": nearer_share(inner, true, straight[:, 1:-1]),
             "bone_error": bone_length_error(p, lengths, self.skeleton).mean(1),
-            **self._motion(p, floor_of(g[:, 0].unflatten(-1, (-1, 3)), self.feet or [0])),
+            **self._motion(p, floor),
         }
-        return found
+
+    def joints(self, x: Float[Tensor, "n S F C"], offsets: Float[Tensor, "n rig 3"]) -> Float[Tensor, "n S F J 3"]:
+        """Places of the joints of states."""
+        return self.space.positions(x, offsets[:, None])
 
     def errors(
         self,
         x: Float[Tensor, "n S F C"],
         truth: Float[Tensor, "n 1 F C"],
         offsets: Float[Tensor, "n rig 3"],
-        p: Tensor | None = None,
-        g: Tensor | None = None,
+        p: Float[Tensor, "n S F J 3"],
+        g: Float[Tensor, "n 1 F J 3"],
     ) -> dict[str, Float[Tensor, "n S"]]:
         """L2P of every sample from keyframe to keyframe and, of rotations, L2Q; NPSS is summed up.
 
         Args:
-            x, truth: states.
+            x, truth: states from the first to the last keyframe.
             offsets: of their bodies.
-            p, g: their joints' places, flattened, where known.
+            p, g: their joints.
         """
-        offsets = offsets[:, None]
-        p, g = (self.space.positions(s, offsets).flatten(-2) if q is None else q for s, q in ((x, p), (truth, g)))
-        p, g = p[..., 1:-1, :], g[..., 1:-1, :]
+        p, g = (places.flatten(-2)[..., 1:-1, :] for places in (p, g))
         found = {"l2p": l2p(p, g, torch.zeros_like(self.deviation), self.deviation)}
-        p_turns, g_turns = (self.space.rotations(s, offsets) for s in (x, truth))
+        p_turns, g_turns = (self.space.rotations(states, offsets[:, None]) for states in (x, truth))
         if p_turns is None or g_turns is None:
             self.npss.update(p, g)
         else:
@@ -203,27 +197,17 @@ def evaluate(cfg: Config, get_model: Callable[[], Bridge], split: Split, progres
         progress: show a bar on stderr.
 
     Returns:
-        "mean" and "standard_error" (over clips) by metric, "windows", "values" of each window by metric with the "clips" that
-        they come from.
+        See `mwlib.metrics.summary`.
     """
     space = make_space(split.train, cfg.task.state)
     frames, past = cfg.task.frames, cfg.task.past
-    cut = Clips(split.test, space).cut(frames, cfg.task.test_stride, past).thin(cfg.task.test_windows)
+    windows = Clips(split.test, space).windows(frames, cfg.task.test_stride, past).thin(cfg.task.test_windows)
     fill, score = make_fill(cfg, get_model, split, space), Score.of(split, space, frames, past)
     parts = []
-    for first in tqdm(range(0, len(cut.x), CHUNK), desc=cfg.sampling.method, disable=not progress, leave=False):
+    for first in tqdm(range(0, len(windows.x), CHUNK), desc=cfg.sampling.method, disable=not progress, leave=False):
         rows = slice(first, first + CHUNK)
-        part = cut.pick(rows)
-        parts.append(score(fill(part, [*range(len(cut.x))][rows]), part))
+        part = windows.pick(rows)
+        parts.append(score(fill(part, [*range(len(windows.x))][rows]), part))
     values = {name: torch.cat([part[name] for part in parts]).double() for name in parts[0]}
     values = {name: torch.where(value.isfinite(), value, torch.nan) for name, value in values.items()}  # still ones have no seam
-    clips = cut.clip.tolist()
-    mean = {name: float(value.nanmean()) for name, value in values.items()} | {"npss": score.npss.value()}
-    error = {name: clustered_error(value.numpy(), clips) for name, value in values.items()}
-    return {
-        "mean": mean,
-        "standard_error": error,
-        "windows": len(clips),
-        "values": {name: value.tolist() for name, value in values.items()},
-        "clips": clips,
-    }
+    return summary(values, windows.clip.tolist(), mean={"npss": score.npss.value()})

@@ -1,4 +1,4 @@
-"""Windows from keyframe to keyframe, perhaps with what was before: cut, drawn, and seen from the first keyframe."""
+"""Windows from keyframe to keyframe, perhaps with a past, seen from the first keyframe; keyframes and the lines between them."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from torch import Tensor
 
 from mwlib.body.motion import Motion
 from mwlib.data.mirroring import unmirrored
-from mwlib.data.windows import Bodies
+from mwlib.data.windows import Bodies, JoinedClips, spread
 from mwlib.inbetweening.space import UP, Placement, PositionSpace, RotationSpace, Space, rooted_rig
 
 
-class Cut(NamedTuple):
+class PlacedWindows(NamedTuple):
     """Windows as seen from one of their frames, the offsets of their bodies, and where they come from."""
 
     x: Float[Tensor, "N T C"]
@@ -25,16 +25,15 @@ class Cut(NamedTuple):
     start: Int[Tensor, " N"]
     placement: Placement
 
-    def pick(self, rows: Int[Tensor, " n"] | slice) -> Cut:
+    def pick(self, rows: Int[Tensor, " n"] | slice) -> PlacedWindows:
         """Some of the windows."""
-        angle, origin = self.placement
-        return Cut(self.x[rows], self.offsets[rows], self.clip[rows], self.start[rows], Placement(angle[rows], origin[rows]))
+        x, offsets, clip, start, placement = self
+        placed = Placement(placement.angle[rows], placement.origin[rows])
+        return PlacedWindows(x[rows], offsets[rows], clip[rows], start[rows], placed)
 
-    def thin(self, count: int) -> Cut:
+    def thin(self, count: int) -> PlacedWindows:
         """At most `count` windows, spread evenly; 0 keeps all."""
-        if count == 0 or count >= len(self.x):
-            return self
-        return self.pick(torch.linspace(0, len(self.x) - 1, count, dtype=torch.float64).round().long())
+        return self.pick(spread(len(self.x), count))
 
 
 def make_space(motions: Sequence[Motion], state: str) -> Space:
@@ -56,7 +55,7 @@ def ready(motions: Sequence[Motion], fps: float) -> list[Motion]:
     return [m.with_up(UP).resample(fps) for m in motions]
 
 
-class Clips:
+class Clips(JoinedClips):
     """Clips of one kind of body, from which windows are cut or drawn without a loop.
 
     Args:
@@ -70,67 +69,54 @@ class Clips:
     """
 
     def __init__(self, motions: Sequence[Motion], space: Space, mirror: bool = False, dtype: torch.dtype = torch.float32) -> None:
-        self.space, self.motions = space, [*motions]
-        if mirror:
-            self.motions += mirror_images(motions, space)
-        self.flat = torch.cat([space.encode(m, dtype) for m in self.motions])
+        self.space, self.motions = space, [*motions, *(mirror_images(motions, space) if mirror else [])]
+        super().__init__([space.encode(m, dtype) for m in self.motions])
         self.offsets = torch.stack([space.offsets(m) for m in self.motions])
-        self.lengths = torch.tensor([len(m) for m in self.motions])
-        self.first = torch.cat([self.lengths.new_zeros(1), self.lengths.cumsum(0)[:-1]])
 
-    def to(self, device: torch.device) -> None:
+    def to(self, device: torch.device | str) -> Clips:
         """Move the states."""
-        self.flat, self.offsets = self.flat.to(device), self.offsets.to(device)
+        self.offsets = self.offsets.to(device)
+        return super().to(device)
 
-    def take(self, clip: Int[Tensor, " N"], start: Int[Tensor, " N"], frames: int, past: int = 1) -> Cut:
+    def at(self, clip: Int[Tensor, " N"], start: Int[Tensor, " N"], frames: int, past: int = 1) -> PlacedWindows:
         """The windows that begin there, as seen from the last of their `past` first frames.
 
         Source: own choice. What is to be found begins there, and with whatever past it looks the same.
         """
-        index = (self.first[clip] + start)[:, None] + torch.arange(frames)
-        x, offsets = self.flat[index.to(self.flat.device)], self.offsets[clip.to(self.flat.device)]
+        x, offsets = self.take(clip, start, frames), self.offsets[clip.to(self.offsets.device)]
         placement = self.space.placement(x, offsets, past - 1)
-        return Cut(self.space.seen_from(x, placement), offsets, clip, start, placement)
+        return PlacedWindows(self.space.seen_from(x, placement), offsets, clip, start, placement)
 
-    def starts(self, frames: int, stride: int) -> tuple[Int[Tensor, " N"], Int[Tensor, " N"]]:
-        """Clip and first frame of every window, starts `stride` apart and below L - T, clip by clip, as LaFAN1's protocol has it.
-
-        Raises:
-            ValueError: no clip is longer than that.
-        """
-        self.require(frames)
-        starts = [torch.arange(0, max(n - frames, 0), stride) for n in self.lengths.tolist()]
-        return torch.repeat_interleave(torch.tensor([len(s) for s in starts])), torch.cat(starts)
-
-    def require(self, frames: int) -> None:
+    def check(self, frames: int) -> None:
         """Refuse clips none of which is longer than so many frames.
 
         Raises:
             ValueError: as it says.
         """
-        longest = int(self.lengths.max())
-        if longest <= frames:
-            raise ValueError(
-                f"no clip is longer than {frames} frames, the keyframes and what lies between; the longest has {longest}; "
-                "longer clips, fewer frames between or a smaller fps would do"
-            )
+        parts, remedy = ", the keyframes and what lies between", "longer clips, fewer frames between or a smaller fps would do"
+        self.require(frames, parts=parts, remedy=remedy)
 
-    def cut(self, frames: int, stride: int, past: int = 1) -> Cut:
-        """Every window of so many frames, see `starts` and `take`."""
-        return self.take(*self.starts(frames, stride), frames, past)
-
-    def draw(self, batch: int, frames: int, generator: torch.Generator, past: int = 1) -> Cut:
-        """Random windows, every one as likely as another; see `take`.
+    def windows(self, frames: int, stride: int, past: int = 1) -> PlacedWindows:
+        """Every window of so many frames, see `starts` and `at`.
 
         Raises:
             ValueError: no clip is longer than that.
         """
-        self.require(frames)
+        self.check(frames)
+        return self.at(*self.starts(frames, stride), frames, past)
+
+    def draw(self, batch: int, frames: int, generator: torch.Generator, past: int = 1) -> PlacedWindows:
+        """Random windows, every one as likely as another; see `at`.
+
+        Raises:
+            ValueError: no clip is longer than that.
+        """
+        self.check(frames)
         room = (self.lengths - frames).clamp_min(0)
         last = room.cumsum(0)
         number = torch.randint(int(last[-1]), (batch,), generator=generator)
         clip = torch.searchsorted(last, number, right=True)
-        return self.take(clip, number - (last - room)[clip], frames, past)
+        return self.at(clip, number - (last - room)[clip], frames, past)
 
 
 def mirror_images(motions: Sequence[Motion], space: Space) -> list[Motion]:

@@ -80,7 +80,7 @@ class TransLinear(nn.Module):
         feedforward: width of the hidden feed-forward layer.
         dropout: in feed-forward and Stylize.
         attention_dropout: on the attention weights; None = `dropout`. On the CPU anything but 0 forgoes fused attention.
-        told: further columns that enter beside the coefficients and are not predicted, such as what is known of a motion. Own
+        extra_columns: of what enters beside the coefficients and is not predicted, such as what is known of a motion. Own
             choice; no paper here has them.
         conditioned: whether there is a layer for a condition at all.
 
@@ -98,7 +98,7 @@ class TransLinear(nn.Module):
         feedforward: int,
         dropout: float,
         attention_dropout: float | None = None,
-        told: int = 0,
+        extra_columns: int = 0,
         conditioned: bool = True,
     ) -> None:
         super().__init__()
@@ -109,7 +109,7 @@ class TransLinear(nn.Module):
         self.rows, self.columns, self.width = rows, columns, width
         self.time = nn.Sequential(nn.Linear(width, width), nn.SiLU(), nn.Linear(width, width))
         self.condition = nn.Linear(columns * rows, width) if conditioned else None
-        self.enter = nn.Linear(columns + told, width)
+        self.enter = nn.Linear(columns + extra_columns, width)
         self.position = nn.Parameter(torch.randn(rows, width))
         attention_dropout = dropout if attention_dropout is None else attention_dropout
         self.blocks = nn.ModuleList(Block(width, heads, feedforward, dropout, attention_dropout) for _ in range(layers))
@@ -171,7 +171,7 @@ class TransLinear(nn.Module):
         added: Float[Tensor, "B width"] | None,
         attention_rows: int = 0,
     ) -> tuple[Float[Tensor, "B rows columns"], Tensor | None]:
-        """Forward pass with the condition already embedded (zeros = unconditional), and what is told beside the coefficients.
+        """Forward pass with the condition embedded already (zeros = unconditional), and extra columns beside the coefficients.
 
         Attention (attention_rows, 2, heads, rows, rows) of the middle two blocks is worked out for the first
         `attention_rows` items only; everywhere else fused attention keeps it implicit.

@@ -92,8 +92,8 @@ class CrossAttention(nn.Module):
         return y.transpose(1, 2).flatten(-2).transpose(1, 2)
 
 
-class _Told(NamedTuple):
-    """Tokens of the samples that are told a sentence; rows = which samples of the batch those are, None = all."""
+class _Conditioning(NamedTuple):
+    """Tokens of the samples that have a sentence; rows = which samples of the batch those are, None = all."""
 
     rows: Tensor | None
     tokens: Tensor
@@ -101,7 +101,7 @@ class _Told(NamedTuple):
 
 
 class ConditionalBlock(nn.Module):
-    """`ResBlock`, then what `CrossAttention` adds; samples that are told nothing skip it.
+    """`ResBlock`, then what `CrossAttention` adds; samples without a sentence skip it.
 
     Args:
         inputs, outputs, time_width, dropout: as in `ResBlock`.
@@ -117,13 +117,17 @@ class ConditionalBlock(nn.Module):
         self.attention = CrossAttention(outputs, text_width, heads, dropout, attention)
 
     def forward(
-        self, x: Float[Tensor, "B C T"], time: Float[Tensor, "B E"], valid: Float[Tensor, "B 1 T"] | None, told: _Told | None
+        self,
+        x: Float[Tensor, "B C T"],
+        time: Float[Tensor, "B E"],
+        valid: Float[Tensor, "B 1 T"] | None,
+        conditioning: _Conditioning | None,
     ) -> Float[Tensor, "B C2 T"]:
         """Frames after the block, zero where `valid` is."""
         x = self.convolutions(x, time, valid)
-        if told is not None:
-            rows = told.rows
-            added = self.attention(x if rows is None else x[rows], told.tokens, told.mask)
+        if conditioning is not None:
+            rows = conditioning.rows
+            added = self.attention(x if rows is None else x[rows], conditioning.tokens, conditioning.mask)
             x = x + added if rows is None else x.index_add(0, rows, added.to(x.dtype))
         return x if valid is None else x * valid
 
@@ -222,16 +226,16 @@ class ConditionalUNet(nn.Module):
         x = y_t.masked_fill(~mask[..., None], 0.0) if self.mask_frames else y_t
         x = F.pad(x.transpose(1, 2), (0, -frames % self.multiple))
         valid = self._valid(mask, x)
-        time, told = self.time(self.times[t]), self._told(text, drop)
+        time, conditioning = self.time(self.times[t]), self._conditioning(text, drop)
         held = []
         for level, (blocks, shrink) in enumerate(zip(self.downs, self.shrink, strict=True)):
-            x = _through(blocks, x, time, valid[level], told)
+            x = _through(blocks, x, time, valid[level], conditioning)
             held.append(x)
             x = _kept(shrink(x), valid[level + 1])
-        x = _through(self.middle, x, time, valid[-1], told)
+        x = _through(self.middle, x, time, valid[-1], conditioning)
         for level, (grow, blocks) in zip(reversed(range(len(held))), zip(self.grow, self.ups, strict=True), strict=True):
             x = torch.cat([_kept(grow(x), valid[level]), held[level]], dim=1)
-            x = _through(blocks, x, time, valid[level], told)
+            x = _through(blocks, x, time, valid[level], conditioning)
         return self.leave(x)[..., :frames].transpose(1, 2)
 
     def _valid(self, mask: Bool[Tensor, "B T"], x: Float[Tensor, "B D T2"]) -> list[Tensor | None]:
@@ -239,17 +243,17 @@ class ConditionalUNet(nn.Module):
         padded = F.pad(mask, (0, x.shape[-1] - mask.shape[-1]))[:, None].to(x)
         return [padded[..., :: 2**level] if self.mask_frames else None for level in range(len(self.downs) + 1)]
 
-    def _told(self, text: EncodedText, drop: Bool[Tensor, " B"] | None) -> _Told | None:
+    def _conditioning(self, text: EncodedText, drop: Bool[Tensor, " B"] | None) -> _Conditioning | None:
         rows = None if drop is None else (~drop).nonzero()[:, 0]
         if rows is not None and len(rows) == 0:
             return None
         tokens, mask = (text.tokens, text.mask) if rows is None else (text.tokens[rows], text.mask[rows])
-        return _Told(rows, self.text_norm(self.text_encoder(self.text(tokens), mask)), mask)
+        return _Conditioning(rows, self.text_norm(self.text_encoder(self.text(tokens), mask)), mask)
 
 
-def _through(blocks: nn.Module, x: Tensor, time: Tensor, valid: Tensor | None, told: _Told | None) -> Tensor:
+def _through(blocks: nn.Module, x: Tensor, time: Tensor, valid: Tensor | None, conditioning: _Conditioning | None) -> Tensor:
     for block in blocks.children():
-        x = block(x, time, valid, told)
+        x = block(x, time, valid, conditioning)
     return x
 
 

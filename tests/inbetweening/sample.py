@@ -23,13 +23,13 @@ from mwlib.synthetic.motions import synthetic_motions
 
 SMALL = dict(
     fps=10.0, between=6, shortest=0, state="positions", mirror=False, test_stride=8, test_windows=0,
-    tokens="cosines", rows=0, target="departure", keyframes="told", output="direct", prediction="y0", more_keyframes=0,
+    tokens="cosines", rows=0, target="departure", condition_on_keyframes=True, output="direct", prediction="y0", more_keyframes=0,
     width=16, layers=2, heads=2, feedforward=16, dropout=0.1, attention_dropout=0.0, steps=50,
     level_weight="snr", diversity_weight=0.0, smoothness_weight=0.0, length_weight=0.0, angle_weight=0.0, contact_weight=0.0,
     train_steps=6, batch=4, checkpoint_every=3, ema=0.9, ema_start=2, warmup=0, lr=1e-3, lr_schedule="constant", seed=0,
     samples=2, ddim_steps=5, temperature=1.0, spacing="leading", scheme="none", method="diffusion", sampling_seed=0,
 )  # fmt: skip
-PAPER = dict(target="motion", keyframes="untold", prediction="eps", level_weight="uniform", scheme="replacement")
+PAPER = dict(target="motion", condition_on_keyframes=False, prediction="eps", level_weight="uniform", scheme="replacement")
 
 
 def small(**changes) -> Config:
@@ -108,7 +108,7 @@ def untrained(**changes) -> Bridge:
     cfg = small(**changes)
     space = make_space(data_of(cfg).train, cfg.task.state)
     task = cfg.task
-    x = Clips(data_of(cfg).train, space).cut(task.frames, 3, task.past).x
+    x = Clips(data_of(cfg).train, space).windows(task.frames, 3, task.past).x
     representation = Representation.fit(cfg.model, task.gap, x, task.past, task.smallest_gap)
     return Bridge(shaken(make_network(cfg, representation)), representation, space, cfg)
 
@@ -116,4 +116,4 @@ def untrained(**changes) -> Bridge:
 def windows_for(bridge: Bridge, frames: int | None = None):
     """Windows of people whom it has not seen."""
     clips = Clips(data_of(bridge.cfg).test, bridge.space)
-    return clips.cut(frames or bridge.cfg.task.frames, bridge.cfg.task.test_stride, bridge.cfg.task.past)
+    return clips.windows(frames or bridge.cfg.task.frames, bridge.cfg.task.test_stride, bridge.cfg.task.past)

@@ -25,7 +25,7 @@ TREE = Skeleton(
 
 # A model for the benchmark: settings beside those of `sample.small`.
 TASK = dict(
-    fps=30.0, state="rotations", past=10, between=45, shortest=5, tokens="sines", rows=16, coast=8.0, sizes="each",
+    fps=30.0, state="rotations", past=10, between=45, shortest=5, tokens="sines", rows=16, coast=8.0, departure_scale="each",
     train_subjects=("1", "2", "4"), test_subjects=("5",), validation_subjects=(),
 )  # fmt: skip
 

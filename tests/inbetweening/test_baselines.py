@@ -54,7 +54,7 @@ def test_places_go_straight_and_only_the_ends_are_looked_at():
 @pytest.mark.parametrize("pace", PACES)
 def test_rotations_are_slerped_at_the_pace(pace):
     space = RotationSpace.of(dancers().train[0])
-    x = Clips(dancers().train, space).cut(8, 5).x
+    x = Clips(dancers().train, space).windows(8, 5).x
     found = between(space, x, pace)
     first, last = (from_six(x[:, i, 3:].unflatten(-1, (-1, 6))) for i in (0, -1))
     for i, u in enumerate(torch.linspace(0, 1, 8)):

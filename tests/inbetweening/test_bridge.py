@@ -12,7 +12,7 @@ from mwlib.inbetweening.windows import given
 from tests.inbetweening.sample import PAPER, untrained, windows_for
 
 KINDS = {
-    "told": {}, "paper": PAPER, "wiener": dict(output="wiener", tokens="sines", level_weight="unit"),
+    "conditioned": {}, "paper": PAPER, "wiener": dict(output="wiener", tokens="sines", level_weight="unit"),
     "frames": dict(tokens="frames"), "rotations": dict(state="rotations"), "few": dict(PAPER, rows=4),
     "past": dict(past=4, coast=3.0, tokens="sines", output="wiener"),
 }  # fmt: skip
@@ -53,15 +53,15 @@ def test_a_window_depends_on_seed_and_identity_alone(changes, monkeypatch):
 
 
 @pytest.mark.parametrize("scheme", SCHEMES.values(), ids=SCHEMES)
-@pytest.mark.parametrize("base", [PAPER, {}, dict(past=3, coast=4.0)], ids=["paper", "told", "past"])
+@pytest.mark.parametrize("base", [PAPER, {}, dict(past=3, coast=4.0)], ids=["paper", "conditioned", "past"])
 def test_who_knows_the_clip_gives_the_clip(scheme, base, monkeypatch):
     bridge = untrained(**{**base, **scheme})
     x, lead = windows_for(bridge).x[:2], bridge.cfg.task.past - 1
     tf, inner = bridge.representation.transform(8), x[:, lead:]
-    hint = bridge.representation.hint(inner, x[:, :lead], given(8))
-    clean = tf(bridge.representation.modelled(inner, hint)).repeat_interleave(2, dim=0)
+    line = bridge.representation.interpolation(inner, x[:, :lead], given(8))
+    clean = tf(bridge.representation.modelled(inner, line)).repeat_interleave(2, dim=0)
 
-    def knows(y_t, t, told=None):
+    def knows(y_t, t, conditioning=None):
         a = bridge.alpha_bar[t]
         eps = (y_t - a.sqrt().float() * clean) / (1 - a).sqrt().float()
         return network_target(bridge.cfg.diffusion.prediction, clean, eps, a)
@@ -80,9 +80,9 @@ def test_more_keyframes_and_other_lengths():
         assert found.shape[2] == frames and torch.equal(found[:, :, mask], x[:, None, mask].expand(2, 2, -1, -1))
 
 
-@pytest.mark.parametrize("sizes", ["longest", "each"])
-def test_a_past_with_other_lengths_and_more_keyframes(sizes):
-    bridge = untrained(past=4, shortest=3, more_keyframes=2, coast=3.0, sizes=sizes)
+@pytest.mark.parametrize("scale", ["longest", "each"])
+def test_a_past_with_other_lengths_and_more_keyframes(scale):
+    bridge = untrained(past=4, shortest=3, more_keyframes=2, coast=3.0, departure_scale=scale)
     for frames in (8, 11):
         x = windows_for(bridge, frames).x[:2]
         mask = given(frames, 4)
@@ -108,12 +108,12 @@ def test_the_past_is_looked_at():
         ({}, 7, [], "frames between is 5; expected 6, for which"),
         (PAPER, 9, [], "frames between is 7; expected 6, for which"),
         (dict(shortest=3), 4, [], "frames between is 2; expected 3 to 6, for which"),
-        ({}, 8, [3], "3 keyframes; expected at most 2, as the model was told"),
+        ({}, 8, [3], "3 keyframes; expected at most 2, as in the model's training"),
         (dict(more_keyframes=1), 8, [2, 3], "4 keyframes; expected at most 3"),
         (dict(past=4), 10, [], "frames between is 5; expected 6, for which"),
         (dict(past=4, shortest=3), 7, [], "frames between is 2; expected 3 to 6, for which"),
-        (dict(past=4), 11, [1, 2, 3, 4], "6 keyframes; expected at most 5, as the model was told"),
-        (dict(past=4), 11, [1, 3], "the 4 first or last frame is no keyframe; expected all, as the model was told"),
+        (dict(past=4), 11, [1, 2, 3, 4], "6 keyframes; expected at most 5, as in the model's training"),
+        (dict(past=4), 11, [1, 3], "the 4 first or last frame is no keyframe; expected all, as in the model's training"),
     ],
 )
 def test_what_the_model_is_not_for_is_refused(changes, frames, more, message):
@@ -124,7 +124,7 @@ def test_what_the_model_is_not_for_is_refused(changes, frames, more, message):
         bridge.sample(torch.zeros(1, frames, 51), mask)
 
 
-def test_ends_that_are_no_keyframes_are_refused_by_who_is_told_alone():
+def test_ends_that_are_no_keyframes_are_refused_where_the_network_sees_them_alone():
     mask = given(8)
     mask[-1] = False
     with pytest.raises(ValueError, match="the first or last frame is no keyframe; expected both"):
@@ -139,8 +139,8 @@ def test_ends_that_are_no_keyframes_are_refused_by_who_is_told_alone():
 @pytest.mark.parametrize(
     "count, ids, mask, message",
     [
-        (0, None, given(8), "0 window_ids for 0 windows"),
-        (2, [5], given(8), "1 window_ids for 2 windows; expected one each"),
+        (0, None, given(8), "there are no windows; expected at least one"),
+        (2, [5], given(8), "window_ids has 1 entries for 2 windows; expected one each"),
         (1, None, torch.zeros(8, dtype=torch.bool), "0 keyframes; expected"),
     ],
 )

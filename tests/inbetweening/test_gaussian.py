@@ -8,7 +8,15 @@ import torch
 
 from mwlib.diffusion import KeyframeConfig, alpha_bar, ddim_indices, y0_hat_of
 from mwlib.inbetweening.gaussian import (
-    SCHEMES, GaussianBridge, Scheme, exact, measure, optimal_denoiser, sample, squared_exponential, table,
+    SCHEMES,
+    GaussianBridge,
+    Scheme,
+    exact,
+    measure,
+    optimal_denoiser,
+    sample,
+    squared_exponential,
+    table,
 )  # fmt: skip
 from mwlib.transforms import DCTTransform
 

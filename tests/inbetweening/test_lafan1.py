@@ -201,13 +201,13 @@ def test_where_people_were_and_in_which_unit_does_not_matter(benchmark, motions)
 def test_what_fills_the_windows_is_scored_on_what_it_may_see(benchmark, monkeypatch):
     seen = []
 
-    def oracle(cut, ids):
+    def oracle(windows, ids):
         """Knows the windows by their numbers; answers with vectors of another length, and in float32."""
-        frames = cut.x.shape[1]
+        frames = windows.x.shape[1]
         seen.append((len(ids), frames))
         truth = benchmark.windows.x[ids, :frames]
-        assert torch.equal(cut.x[:, :PAST], truth[:, :PAST]) and torch.equal(cut.x[:, -1], truth[:, -1])
-        assert not cut.x[:, PAST - 1 : -1].diff(dim=1).any()  # nothing of what is to be found
+        assert torch.equal(windows.x[:, :PAST], truth[:, :PAST]) and torch.equal(windows.x[:, -1], truth[:, -1])
+        assert not windows.x[:, PAST - 1 : -1].diff(dim=1).any()  # nothing of what is to be found
         truth[..., 3:] *= 1.5
         return truth[:, None].float().expand(-1, 2, -1, -1)
 
@@ -224,7 +224,7 @@ def test_what_fills_the_windows_is_scored_on_what_it_may_see(benchmark, monkeypa
 
 def broken(change):
     """A method whose windows are spoiled."""
-    return lambda cut, ids: change(cut.x[:, None])
+    return lambda seen, ids: change(seen.x[:, None])
 
 
 @pytest.mark.usefixtures("unchecked")
@@ -367,8 +367,8 @@ def bridge(motions):
 def test_windows_are_those_that_the_model_has_of_the_clips(benchmark, motions, bridge):
     """But for the body, which is one for all."""
     assert bridge.space.points != tuple(range(22)) and sorted(bridge.space.turning) == sorted(bridge.space.points)
-    cut = Clips(ready([m for m in motions if m.subject == "5"], 30.0), bridge.space).cut(65, 40, PAST)
-    torch.testing.assert_close(benchmark.windows.x.float(), cut.x, atol=1e-5, rtol=0)
+    windows = Clips(ready([m for m in motions if m.subject == "5"], 30.0), bridge.space).windows(65, 40, PAST)
+    torch.testing.assert_close(benchmark.windows.x.float(), windows.x, atol=1e-5, rtol=0)
 
 
 @pytest.mark.parametrize("past", [1, 4, 10])
@@ -394,10 +394,10 @@ def test_rows_are_single_samples_and_their_average(benchmark, bridge):
     names = ["mine, single samples"] * 4 + ["mine, average of 3"] * 4
     assert [(row["method"], row["N"]) for row in rows] == [*zip(names, [*LENGTHS, *LENGTHS], strict=True)]
     x = bridge.sample(benchmark.windows.x[:, :26].float(), None, 3, 5)
-    each = [score(benchmark, lambda cut, ids, i=i: x[ids, i : i + 1], 15) for i in range(3)]
+    each = [score(benchmark, lambda seen, ids, i=i: x[ids, i : i + 1], 15) for i in range(3)]
     for name in TOLERANCE:
         assert rows[1][name] == pytest.approx(sum(found[name] for found in each) / 3, rel=1e-5)
-    middle = score(benchmark, lambda cut, ids: x[ids].mean(1, keepdim=True), 15)
+    middle = score(benchmark, lambda seen, ids: x[ids].mean(1, keepdim=True), 15)
     assert {name: rows[5][name] for name in TOLERANCE} == pytest.approx(middle, rel=1e-5)
     assert all(0.01 < row["L2P"] < 100 for row in rows) and rows[5]["L2P"] < rows[1]["L2P"]
     assert model_table(bridge, benchmark, "mine", samples=3, seed=6, lengths=[15])[0]["L2P"] != rows[1]["L2P"]

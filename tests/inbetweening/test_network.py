@@ -1,4 +1,4 @@
-"""Networks that are told and not, motions shorter than the longest, and the linear denoiser by hand."""
+"""Networks that see the keyframes and not, motions shorter than the longest, and the linear denoiser by hand."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import torch
 from torch.nn import functional as F
 
 from mwlib.diffusion import alpha_bar, ddim, ddim_indices, noised, to_eps
-from mwlib.inbetweening.network import TOLD, KeyframeNetwork, WienerNetwork
+from mwlib.inbetweening.network import BESIDE, KeyframeNetwork, WienerNetwork
 from tests.inbetweening.sample import PAPER, shaken, small
 
 A_BAR = alpha_bar("cosine", 1000)
@@ -18,40 +18,38 @@ def network(**changes) -> KeyframeNetwork:
 
 
 @pytest.mark.parametrize("rows", [8, 5, 1])
-@pytest.mark.parametrize("changes, told", [(PAPER, 0), ({}, 5 + TOLD)], ids=["untold", "told"])
-def test_outputs_have_the_shape_of_inputs_and_shorter_ones_are_padded(changes, told, rows, generator):
+@pytest.mark.parametrize("changes, beside", [(PAPER, 0), ({}, 5 + BESIDE)], ids=["paper", "conditioned"])
+def test_outputs_have_the_shape_of_inputs_and_shorter_ones_are_padded(changes, beside, rows, generator):
     net = network(**changes)
     y = torch.randn(3, rows, 5, generator=generator)
-    hints = torch.randn(3, rows, told, generator=generator) if told else None
+    seen = torch.randn(3, rows, beside, generator=generator) if beside else None
     t = torch.tensor([1, 20, 49])
-    found = net(y, t, hints)
+    found = net(y, t, seen)
     assert found.shape == y.shape
-    whole = F.pad(y if hints is None else torch.cat([y, hints], dim=-1), (0, 0, 0, 8 - rows))
+    whole = F.pad(y if seen is None else torch.cat([y, seen], dim=-1), (0, 0, 0, 8 - rows))
     torch.testing.assert_close(found, net.net.evaluate(whole, t, None)[0][:, :rows])
-    one = net(y[1:2], 20, None if hints is None else hints[1:2])
+    one = net(y[1:2], 20, None if seen is None else seen[1:2])
     torch.testing.assert_close(found[1:2], one, atol=1e-4, rtol=1e-4)
     assert net.net.condition is None
 
 
-def test_what_is_told_matters(generator):
+def test_the_conditioning_matters(generator):
     net, y = network(), torch.randn(3, 8, 5, generator=generator)
-    told = torch.randn(3, 8, 5 + TOLD, generator=generator)
+    seen = torch.randn(3, 8, 5 + BESIDE, generator=generator)
     for column in (0, 5, 6, 7):
-        other = told.clone()
+        other = seen.clone()
         other[..., column] += 1
-        assert (net(y, 5, other) - net(y, 5, told)).abs().max() > 1e-3
+        assert (net(y, 5, other) - net(y, 5, seen)).abs().max() > 1e-3
 
 
 class Says(KeyframeNetwork):
     """A network that says one number, and remembers what it was asked."""
 
-    device = torch.device("cpu")
-
     def __init__(self, number: float) -> None:
         torch.nn.Module.__init__(self)
         self.number = number
 
-    def forward(self, y, t, told=None):
+    def forward(self, y, t, conditioning=None):
         self.seen = y
         return torch.full_like(y, self.number)
 

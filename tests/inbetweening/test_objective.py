@@ -18,12 +18,12 @@ from mwlib.training.checkpoint import load_tensors
 from tests.inbetweening.sample import PAPER, data_of, objective, people, shaken, small
 
 KINDS = {
-    "told": {},
+    "conditioned": {},
     "paper": PAPER,
     "wiener": dict(output="wiener", level_weight="unit", tokens="sines", between=6, shortest=4, more_keyframes=1),
     "frames": dict(tokens="frames", prediction="v"),
     "rotations": dict(state="rotations", mirror=True),
-    "past": dict(past=4, coast=3.0, sizes="each", tokens="sines", output="wiener", shortest=4, more_keyframes=1),
+    "past": dict(past=4, coast=3.0, departure_scale="each", tokens="sines", output="wiener", shortest=4, more_keyframes=1),
 }
 each_kind = pytest.mark.parametrize("changes", KINDS.values(), ids=KINDS)
 WEIGHTS = {
@@ -55,11 +55,11 @@ def test_it_learns(changes):
 def test_batches_are_windows_of_one_length_with_their_keyframes(changes):
     made, lengths, more = objective(**changes), set(), set()
     for seed in range(30):
-        cut, mask = made.draw(4, torch.Generator().manual_seed(seed))
+        windows, mask = made.draw(4, torch.Generator().manual_seed(seed))
         past = made.task.past
-        assert cut.x.shape[:2] == mask.shape and mask[:, :past].all() and mask[:, -1].all()
-        assert cut.x[:, past - 1, :2].abs().max() < 1e-6  # as seen from there
-        lengths.add(cut.x.shape[1] - past + 1)
+        assert windows.x.shape[:2] == mask.shape and mask[:, :past].all() and mask[:, -1].all()
+        assert windows.x[:, past - 1, :2].abs().max() < 1e-6  # as seen from there
+        lengths.add(windows.x.shape[1] - past + 1)
         more |= set(mask[:, past:-1].sum(1).tolist())
     assert lengths == set(range(changes.get("shortest", 6) + 2, 9))
     assert more == set(range(changes.get("more_keyframes", 0) + 1))
@@ -72,7 +72,7 @@ def test_the_paper_loss_by_hand():
     given = batch(made)
     draws = torch.Generator().manual_seed(0)
     t = torch.randint(1, 50, (16,), generator=draws)
-    z = (given.cut.x - made.representation.mean) / made.representation.deviation
+    z = (given.windows.x - made.representation.mean) / made.representation.deviation
     y = made.representation.transform(8)(z)
     eps = torch.randn(y.shape, generator=draws)
     a = made.alpha_bar[t][:, None, None].float()
@@ -127,19 +127,19 @@ def test_the_estimate_of_one_clip_is_compared_with_its_own_noise_draws():
     """Two draws of one clip, not two clips: of a network that knows the clip nothing is left."""
     made = objective(diversity_weight=1.0, draws=3)
     given = batch(made)
-    hint = given.cut.x
-    y = made.representation.transform(8)(made.representation.modelled(hint, hint))
+    line = given.windows.x
+    y = made.representation.transform(8)(made.representation.modelled(line, line))
     assert y.abs().max() == 0  # the interpolation is the clip: a network that says zero is right
 
     class Zero(torch.nn.Module):
-        def forward(self, y_t, t, told):
+        def forward(self, y_t, t, conditioning):
             return torch.zeros_like(y_t)
 
-    everywhere = Batch(given.cut, torch.ones_like(given.mask))
+    everywhere = Batch(given.windows, torch.ones_like(given.mask))
     assert float(made.loss(Zero(), everywhere, torch.Generator().manual_seed(0))) == pytest.approx(0, abs=1e-6)
 
 
-@pytest.mark.parametrize("kind", ["told", "wiener", "rotations", "past"])
+@pytest.mark.parametrize("kind", ["conditioned", "wiener", "rotations", "past"])
 def test_resuming_is_as_if_never_stopped_to_the_bit(kind, tmp_path):
     cfg = small(**KINDS[kind], length_weight=0.1, train_steps=6, checkpoint_every=3)
     for folder, stop in ((tmp_path / "whole", 99), (tmp_path / "stopped", 4)):
@@ -157,11 +157,11 @@ def test_the_loss_is_of_the_frames_between():
     """Of who knows them nothing is left, whatever the past was; and with a past the network is shown it."""
     made = objective(past=4, length_weight=0.1, smoothness_weight=0.1, smoothness="velocity")
     given = batch(made)
-    everywhere, seen = Batch(given.cut, torch.ones_like(given.mask)), []
+    everywhere, seen = Batch(given.windows, torch.ones_like(given.mask)), []
 
     class Zero(torch.nn.Module):
-        def forward(self, y_t, t, told):
-            seen.append((y_t.shape, told.shape))
+        def forward(self, y_t, t, conditioning):
+            seen.append((y_t.shape, conditioning.shape))
             return torch.zeros_like(y_t)
 
     assert float(made.loss(Zero(), everywhere, torch.Generator().manual_seed(0))) == pytest.approx(0, abs=1e-6)
@@ -205,7 +205,7 @@ def test_clips_that_are_too_short_are_refused_before_the_training(part):
 
 def test_the_limits_are_those_of_the_training_people():
     made = objective()
-    cut = made.clips.cut(8, 3)
-    angles = bone_angles(made.space.positions(cut.x, cut.offsets), made.space.bodies.skeleton).flatten(0, 1)
+    windows = made.clips.windows(8, 3)
+    angles = bone_angles(made.space.positions(windows.x, windows.offsets), made.space.bodies.skeleton).flatten(0, 1)
     beyond = (angles > made.limits).double().mean(0)
     assert 0 < float(beyond.mean()) < 0.03

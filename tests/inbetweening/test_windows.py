@@ -1,4 +1,4 @@
-"""Windows against slow loops: cut, drawn, mirrored; keyframes and the lines between them against NumPy."""
+"""Windows against slow loops: all of them, drawn, mirrored; keyframes and the lines between them against NumPy."""
 
 from __future__ import annotations
 
@@ -24,37 +24,37 @@ def clips(state: str = "positions") -> Clips:
 
 @pytest.mark.parametrize("state", ["positions", "rotations"])
 @pytest.mark.parametrize("frames, stride", [(8, 1), (8, 5), (3, 4), (30, 40)])
-def test_cutting_is_a_slow_loop(state, frames, stride):
+def test_all_windows_are_those_of_a_slow_loop(state, frames, stride):
     found = clips(state)
-    cut, at = found.cut(frames, stride), 0
+    windows, at = found.windows(frames, stride), 0
     for number, motion in enumerate(found.motions):
         start = 0
         while start + frames < len(motion):  # strictly, as LaFAN1's code has it
             part = motion.cut(start, start + frames)
             x, offsets = found.space.encode(part), found.space.offsets(part)
             place = found.space.placement(x, offsets)
-            assert (int(cut.clip[at]), int(cut.start[at])) == (number, start)
-            torch.testing.assert_close(cut.x[at], found.space.seen_from(x, place), atol=1e-5, rtol=0)
-            torch.testing.assert_close(cut.offsets[at], offsets)
-            here = Placement(cut.placement.angle[at], cut.placement.origin[at])
+            assert (int(windows.clip[at]), int(windows.start[at])) == (number, start)
+            torch.testing.assert_close(windows.x[at], found.space.seen_from(x, place), atol=1e-5, rtol=0)
+            torch.testing.assert_close(windows.offsets[at], offsets)
+            here = Placement(windows.placement.angle[at], windows.placement.origin[at])
             np.testing.assert_allclose(
-                found.space.positions(found.space.placed(cut.x[at], here), offsets), part.positions, atol=1e-5
+                found.space.positions(found.space.placed(windows.x[at], here), offsets), part.positions, atol=1e-5
             )
             at, start = at + 1, start + stride
-    assert at == len(cut.x) == len(cut.clip) == len(cut.start)
+    assert at == len(windows.x) == len(windows.clip) == len(windows.start)
 
 
 @pytest.mark.parametrize("state", ["positions", "rotations"])
 def test_windows_with_a_past_are_seen_from_its_last_frame(state):
     found = clips(state)
-    alone, whole = found.cut(8, 5), found.cut(11, 5, past=4)
+    alone, whole = found.windows(8, 5), found.windows(11, 5, past=4)
     for number, (clip, start) in enumerate(zip(whole.clip.tolist(), whole.start.tolist(), strict=True)):
-        later = found.take(torch.tensor([clip]), torch.tensor([start + 3]), 8)
+        later = found.at(torch.tensor([clip]), torch.tensor([start + 3]), 8)
         torch.testing.assert_close(whole.x[number, 3:], later.x[0])
         torch.testing.assert_close(whole.placement.origin[number], later.placement.origin[0])
     assert whole.x[:, 3, :2].abs().max() < 1e-6 < whole.x[:, 0, :2].abs().max() and alone.x[:, 0, :2].abs().max() < 1e-6
     drawn = found.draw(9, 11, torch.Generator().manual_seed(1), past=4)
-    torch.testing.assert_close(drawn.x, found.take(drawn.clip, drawn.start, 11, 4).x)
+    torch.testing.assert_close(drawn.x, found.at(drawn.clip, drawn.start, 11, 4).x)
 
 
 def test_lafans_count_of_windows():
@@ -71,24 +71,24 @@ def test_lafans_count_of_windows():
 
 def test_every_window_is_drawn_as_often_as_another(generator):
     found = clips()
-    cut = found.draw(5200, 8, generator)
-    pairs = list(zip(cut.clip.tolist(), cut.start.tolist(), strict=True))
+    windows = found.draw(5200, 8, generator)
+    pairs = list(zip(windows.clip.tolist(), windows.start.tolist(), strict=True))
     clip, start = found.starts(8, 1)
     everyone = [*zip(clip.tolist(), start.tolist(), strict=True)]
     assert {*pairs} == {*everyone}
     counts = np.array([pairs.count(pair) for pair in everyone])
     expected = 5200 / len(everyone)
     assert ((counts - expected) ** 2 / expected).sum() < len(everyone) + 5 * np.sqrt(2 * len(everyone))
-    again = found.take(cut.clip[:9], cut.start[:9], 8)
-    torch.testing.assert_close(again.x, cut.x[:9])
+    again = found.at(windows.clip[:9], windows.start[:9], 8)
+    torch.testing.assert_close(again.x, windows.x[:9])
     same = found.draw(50, 8, torch.Generator().manual_seed(3))
     assert torch.equal(same.x, found.draw(50, 8, torch.Generator().manual_seed(3)).x)
 
 
-@pytest.mark.parametrize("ask", ["cut", "draw", "starts"])
+@pytest.mark.parametrize("ask", ["windows", "draw"])
 def test_clips_that_are_too_short_are_refused(ask, generator):
     found = clips()
-    given = {"cut": (31, 5), "starts": (31, 5), "draw": (4, 31, generator)}[ask]
+    given = {"windows": (31, 5), "draw": (4, 31, generator)}[ask]
     with pytest.raises(ValueError, match="no clip is longer than 31 frames, .*the longest has 31; longer clips"):
         getattr(found, ask)(*given)
 
@@ -99,10 +99,10 @@ def test_mirror_images_are_the_same_windows_mirrored(state):
     space = make_space(motions, state)
     found = Clips(motions, space, mirror=True)
     assert len(found.motions) == 4
-    cut = found.cut(8, 6)
-    half = len(cut.x) // 2
-    torch.testing.assert_close(cut.offsets[half:], cut.offsets[:half], atol=1e-6, rtol=0)
-    places = space.positions(cut.x, cut.offsets)
+    windows = found.windows(8, 6)
+    half = len(windows.x) // 2
+    torch.testing.assert_close(windows.offsets[half:], windows.offsets[:half], atol=1e-6, rtol=0)
+    places = space.positions(windows.x, windows.offsets)
     order = torch.from_numpy(LAFAN1.mirror)
     expected = places[:half][..., order, :] * torch.tensor([-1.0, 1.0, 1.0])
     torch.testing.assert_close(places[half:], expected, atol=1e-5, rtol=0)
@@ -131,14 +131,14 @@ def test_spaces_by_name_and_motions_made_ready():
         make_space([split.train[0], replace(split.train[0], fps=11.0)], "positions")
 
 
-def test_cuts_are_thinned_evenly_and_picked():
-    cut = clips().cut(8, 1)
-    assert cut.thin(0) is cut and cut.thin(10**6) is cut
-    few = cut.thin(5)
-    rows = np.round(np.linspace(0, len(cut.x) - 1, 5)).astype(int)
-    assert torch.equal(few.x, cut.x[rows]) and torch.equal(few.placement.origin, cut.placement.origin[rows])
-    part = cut.pick(slice(2, 4))
-    assert torch.equal(part.start, cut.start[2:4]) and torch.equal(part.placement.angle, cut.placement.angle[2:4])
+def test_windows_are_thinned_evenly_and_picked():
+    windows = clips().windows(8, 1)
+    assert all(torch.equal(windows.thin(count).x, windows.x) for count in (0, 10**6))
+    few = windows.thin(5)
+    rows = np.round(np.linspace(0, len(windows.x) - 1, 5)).astype(int)
+    assert torch.equal(few.x, windows.x[rows]) and torch.equal(few.placement.origin, windows.placement.origin[rows])
+    part = windows.pick(slice(2, 4))
+    assert torch.equal(part.start, windows.start[2:4]) and torch.equal(part.placement.angle, windows.placement.angle[2:4])
 
 
 def test_drawn_keyframes(generator):

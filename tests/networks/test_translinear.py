@@ -116,8 +116,8 @@ SIZES = dict(rows=7, columns=6, width=16, layers=4, heads=2, feedforward=24, dro
 
 
 def test_a_default_network_is_as_before_to_the_bit(generator):
-    """Weights and outputs of trained models must not change because a network may be told more."""
-    default, said = network(), network(told=0, conditioned=True)
+    """Weights and outputs of trained models must not change because a network may see more."""
+    default, said = network(), network(extra_columns=0, conditioned=True)
     assert [*default.state_dict()] == [*said.state_dict()] and "condition.weight" in default.state_dict()
     assert all(torch.equal(a, b) for a, b in zip(default.parameters(), said.parameters(), strict=True))
     torch.manual_seed(0)
@@ -132,12 +132,12 @@ def test_a_default_network_is_as_before_to_the_bit(generator):
     assert torch.equal(default(y, 5, y), said(y, 5, y)) and torch.equal(default.evaluate(y, 5, None)[0], default(y, 5))
 
 
-def test_what_is_told_enters_and_is_not_predicted(generator):
-    net = network(told=4, conditioned=False).eval()
-    y, told = torch.randn(3, 7, 6, generator=generator), torch.randn(3, 7, 4, generator=generator)
-    out, _ = net.evaluate(torch.cat([y, told], dim=-1), 5, None)
+def test_extra_columns_enter_and_are_not_predicted(generator):
+    net = network(extra_columns=4, conditioned=False).eval()
+    y, more = torch.randn(3, 7, 6, generator=generator), torch.randn(3, 7, 4, generator=generator)
+    out, _ = net.evaluate(torch.cat([y, more], dim=-1), 5, None)
     assert out.shape == y.shape and net.enter.weight.shape == (16, 10)
-    blank, _ = net.evaluate(torch.cat([y, torch.zeros_like(told)], dim=-1), 5, None)
+    blank, _ = net.evaluate(torch.cat([y, torch.zeros_like(more)], dim=-1), 5, None)
     assert (out - blank).abs().max() > 1e-3
     plain = network(conditioned=False).eval()
     own = {name: w[:, :6] if name == "enter.weight" else w for name, w in net.state_dict().items()}
