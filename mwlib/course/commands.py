@@ -153,7 +153,7 @@ def _learner(args: Namespace) -> int:
 
 
 def _index(args: Namespace) -> int:
-    from mwlib.course.index import write_index
+    from mwlib.course.exhibits import write_index
 
     print(write_index(args.build, course(args.notebooks), args.manifest, args.set))
     return 0

@@ -8,7 +8,10 @@ shows every cell run, in order, without an error; then the result gets the statu
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+import os
+import platform
+from collections.abc import Callable, Mapping
+from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +19,6 @@ import nbformat
 import papermill
 from nbclient import NotebookClient
 from nbclient.exceptions import CellTimeoutError
-from nbconvert import HTMLExporter
 from nbformat import NotebookNode
 from papermill.exceptions import PapermillExecutionError
 
@@ -25,14 +27,15 @@ from mwlib.course.notebooks import EXPERIMENT, TIMEOUT, ParameterError, read_not
 from mwlib.experiments import store
 from mwlib.experiments.grids import Grid, row_parameters
 from mwlib.files import write_atomic, write_together
-from mwlib.hashing import package_hash
-from mwlib.paths import home
+from mwlib.hashing import digest, file_hash, package_hash
+from mwlib.paths import course_folder, home
 
 PICTURES = ("image/png", "image/gif")
 KEPT_TYPES = (*PICTURES, "text/plain", "text/latex", "text/markdown")
 WIDGET = "application/vnd.jupyter.widget-view+json"
 QUIET = ["--log-level=ERROR"]  # else every kernel start warns about its transport on stderr
 KEPT_CELL_METADATA = ("tags", "jupyter")
+KEPT_METADATA = (*PICTURES, "mwlib")  # alternative texts, and the stem of an exhibit
 
 
 def execute_notebook(path: Path, timeout: float = 600.0) -> None:
@@ -104,10 +107,11 @@ def _filtered(output: NotebookNode) -> NotebookNode | None:
     if set(data) == {"text/plain"} and data["text/plain"].startswith("<"):
         return None  # an animation or raw HTML: its text form is an object's name
     output.data = NotebookNode(data)
-    output.metadata = NotebookNode({kind: output.metadata[kind] for kind in PICTURES if kind in output.metadata})
+    output.metadata = NotebookNode({key: output.metadata[key] for key in KEPT_METADATA if key in output.metadata})
     return output if data else None
 
 
+WITH_VERSIONS = ("torch", "numpy", "scipy", "matplotlib", "pillow", "PyWavelets", "ipykernel")
 EXECUTED = "notebook.ipynb"
 PAGE = "notebook.html"
 
@@ -116,7 +120,15 @@ class NotDone(RuntimeError):
     """A notebook run did not get to its end."""
 
 
-def run_notebook(notebook: Path, out: Path | None, given: Mapping[str, Any], timeout: float = TIMEOUT) -> Path:
+def run_notebook(
+    notebook: Path,
+    out: Path | None,
+    given: Mapping[str, Any],
+    timeout: float = TIMEOUT,
+    *,
+    kept: Path | None = None,
+    page: bool = True,
+) -> Path:
     """Run a notebook with some parameters changed; everything it leaves lies in one folder.
 
     Args:
@@ -125,6 +137,9 @@ def run_notebook(notebook: Path, out: Path | None, given: Mapping[str, Any], tim
             None = build/runs/<notebook>-<hash of the parameters>. What an earlier run of the notebook left there is removed.
         given: parameter name -> value; the others keep the notebook's defaults.
         timeout: seconds for one cell; then the kernel is killed.
+        kept: folder in which executions are kept. One of the same notebook, parameters, data and code is copied from there
+            in place of another; a new one is copied there.
+        page: whether `notebook.html` is written.
 
     Returns:
         The folder.
@@ -142,28 +157,97 @@ def run_notebook(notebook: Path, out: Path | None, given: Mapping[str, Any], tim
         raise ParameterError(f"{notebook}: the parameters cell has no 'out'; expected 'out: str = \"\"  # where results go'")
     if given.get("out"):
         raise ParameterError(f"out is given as a parameter, {given['out']!r}; say --out, the folder for all that a run leaves")
-    depends = {"notebook": source_hash(tree), "mwlib": package_hash()}
     digest = store.parameters_hash(values)
     folder = (out or home() / "build" / "runs" / f"{notebook.stem}-{digest}").resolve()
     folder.mkdir(parents=True, exist_ok=True)
     _forget(folder, notebook.stem)
+    before = kept / f"{notebook.stem}-{digest}" if kept else None
+    if before and store.result_of(before).get("depends", {}).get("surroundings") == surroundings():
+        if not outdated(before, tree, digest):
+            return _copied(before, folder, page)
+    _execute(notebook, tree, values, folder, timeout, page)
+    if before:
+        _copied(folder, before)
+    return folder
+
+
+def _execute(
+    notebook: Path, tree: Mapping[str, Any], values: Mapping[str, Any], folder: Path, timeout: float, page: bool
+) -> None:
+    """Run a notebook in a new kernel; only a run that got to its end leaves a result."""
+    depends = {"notebook": source_hash(tree), "surroundings": surroundings()}
+    package_hash()  # the code counts as it is before the run, whatever becomes of it meanwhile
     try:
         papermill.execute_notebook(
             _literally(notebook), _literally(folder / EXECUTED), {**values, "out": str(folder)}, kernel_name="python3",
             language="python", progress_bar=False, start_timeout=120, execution_timeout=timeout, extra_arguments=QUIET,
         )  # fmt: skip
         _check(folder / EXECUTED)
-        if store.read_result(folder, digest, "finished") is None:
+        if store.read_result(folder, store.parameters_hash(values), "finished") is None:
             raise NotDone(f"{store.RESULT} is missing, half-written or of other parameters than {values}")
         result = store.result_of(folder)
+        depends["mwlib"] = package_hash(modules=result["depends"].get("modules"))
         whole = result | {"status": "ok", "depends": result["depends"] | depends}
-        write_together({folder / PAGE: _page(folder / EXECUTED), folder / store.RESULT: json.dumps(whole, indent=1)})
+        pages = {folder / PAGE: _page(folder / EXECUTED)} if page else {}
+        write_together({**pages, folder / store.RESULT: json.dumps(whole, indent=1)})
     except Exception as error:
         (folder / store.RESULT).unlink(missing_ok=True)
-        if (folder / EXECUTED).is_file():
+        if page and (folder / EXECUTED).is_file():
             write_atomic(folder / PAGE, _page(folder / EXECUTED))
         raise NotDone(f"{notebook.stem}: {_reason(error, folder)}\n(see {folder / EXECUTED})") from error
-    return folder
+
+
+def _copied(source: Path, target: Path, page: bool = False) -> Path:
+    """Copy what a run left, its result last; with its page, made if it has none."""
+    with store.locked(source.with_suffix(".lock")), store.locked(target.with_suffix(".lock")):
+        (target / store.RESULT).unlink(missing_ok=True)
+        files = sorted((file for file in source.rglob("*") if file.is_file()), key=lambda file: file.name == store.RESULT)
+        for file in files:
+            write_atomic(target / file.relative_to(source), file.read_bytes())
+    if page and not (target / PAGE).exists():
+        write_atomic(target / PAGE, _page(target / EXECUTED))
+    return target
+
+
+def outdated(
+    folder: Path,
+    tree: Mapping[str, Any],
+    wanted: str | None = None,
+    fingerprint: Callable[[str], str] | None = None,
+) -> str:
+    """Why a notebook's result does not count, in a few words; empty if it is what a run would give today.
+
+    Args:
+        folder: of the run.
+        tree: the notebook as it is today.
+        wanted: hash of the parameters that the result should be of; None = any.
+        fingerprint: data source -> hash of its files of today; None = `data_fingerprint`.
+    """
+    result = store.result_of(folder)
+    if result.get("status") != "ok":
+        return "not finished"
+    if fingerprint is None:
+        from mwlib.experiments.origins import data_fingerprint as fingerprint  # imports torch, which a new run does without
+
+    depends = result["depends"]
+    data = depends.get("data", {})
+    stale = {
+        "notebook": depends.get("notebook") != source_hash(tree),
+        "library": depends.get("mwlib") != package_hash(modules=depends.get("modules")),
+        "data": data.get("files") != fingerprint(str(data.get("source"))),
+        "parameters": wanted is not None and result.get("hash") != wanted,
+    }
+    changed = [name for name, is_stale in stale.items() if is_stale]
+    return f"out of date: another {', '.join(changed)} now" if changed else ""
+
+
+def surroundings() -> str:
+    """Hash of what a run depends on besides its notebook, parameters, data and library: versions, committed results, grids."""
+    versions = {name: version(name) for name in WITH_VERSIONS} | {"python": platform.python_version()}
+    figures = course_folder() / "figures"
+    files = [figures / "grids.yaml", *sorted(file for file in figures.glob("*/*") if file.is_file())]
+    hashes = {file.relative_to(figures).as_posix(): file_hash(file) for file in files if file.is_file()}
+    return digest({"versions": versions, "figures": hashes, "static": os.environ.get("MW_STATIC")})
 
 
 def run_experiment(
@@ -228,6 +312,8 @@ def _check(executed: Path) -> None:
 
 def _page(executed: Path) -> str:
     """An executed notebook as HTML; the classic template, for it is the one that prints alternative texts."""
+    from nbconvert import HTMLExporter  # takes seconds to import
+
     return HTMLExporter(template_name="classic").from_filename(str(executed))[0]
 
 

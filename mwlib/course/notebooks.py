@@ -94,6 +94,13 @@ def source_hash(notebook: Path | Mapping[str, Any]) -> str:
     return sha256([json.dumps(cells)])
 
 
+def exhibits_kept(notebook: Mapping[str, Any]) -> list[tuple[str, Mapping[str, Any]]]:
+    """The stored pictures and tables that `page.show` and `page.table` gave a stem, in order, with their stems."""
+    outputs = [output for cell in notebook["cells"] for output in cell.get("outputs", [])]
+    marks = [output.get("metadata", {}).get("mwlib", {}) for output in outputs]
+    return [(mark["stem"], output) for mark, output in zip(marks, outputs, strict=True) if "stem" in mark]
+
+
 def write_hashes(folder: Path, hashes: Mapping[str, str]) -> None:
     """Write `<name>.sha256` for each; a file whose content stays is not touched.
 

@@ -12,6 +12,7 @@ import io
 import re
 import statistics
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from pathlib import Path
 
 import nbformat
@@ -20,8 +21,7 @@ from PIL import Image
 
 from mwlib.course.execute import PICTURES, WIDGET, is_table
 from mwlib.course.learner import HOLE
-from mwlib.course.notebooks import ParameterError, read_parameters, source_hash, tags
-from mwlib.course.stems import page_calls, parsed, saved_stems
+from mwlib.course.notebooks import ParameterError, exhibits_kept, read_parameters, source_hash, tags
 from mwlib.plots.loops import MOST_BYTES
 
 Rule = Callable[[NotebookNode], Iterator[str]]
@@ -61,6 +61,15 @@ def check(path: Path) -> list[str]:
 def code_cells(notebook: NotebookNode) -> list[NotebookNode]:
     """The code cells that hold code."""
     return [cell for cell in notebook.cells if cell.cell_type == "code" and cell.source.strip()]
+
+
+def parsed(*cells: NotebookNode) -> ast.Module:
+    """The code of some cells as one syntax tree; a cell that is not plain Python is left out."""
+    statements = []
+    for cell in cells:
+        with suppress(SyntaxError):
+            statements += ast.parse(cell.source).body
+    return ast.Module(statements, [])
 
 
 def pictures(cell: NotebookNode) -> list[NotebookNode]:
@@ -115,26 +124,22 @@ def page(notebook: NotebookNode) -> Iterator[str]:
     if made is None or len(made.args) != 3:
         yield "the cell after the parameters cell has no 'page = Page(name, out, cfg, ...)'"
         return
-    typed = [node.target for node in parsed({"cells": [cells[place - 1]]}).body if isinstance(node, ast.AnnAssign)]
+    typed = [node.target for node in parsed(cells[place - 1]).body if isinstance(node, ast.AnnAssign)]
     offered = {target.id for target in typed if isinstance(target, ast.Name)}
     given = {keyword.arg for keyword in made.keywords if ast.unparse(keyword.value) == keyword.arg}
     if given != offered - {"out"}:
         yield f"the page is given {sorted(map(str, given))}; expected name=name for each parameter: {sorted(offered - {'out'})}"
     for number, cell in enumerate(cells, 1):
-        used = sum(isinstance(node, ast.Name) and node.id == "out" for node in ast.walk(parsed({"cells": [cell]})))
+        used = sum(isinstance(node, ast.Name) and node.id == "out" for node in ast.walk(parsed(cell)))
         if used > (number - 1 in (place - 1, place)):
             yield f"cell {number} uses 'out'; leave files to page.show, page.table and page.finish"
-    try:
-        stems = saved_stems(notebook)
-    except ValueError as error:
-        yield str(error)
-    else:
-        yield from (f"the stem {stem!r} is saved twice" for stem in sorted({s for s in stems if stems.count(s) > 1}))
+    stems = [stem for stem, _ in exhibits_kept(notebook)]
+    yield from (f"the stem {stem!r} is saved twice" for stem in sorted({s for s in stems if stems.count(s) > 1}))
 
 
 def page_made(cell: NotebookNode) -> ast.Call | None:
     """The call in ``page = Page(...)``, if a cell has it."""
-    for node in parsed({"cells": [cell]}).body:
+    for node in parsed(cell).body:
         if isinstance(node, ast.Assign) and isinstance(node.value, ast.Call) and ast.unparse(node.targets[0]) == "page":
             return node.value if ast.unparse(node.value.func) == "Page" else None
     return None
@@ -142,8 +147,8 @@ def page_made(cell: NotebookNode) -> ast.Call | None:
 
 def result(notebook: NotebookNode) -> Iterator[str]:
     """The last statement writes the result: nothing else proves that a run got to its end."""
-    tree = parsed(notebook)
-    calls = page_calls(tree, "finish")
+    tree = parsed(*code_cells(notebook))
+    calls = [node for node in ast.walk(tree) if isinstance(node, ast.Call) and ast.unparse(node.func) == "page.finish"]
     last = tree.body[-1] if tree.body else None
     if not (len(calls) == 1 and isinstance(last, ast.Expr) and last.value is calls[0]):
         yield f"{len(calls)} calls of page.finish; expected one, the last statement of the last code cell"
@@ -285,7 +290,7 @@ def holes(notebook: NotebookNode) -> Iterator[str]:
         for line in lines:
             if not HOLE.fullmatch(line):
                 yield f"{line.strip()!r}; expected 'name = expression  # your turn: hint', or the same with 'return'"
-        checks = parsed({"cells": cells[place : place + 4]})
+        checks = parsed(*cells[place : place + 4])
         if lines and not any(isinstance(node, ast.Assert) and node.msg for node in ast.walk(checks)):
             yield f"no check with a message within three cells of {lines[0].strip()!r}"
 

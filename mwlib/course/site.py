@@ -8,15 +8,17 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Mapping
+from importlib import import_module
+from inspect import getdoc, ismodule
 from pathlib import Path
+from pkgutil import iter_modules
 
 import nbformat
 from nbformat import NotebookNode
 
+from mwlib.course.exhibits import committed_page, exhibit_pages
 from mwlib.course.learner import learner_copy
 from mwlib.course.notebooks import tags
-from mwlib.course.site_api import api_pages
-from mwlib.course.site_exhibits import committed_page, exhibit_pages
 from mwlib.files import write_atomic
 
 TEXTS = ("REPRODUCTION.md", "RESULTS.md", "CONTRIBUTING.md", "notebooks/glossary.md")
@@ -24,6 +26,30 @@ SOURCES = ("index.md", "chapters.md", "howto", "_static")  # of docs/
 EXAMPLES = {"howto/curves_system.py": "tests/experiments/curves_system.py"}  # shown on a page, and tested where it lies
 PROMPTS = {"code_prompt_show": "Show a solution", "code_prompt_hide": "Hide the solution"}
 ANCHOR = re.compile(r'^(#+) <a id="([\w-]+)"></a>', re.M)
+LIBRARY = """The library
+===========
+
+``import mwlib as mw`` gives the names that notebooks and scripts start from. Below them, the rooms, with a page for each module.
+
+{example}
+
+Public names
+------------
+
+.. autosummary::
+   :nosignatures:
+
+   {public}
+
+Rooms
+-----
+
+.. autosummary::
+   :toctree:
+   :recursive:
+
+   {rooms}
+"""
 FOLDER_LINK = re.compile(r"\]\(figures/cmu/?\)")
 
 
@@ -61,8 +87,18 @@ def write_site_sources(folder: Path, root: Path) -> list[Path]:
     trees = {path.stem: json.loads(path.read_text(encoding="utf-8")) for path in notebooks}
     pages |= exhibit_pages(root, trees)
     pages["figures/cmu/index.md"] = committed_page(root)
-    pages |= api_pages()
+    pages["api/index.rst"] = library_page()
     return _written(folder, pages)
+
+
+def library_page() -> str:
+    """The page of the public names and the rooms, in reStructuredText; Sphinx makes those of the modules from the docstrings."""
+    package = import_module("mwlib")
+    public = [getattr(package, name) for name in package.__all__ if not name.startswith("_")]
+    places = [thing.__name__ if ismodule(thing) else f"{thing.__module__}.{thing.__qualname__}" for thing in public]
+    rooms = [f"mwlib.{found.name}" for found in iter_modules(package.__path__) if not found.name.startswith("_")]
+    lines = {"public": [f"~{place}" for place in places], "rooms": rooms}
+    return LIBRARY.format(example=getdoc(package), **{name: "\n   ".join(words) for name, words in lines.items()})
 
 
 def site_text(text: str) -> str:

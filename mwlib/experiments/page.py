@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -12,7 +13,7 @@ from matplotlib.figure import Figure
 from mwlib.data.known import acknowledgement
 from mwlib.experiments.origins import data_fingerprint, models_used
 from mwlib.experiments.store import RESULT, parameters_hash, write_result
-from mwlib.plots.save import as_csv, origin, save, save_table, show
+from mwlib.plots.save import as_csv, marked, origin, save, save_table, show
 from mwlib.plots.tables import results_table
 from mwlib.version import __version__
 
@@ -88,7 +89,7 @@ class Page:
             about = self._admit("figure", stem, data, provenance)
             if self._folder and data is not None:
                 save(fig, self._folder, stem, data=data, alt=alt, provenance=about)
-        show(fig, alt)
+        show(fig, alt, stem)
 
     def table(
         self,
@@ -124,7 +125,7 @@ class Page:
             about = self._admit("table", stem, kept, provenance)
             if self._folder:
                 save_table(kept, self._folder, stem, provenance=about)
-        display(shown)
+        display(shown, metadata=marked(stem))
 
     def finish(self, metrics: Mapping[str, Any]) -> None:
         """Write the result, `metrics.json`, with hashes of what it depends on: the notebook's last call.
@@ -141,7 +142,8 @@ class Page:
         self._open("a second result")
         json.dumps(dict(metrics))
         if self._folder:
-            write_result(self._folder, metrics, self._hash, self._depends | {"models": dict(models_used)}, "finished")
+            used = {"models": dict(models_used), "modules": sorted(name for name in sys.modules if name.split(".")[0] == "mwlib")}
+            write_result(self._folder, metrics, self._hash, self._depends | used, "finished")
             self._finished = True
 
     def _open(self, what: str) -> None:

@@ -82,10 +82,14 @@ def save_table(
 
 
 @style()
-def show(fig: Figure, alt: str) -> None:
+def show(fig: Figure, alt: str, stem: str | None = None) -> None:
     """Display the figure in a notebook with its alternative text, and let it go.
 
     The text is also the output's plain form: where no picture can be shown there stands a sentence, not an object's name.
+
+    Args:
+        fig, alt: as for `save`.
+        stem: name of the figure's files; the output's metadata keeps it, see `marked`.
 
     Raises:
         ValueError: the alternative text is empty.
@@ -94,8 +98,13 @@ def show(fig: Figure, alt: str) -> None:
 
     alt = described(alt)
     png = base64.b64encode(_with_palette(_render(fig, "png", mpl.rcParams["figure.dpi"]))).decode()
-    display({"image/png": png, "text/plain": alt}, metadata={"image/png": {"alt": alt}}, raw=True)
+    display({"image/png": png, "text/plain": alt}, metadata={"image/png": {"alt": alt}, **marked(stem)}, raw=True)
     plt.close(fig)  # a figure made by pyplot would otherwise appear a second time
+
+
+def marked(stem: str | None) -> dict[str, dict[str, str]]:
+    """The metadata by which an output that a notebook stores is known as the exhibit of this stem."""
+    return {"mwlib": {"stem": stem}} if stem else {}
 
 
 def as_csv(data: Mapping[str, np.ndarray] | Sequence[Mapping[str, object]]) -> str:

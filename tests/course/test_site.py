@@ -9,15 +9,16 @@ import nbformat
 import pytest
 import yaml
 
+from mwlib.course.exhibits import exhibit_pages
 from mwlib.course.learner import BLANK
 from mwlib.course.manifest import read_manifest
 from mwlib.course.site import site_copy, site_text, write_site_sources
-from mwlib.course.site_exhibits import exhibit_pages
 from tests.sample_notebooks import code, model_notebook
 
 ROOT = Path(__file__).parents[2]
 LINK = re.compile(
-    r"(?<!`)\[[^\]]*\]\(([^)#\s]+)(?:#[^)]*)?\)|<((?:executed|learner)/[^>]+)>`|^```\{(?:image|literalinclude)\} (\S+)", re.M
+    r"(?<!`)\[(?:\\.|[^\]\\])*\]\(([^)#\s]+)(?:#[^)]*)?\)|<((?:executed|learner)/[^>]+)>`|^```\{(?:image|literalinclude)\} (\S+)",
+    re.M,
 )
 
 
@@ -86,7 +87,7 @@ def test_every_exhibit_of_the_paper_is_there_in_its_order(sources, system):
         if row.paper.get("system", system) == system:
             assert row.caption in (text if row.paper else own)
     assert "shows it." not in text, "an exhibit has neither a committed result nor an output"
-    assert text.count(":alt: ") == text.count("```{image}") >= 8 and ':alt: ""' not in text
+    assert text.count("![") >= 8 and "![]" not in text
 
 
 def test_the_index_says_what_each_exhibit_is(sources):
@@ -159,16 +160,13 @@ def test_anchors_of_claims_become_targets():
     assert site_text('a\n\n### <a id="x-1"></a>T\n[all](figures/cmu)') == "a\n\n(x-1)=\n### T\n[all](figures/cmu/index.md)"
 
 
-def test_the_library_is_whole(sources):
+def test_the_library_is_listed(sources):
+    """Sphinx goes on from the rooms to their modules; `make test-site` looks for the page of each."""
     index = (sources / "api" / "index.rst").read_text(encoding="utf-8")
-    assert "mw.load_motions <mwlib.data.load.load_motions>" in index and index.index("Public names") < index.index("Rooms")
-    named = set(re.findall(r"automodule:: (\S+)", "".join(file.read_text() for file in (sources / "api").glob("*.rst"))))
-    modules = {
-        ".".join(file.relative_to(ROOT).with_suffix("").parts)
-        for file in (ROOT / "mwlib").rglob("*.py")
-        if "_material" not in file.parts
-    }
-    assert named == {name.removesuffix(".__init__") for name in modules} - {"mwlib", "mwlib.__main__"}
+    public, rooms = index.split("Public names")[1].split("Rooms\n")
+    assert "   ~mwlib.data.load.load_motions\n" in public and index.index(">>>") < index.index("Public names")
+    found = {file.stem for file in (ROOT / "mwlib").iterdir() if file.suffix == ".py" or (file / "__init__.py").exists()}
+    assert set(re.findall(r"   mwlib\.(\w+)$", rooms, re.M)) == {name for name in found if not name.startswith("_")}
 
 
 def test_a_folder_that_is_no_checkout_is_told(tmp_path):
