@@ -15,7 +15,7 @@ import time
 import torch
 
 from mwlib import Config, windows
-from mwlib.data.sources import split_motions
+from mwlib.data.sources import Split, split_motions
 from mwlib.prediction.objective import PredictionObjective
 from mwlib.prediction.predictor import Predictor
 
@@ -69,9 +69,9 @@ def main() -> None:
     cfg = Config.preset(args.preset)
     motions = split_motions(cfg.data).train
     x_history = windows(motions, cfg.windows.history, cfg.windows.future, cfg.windows.test_stride).x_history[: args.windows]
-    objective = PredictionObjective(cfg, motions)
+    objective = PredictionObjective(cfg, Split(motions, [], []))
     clock = Clock(objective.network)
-    predictor = Predictor(objective.network, objective.representation, cfg.diffusion, cfg.sampling, objective.bodies)
+    predictor = Predictor(objective.network, objective.representation, cfg, objective.bodies)
     for name, settings in SETTINGS.items():
         guided, rounds = predictor.with_sampling(**settings), []
         for _ in range(args.rounds):

@@ -20,7 +20,7 @@ import torch
 from torch import nn
 from torch.nn import functional as F
 
-from mwlib.data.sources import split_motions
+from mwlib.data.sources import Split, split_motions
 from mwlib.diffusion.process import alpha_bar
 from mwlib.networks.translinear import TransLinear
 from mwlib.prediction.config import Config
@@ -133,7 +133,7 @@ def main() -> None:
     cfg = Config.preset(args.preset)
     motions = split_motions(cfg.data).train
     loops = {
-        "mwlib": train(lambda learnt: PredictionObjective(cfg, motions, learnt=learnt), cfg.training),
+        "mwlib": train(lambda learnt: PredictionObjective(cfg, Split(motions, [], []), learnt), cfg.training),
         "reference": reference_steps(cfg, motions, cfg.model.dropout),
         "reference, no attention dropout": reference_steps(cfg, motions, cfg.model.attention_dropout),
     }

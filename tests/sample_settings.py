@@ -35,9 +35,9 @@ def two_people() -> Split:
 def untrained(**changes) -> Predictor:
     """A predictor that does something without a training: random weights also where a training starts from zero."""
     cfg = small(**changes)
-    objective = PredictionObjective.of_split(cfg, two_people())
+    objective = PredictionObjective(cfg, two_people())
     with torch.no_grad():
         generator = torch.Generator().manual_seed(0)
         for parameter in objective.network.parameters():
             parameter.normal_(std=0.1, generator=generator)
-    return Predictor(objective.network, objective.representation, cfg.diffusion, cfg.sampling, objective.bodies)
+    return Predictor(objective.network, objective.representation, cfg, objective.bodies)

@@ -14,6 +14,7 @@ import torch
 from torch.utils._python_dispatch import TorchDispatchMode
 from torch.utils._pytree import tree_leaves
 
+from mwlib.data.sources import Split
 from mwlib.data.windows import prepare
 from mwlib.prediction import system
 from mwlib.prediction.config import Config
@@ -95,7 +96,7 @@ def motions():
 def test_devices_get_single_precision_only(motions, changes):
     """Training and sampling on a device that only knows shapes."""
     cfg = Config.preset("tiny", **SMALL, **changes)
-    objective = PredictionObjective(cfg, motions)
+    objective = PredictionObjective(cfg, Split(motions, [], []))
     predictor = system.open_model(cfg, objective.network.state_dict(), objective.learnt(), objective.about())
     with SinglePrecision():
         network = objective.network.to("meta")

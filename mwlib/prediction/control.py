@@ -4,16 +4,17 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
-from tqdm import tqdm
 
 from mwlib.body.skeleton import Skeleton
 from mwlib.diffusion import Mask, OnEstimate, masked, pasted
-from mwlib.prediction.predictor import Predictor, histories, identities
+from mwlib.prediction.predictor import Predictor
+from mwlib.training import identities
 
 _STREAM = 1912  # own stream of noise beside the sampler's
 
@@ -108,28 +109,23 @@ def controlled(
     representation, indices = predictor.representation, predictor.indices()
     if representation.facing is not None and (mask.unflatten(-1, (-1, 3)) != mask.unflatten(-1, (-1, 3))[..., :1]).any():
         raise ValueError("the mask treats coordinates of a joint apart; expected whole joints, as the model turns motions")
-    samples = predictor.sampling.samples if samples is None else samples
-    seed = predictor.sampling.sampling_seed if seed is None else seed
+    samples, seed = predictor.asked(samples, seed)
     count = round(active * len(indices))
     reached = [-1.0, *(float(predictor.alpha_bar[t]) for t in indices[1:]), 1.0]  # alpha_bar after so many steps
     own = int(np.random.SeedSequence((seed, _STREAM)).generate_state(1)[0])
-    past = histories(
-        x_target[:, : representation.history] if x_history is None else x_history, predictor.bodies, representation.history
-    )
     ids = identities(window_ids, len(x_target))
-    x_target = x_target.where(x_target.isfinite(), 0.0)  # what the mask leaves free may be unknown
-    motions = []
-    for first in tqdm(range(0, len(x_target), chunk), disable=not progress, desc="controlling", unit="chunk"):
-        part = slice(first, first + chunk)
-        history = past[part].to(predictor.device, torch.float32)
-        target = representation.modelled(x_target[part].to(predictor.device, torch.float32), history)
+    known = x_target.where(x_target.isfinite(), 0.0)  # what the mask leaves free may be unknown
+
+    def imposed(part: slice, history: Tensor) -> dict[str, Any]:
+        target = representation.modelled(known[part].to(history), history)
+        if space == "y0_hat":
+            return {"on_y0_hat": _first(pasted(predictor.transform, target, mask), count)}
         noise = predictor.noise(own, ids[part], samples)
-        step = masked(predictor.transform, target, mask, noise, reached[count])
-        after, estimate = (step, None) if space == "y_t" else (None, _first(pasted(predictor.transform, target, mask), count))
-        for state in predictor.steps(history, samples, seed, window_ids=ids[part], after_step=after, on_y0_hat=estimate):
-            last = state
-        motions.append(representation.decode(last.y, history).cpu())
-    return torch.cat(motions)
+        return {"after_step": masked(predictor.transform, target, mask, noise, reached[count])}
+
+    past = x_target[:, : representation.history] if x_history is None else x_history
+    parts = predictor.sampled(past, samples, seed, window_ids=ids, chunk=chunk, progress=progress, imposed=imposed)
+    return torch.cat([representation.decode(y, history).cpu() for y, history in parts])
 
 
 def _check(x_target: Tensor, mask: Mask, active: float, space: str) -> None:

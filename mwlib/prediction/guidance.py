@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection
 from dataclasses import dataclass
-from typing import Protocol, runtime_checkable
 
 import torch
 from jaxtyping import Bool, Float
@@ -26,7 +25,7 @@ def make_network(model: ModelConfig, shape: tuple[int, int]) -> TransLinear:
     return TransLinear(*shape, m.width, m.layers, m.heads, m.feedforward, m.dropout, m.attention_dropout)
 
 
-@dataclass(frozen=True)
+@dataclass
 class NetworkBranches:
     """The network's evaluations as noise estimates; the windows' conditions are embedded once.
 
@@ -70,23 +69,6 @@ class NetworkBranches:
         eps, attention = self._evaluate(torch.cat([y, y]), t, added, count if with_attention else 0)
         attention = None if attention is None else attention.reshape(*y.shape[:2], *attention.shape[1:])
         return eps[count:].reshape(y.shape), eps[:count].reshape(y.shape), attention
-
-
-@runtime_checkable
-class Branches(Protocol):
-    """The network's evaluations at one step, as noise estimates."""
-
-    def conditional(self, y: Tensor, t: int) -> Tensor:
-        """eps_theta(y, y_pad, t)."""
-        ...
-
-    def unconditional(self, y: Tensor, t: int) -> Tensor:
-        """eps_theta(y, t)."""
-        ...
-
-    def both(self, y: Tensor, t: int, with_attention: bool) -> tuple[Tensor, Tensor, Tensor | None]:
-        """Conditional and unconditional estimate in one batch; attention of the unconditional pass on request."""
-        ...
 
 
 def temporal_attention(attention: Float[Tensor, "... 2 heads rows rows"]) -> Float[Tensor, "... rows"]:
@@ -156,7 +138,7 @@ class TABG:
 
 
 def guided(
-    branches: Branches,
+    branches: NetworkBranches,
     alpha_bar: Float[Tensor, " M"],
     *,
     weight: float,

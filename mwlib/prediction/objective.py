@@ -2,31 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 
 import torch
 from jaxtyping import Float
 from torch import Tensor, nn
 
-from mwlib.body.motion import Motion
 from mwlib.data.sources import Split
 from mwlib.data.windows import Bodies, windows
-from mwlib.diffusion import DiffusionConfig, alpha_bar, network_target, noised
+from mwlib.diffusion import DiffusionConfig, alpha_bar, network_target, noised, snr_weights
 from mwlib.prediction.config import Config, ObjectiveConfig
 from mwlib.prediction.guidance import make_network
-from mwlib.prediction.representation import (
-    Representation,
-    fit_representation,
-    make_representation,
-    make_transform,
-    training_windows,
-)
+from mwlib.prediction.representation import Representation, fit_representation, restored_representation, training_windows
 from mwlib.training import Objective, seeded
-from mwlib.transforms import PhaseTransform
-
-# Hang et al. 2023, "min-SNR": 5 above. Own choice below: what a window becomes is decided where there is little signal, and
-# an error there must not count for nothing.
-SNR_BOUNDS = 0.05, 5.0
 
 
 class DenoisingLoss:
@@ -43,8 +31,7 @@ class DenoisingLoss:
         self.alpha_bar = alpha_bar(diffusion.schedule, diffusion.steps)
         weight = torch.as_tensor(representation.motion.deviation) ** 2
         self.weight = weight / weight.mean() if options.loss_weight == "metric" else None
-        snr = self.alpha_bar / (1 - self.alpha_bar)
-        self.level = snr.clamp(*SNR_BOUNDS).float() if options.level_weight == "snr" else None
+        self.level = snr_weights(self.alpha_bar).float() if options.level_weight == "snr" else None
 
     def __call__(self, network: nn.Module, x: Float[Tensor, "B T C"], generator: torch.Generator) -> Float[Tensor, ""]:
         """Mean squared error of the network's output; t uniform in 1..M-1, condition dropped at random."""
@@ -71,38 +58,21 @@ class PredictionObjective(Objective):
 
     Args:
         cfg: configuration.
-        motions: training clips, as `data.sources.prepare` leaves them.
-        validation: clips for the validation loss, never trained on.
+        split: clips for training and for the validation loss, as `data.sources.prepare` leaves them.
         learnt: what the representation had learnt in an earlier part of the same training; empty: it is fitted now.
     """
 
-    def __init__(
-        self,
-        cfg: Config,
-        motions: Sequence[Motion],
-        validation: Sequence[Motion] = (),
-        learnt: Mapping[str, Tensor] | None = None,
-    ) -> None:
-        self.bodies = Bodies.of([*motions, *validation])
-        cut, channels = cfg.windows, 3 * (len(self.bodies.skeleton) - 1)
-        base = make_transform(cfg.model, cut.frames, channels, cfg.data.fps, cfg.training.seed)
-        if learnt:
-            if isinstance(base, PhaseTransform):
-                base.restore({k.removeprefix("transform."): v for k, v in learnt.items() if k.startswith("transform.")})
-            representation = make_representation(base, learnt, cut, cfg.model, self.bodies)
-        else:
-            representation = fit_representation(base, motions, cut, cfg.model)
+    def __init__(self, cfg: Config, split: Split, learnt: Mapping[str, Tensor] | None = None) -> None:
+        cut, held_out = cfg.windows, split.validation
+        self.bodies = Bodies.of([*split.train, *held_out])
+        self.representation = (
+            restored_representation(cfg, learnt, self.bodies) if learnt else fit_representation(cfg, split.train)
+        )
         with seeded(cfg.training.seed, 0):
-            self.network: nn.Module = make_network(cfg.model, base.shape)
-        self.representation = representation
-        self.windows = training_windows(motions, cut)
-        self.held_out = windows(validation, cut.history, cut.future, cut.test_stride).x if validation else None
-        self.denoising = DenoisingLoss(representation, cfg.diffusion, cfg.objective)
-
-    @classmethod
-    def of_split(cls, cfg: Config, split: Split, learnt: Mapping[str, Tensor] | None = None) -> PredictionObjective:
-        """The objective on the training and validation people of a split."""
-        return cls(cfg, split.train, split.validation, learnt)
+            self.network: nn.Module = make_network(cfg.model, self.representation.motion.shape)
+        self.windows = training_windows(split.train, cut)
+        self.held_out = windows(held_out, cut.history, cut.future, cut.test_stride).x if held_out else None
+        self.denoising = DenoisingLoss(self.representation, cfg.diffusion, cfg.objective)
 
     def to(self, device: torch.device) -> None:
         """Move the windows."""
@@ -117,15 +87,12 @@ class PredictionObjective(Objective):
         """See `DenoisingLoss`."""
         return self.denoising(network, batch, generator)
 
-    @torch.inference_mode()
-    def validate(self, network: nn.Module) -> float | None:
-        """Loss on held-out windows with fixed noise, without dropout."""
+    def held_out_loss(self, network: nn.Module, generator: torch.Generator) -> float | None:
+        """Mean over the windows of people held out."""
         if self.held_out is None:
             return None
-        network.eval()
-        with seeded(7, 7) as generator:
-            parts = self.held_out.split(256)
-            return sum(float(self.loss(network, part, generator)) * len(part) for part in parts) / len(self.held_out)
+        parts = self.held_out.split(256)
+        return sum(float(self.loss(network, part, generator)) * len(part) for part in parts) / len(self.held_out)
 
     def learnt(self) -> dict[str, Tensor]:
         """Scales, and what the transform learnt."""

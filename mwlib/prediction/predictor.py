@@ -2,23 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import replace
-from functools import reduce
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import fields, replace
+from functools import partial, reduce
 from typing import Any
 
 import numpy as np
 import torch
 from jaxtyping import Float
 from torch import Tensor
-from tqdm import tqdm
 
 from mwlib.body.kinematics import bones_of, scale_bones
 from mwlib.body.motion import Motion
 from mwlib.data.windows import Bodies, Windows
 from mwlib.diffusion import (
     AfterStep,
-    DiffusionConfig,
     OnEstimate,
     Step,
     WindowNoise,
@@ -30,10 +28,11 @@ from mwlib.diffusion import (
     posterior_mean,
 )
 from mwlib.networks import TransLinear
-from mwlib.prediction.config import Config, SamplingConfig
+from mwlib.prediction.config import Config
 from mwlib.prediction.guidance import TABG, NetworkBranches, guided, make_network
-from mwlib.prediction.representation import Representation, make_representation, make_transform
-from mwlib.transforms import PhaseTransform, ScaledTransform, pad_history
+from mwlib.prediction.representation import Representation, restored_representation
+from mwlib.training import TrainedModel, chunks, identities, with_weights
+from mwlib.transforms import ScaledTransform, pad_history
 
 Histories = Float[Tensor, "N H C"] | Float[np.ndarray, "N H C"] | Windows | Sequence[Motion]
 
@@ -95,43 +94,24 @@ def _checked(x: Tensor, bodies: Bodies, history: int) -> Float[Tensor, "N H C"]:
     return x
 
 
-def identities(window_ids: Sequence[int] | None, count: int) -> list[int]:
-    """The identity of each window, on which its noise depends: as given, or 0..N-1.
-
-    Raises:
-        ValueError: there are more or fewer than windows.
-    """
-    ids = list(range(count)) if window_ids is None else list(window_ids)
-    if len(ids) != count:
-        raise ValueError(f"window_ids has {len(ids)} entries for {count} windows; expected one each")
-    return ids
-
-
 CHUNK = 8  # windows sampled together on a processor; more would not be faster
+Imposed = Callable[[slice, Float[Tensor, "n H C"]], dict[str, Any]]  # which windows, their histories -> hooks of `steps`
 
 
-class Predictor:
+class Predictor(TrainedModel):
     """A network with the representation and schedule that it was trained for, and settings of the sampling.
 
     Args:
         net: trained weights (the moving average).
         representation: windows as coefficients.
-        diffusion: schedule, and what the network predicts.
-        sampling: sampler, guidance, number of samples; `with_sampling` changes it.
+        cfg: of the training; its group `sampling` says sampler, guidance and number of samples, and `with_sampling` changes it.
         bodies: skeleton, frame rate and up-axis of the motions that it was trained on.
     """
 
-    def __init__(
-        self,
-        net: TransLinear,
-        representation: Representation,
-        diffusion: DiffusionConfig,
-        sampling: SamplingConfig,
-        bodies: Bodies,
-    ) -> None:
-        self.net, self.representation, self.diffusion = net.eval(), representation, diffusion
-        self.sampling, self.bodies = sampling, bodies
-        self.alpha_bar = alpha_bar(diffusion.schedule, diffusion.steps)
+    def __init__(self, net: TransLinear, representation: Representation, cfg: Config, bodies: Bodies) -> None:
+        super().__init__(net, cfg)
+        self.representation, self.bodies = representation, bodies
+        self.alpha_bar = alpha_bar(cfg.diffusion.schedule, cfg.diffusion.steps)
 
     @classmethod
     def from_tensors(
@@ -139,41 +119,14 @@ class Predictor:
     ) -> Predictor:
         """The predictor that a finished training left (see `mwlib.training.read_model`)."""
         bodies = Bodies.from_json(about["bodies"])
-        channels = 3 * (len(bodies.skeleton) - 1)
-        base = make_transform(cfg.model, cfg.windows.frames, channels, cfg.data.fps, cfg.training.seed)
-        if isinstance(base, PhaseTransform):
-            base.restore({k.removeprefix("transform."): v for k, v in learnt.items() if k.startswith("transform.")})
-        with torch.random.fork_rng([]):  # initial weights are drawn and thrown away
-            net = make_network(cfg.model, base.shape)
-        net.load_state_dict(weights)
-        representation = make_representation(base, learnt, cfg.windows, cfg.model, bodies)
-        return cls(net, representation, cfg.diffusion, cfg.sampling, bodies)
-
-    @property
-    def device(self) -> torch.device:
-        """Where the network lives."""
-        return self.net.position.device
+        representation = restored_representation(cfg, learnt, bodies)
+        net = with_weights(lambda: make_network(cfg.model, representation.motion.shape), weights)
+        return cls(net, representation, cfg, bodies)
 
     @property
     def transform(self) -> ScaledTransform:
         """The scaled frequency view of what is modelled."""
         return self.representation.motion
-
-    def to(self, device: torch.device | str) -> Predictor:
-        """Move the network."""
-        self.net.to(device)
-        return self
-
-    def with_sampling(self, **changes: Any) -> Predictor:
-        """The same model with other settings of the sampling, e.g. ``predictor.with_sampling(guidance_weight=0.5)``.
-
-        Raises:
-            ValueError: unknown settings or bad values.
-        """
-        cfg = Config(diffusion=self.diffusion, sampling=self.sampling).override(**changes)
-        if others := [name for name in changes if Config.owners()[name] != "sampling"]:
-            raise ValueError(f"{', '.join(others)} belongs to the trained model; expected settings of the sampling")
-        return Predictor(self.net, self.representation, self.diffusion, cfg.sampling, self.bodies)
 
     def branches(self, x_history: Float[Tensor, "N H C"]) -> NetworkBranches:
         """The network's evaluations for these histories, in its own precision: conditional, unconditional, both.
@@ -183,11 +136,11 @@ class Predictor:
         """
         history = x_history.to(self.net.position)
         added = self.net.embed_condition(self.representation.encode_history(history))[:, None]
-        return NetworkBranches(self.net, added, self.alpha_bar, self.diffusion.prediction, self.sampling.precision)
+        return NetworkBranches(self.net, added, self.alpha_bar, self.cfg.diffusion.prediction, self.sampling.precision)
 
     def indices(self) -> list[int]:
         """The diffusion indices that sampling visits, falling."""
-        return ddim_indices(self.diffusion.steps, self.sampling.ddim_steps, self.sampling.spacing)
+        return ddim_indices(self.cfg.diffusion.steps, self.sampling.ddim_steps, self.sampling.spacing)
 
     def noise(self, seed: int, window_ids: Sequence[int], samples: int) -> WindowNoise:
         """The noise of these windows, one stream each."""
@@ -210,10 +163,8 @@ class Predictor:
     def tabg(self) -> TABG:
         """Attention guidance as the settings say."""
         s, indices = self.sampling, self.indices()
-        active = frozenset(indices[: round(s.tabg_steps * len(indices))])
-        return TABG(
-            s.tabg_scale, s.tabg_sigma, s.tabg_threshold, s.tabg_window, s.tabg_noise, s.tabg_sigma_place, s.tabg_space, active
-        )
+        named = {item.name: getattr(s, f"tabg_{item.name}") for item in fields(TABG) if item.name != "active"}
+        return TABG(**named, active=frozenset(indices[: round(s.tabg_steps * len(indices))]))
 
     @torch.inference_mode()
     def steps(
@@ -241,25 +192,53 @@ class Predictor:
             ValueError: the history does not fit the model, window_ids do not fit the histories, or no sample is asked for.
         """
         x_history = histories(x_history, self.bodies, self.representation.history)
-        s, samples = self.sampling, self.sampling.samples if samples is None else samples
-        if samples < 1:
-            raise ValueError(f"samples is {samples}; expected at least 1")
-        x_history = x_history.to(self.device, torch.float32)
-        ids = identities(window_ids, len(x_history))
-        noise = self.noise(s.sampling_seed if seed is None else seed, ids, samples)
+        samples, seed = self.asked(samples, seed)
+        noise = self.noise(seed, identities(window_ids, len(x_history)), samples)
+        yield from self._steps(x_history.to(self.device, torch.float32), noise, after_step, on_y0_hat)
+
+    def _steps(
+        self,
+        x_history: Float[Tensor, "N H C"],
+        noise: WindowNoise,
+        after_step: AfterStep | None = None,
+        on_y0_hat: OnEstimate | None = None,
+    ) -> Iterator[Step]:
+        s = self.sampling
         denoise = guided(
             self.branches(x_history), self.alpha_bar, weight=s.guidance_weight, form=s.guidance_form, tabg=self.tabg(), draw=noise
         )
-        after = _chain([*self._after_steps(x_history, noise), *([after_step] if after_step else [])])
-        estimates = [function for function in (self._on_y0_hat(x_history), on_y0_hat) if function]
-        start, indices = s.temperature * noise(), self.indices()
-        shared = {"on_y0_hat": _compose(estimates), "after_step": after}
-        if s.sampler == "ddim":
-            yield from ddim(denoise, start, self.alpha_bar, indices, eta=s.eta, noise=noise, **shared)
-        elif s.sampler == "dpmpp":
-            yield from dpm_solver(denoise, start, self.alpha_bar, indices, **shared)
-        else:
-            yield from posterior_mean(denoise, start, self.alpha_bar, indices, **shared)
+        hooks = {
+            "on_y0_hat": _in_turn([self._on_y0_hat(x_history), on_y0_hat]),
+            "after_step": _in_turn([*self._after_steps(x_history, noise), after_step]),
+        }
+        samplers = {"ddim": partial(ddim, eta=s.eta, noise=noise), "dpmpp": dpm_solver, "eq6": posterior_mean}
+        yield from samplers[s.sampler](denoise, s.temperature * noise(), self.alpha_bar, self.indices(), **hooks)
+
+    def sampled(
+        self,
+        source: Histories,
+        samples: int | None = None,
+        seed: int | None = None,
+        *,
+        window_ids: Sequence[int] | None = None,
+        chunk: int | None = None,
+        progress: bool = False,
+        imposed: Imposed = lambda part, x_history: {},
+    ) -> Iterator[tuple[Float[Tensor, "n S rows columns"], Float[Tensor, "n H C"]]]:
+        """Sampled coefficients and the histories that they continue, a chunk of windows at a time, where the network is.
+
+        Args:
+            source, samples, seed, window_ids, chunk, progress: as in `predict`.
+            imposed: what is imposed on the steps of a chunk, `after_step` and `on_y0_hat`.
+        """
+        x_history = histories(source, self.bodies, self.representation.history)
+        samples, seed = self.asked(samples, seed)
+        ids = identities(window_ids, len(x_history))
+        for part in chunks(len(x_history), chunk or self.chunk(samples), progress):
+            x = x_history[part].to(self.device, torch.float32)
+            for step in self._steps(x, self.noise(seed, ids[part], samples), **imposed(part, x)):
+                last = step
+            yield last.y, x
 
     @torch.inference_mode()
     def predict(
@@ -287,17 +266,8 @@ class Predictor:
         Raises:
             ValueError: what is given does not fit the model; the message says why, and what to call.
         """
-        x_history = histories(source, self.bodies, self.representation.history)
-        ids = identities(window_ids, len(x_history))
-        if chunk is None:
-            chunk = self.chunk(self.sampling.samples if samples is None else samples)
-        futures = []
-        for first in tqdm(range(0, len(x_history), chunk), disable=not progress, desc="sampling", unit="chunk"):
-            part = x_history[first : first + chunk]
-            for step in self.steps(part, samples, seed, window_ids=ids[first : first + chunk]):
-                last = step
-            futures.append(self._future(last.y, part.to(self.device, torch.float32)).cpu())
-        return torch.cat(futures)
+        parts = self.sampled(source, samples, seed, window_ids=window_ids, chunk=chunk, progress=progress)
+        return torch.cat([self._future(y, x_history).cpu() for y, x_history in parts])
 
     def _future(self, y: Float[Tensor, "N S rows columns"], x_history: Float[Tensor, "N H C"]) -> Float[Tensor, "N S F C"]:
         """Coefficients to futures; with bones as long as they were last seen, if the settings say so."""
@@ -326,22 +296,10 @@ class Predictor:
         return after
 
 
-def _compose(functions: list[OnEstimate]) -> OnEstimate | None:
-    """One function of a clean estimate after the other."""
-    return (lambda y: reduce(lambda value, function: function(value), functions, y)) if functions else None
-
-
-def _chain(functions: list[AfterStep]) -> AfterStep | None:
-    """Apply functions one after the other."""
-    if not functions:
-        return None
-
-    def run(y: Tensor, alpha_bar_prev: float) -> Tensor:
-        for function in functions:
-            y = function(y, alpha_bar_prev)
-        return y
-
-    return run
+def _in_turn(functions: Sequence[Callable[..., Tensor] | None]) -> Callable[..., Tensor] | None:
+    """One function of those that are there, each applied to what the one before gives; None without any."""
+    there = [function for function in functions if function]
+    return (lambda y, *level: reduce(lambda value, function: function(value, *level), there, y)) if there else None
 
 
 def predicted_motions(

@@ -19,7 +19,7 @@ from mwlib.data.sources import Split
 from mwlib.data.windows import Windows, windows
 from mwlib.metrics import Column, clustered_error, summary
 from mwlib.prediction import config
-from mwlib.prediction.representation import LEARNING_WINDOWS, learning_windows, make_transform
+from mwlib.prediction.representation import LEARNING_WINDOWS, learning_windows, transform_of
 from mwlib.prediction.system import load_data, make_objective, open_model
 from mwlib.settings import Natural, Positive
 from mwlib.transforms import PhaseTransform, Transform
@@ -123,22 +123,20 @@ def evaluate(cfg: Config, get_model: Callable[[], Any], split: Split, progress: 
 
 def _rebuild(cfg: Config, split: Split) -> tuple[Rebuild, float]:
     """From coefficients back, and how many of them stand for a frame."""
-    cut, model, options = cfg.windows, cfg.model, cfg.rebuilding
-    count = options.phase_batch or LEARNING_WINDOWS.get(model.transform, 16)
-    draw = learning_windows(split.train, cut, model, count)
+    model, options = cfg.model, cfg.rebuilding
+    draw = learning_windows(cfg, split.train, options.phase_batch or LEARNING_WINDOWS.get(model.transform, 16))
     if options.components:
         generator = torch.Generator().manual_seed(0)
         sample = torch.cat([draw(generator) for _ in range(PRINCIPAL_BATCHES)])
         return principal(sample, options.components), float(options.components)
     key = (cfg.override(rebuilt="test").training_hash(), *split.fingerprints())
     if key not in _fitted:
-        channels = 3 * (len(split.train[0].skeleton) - 1)
-        base = make_transform(model, cut.frames, channels, cfg.data.fps, cfg.training.seed)
+        base = transform_of(cfg, split.train[0].skeleton)
         if isinstance(base, PhaseTransform):
             base.fit(draw, model.phase_steps, options.phase_lr)
         _fitted[key] = base
     base = _fitted[key]
-    return lambda x: base.inverse(base(x)), prod(base.shape) / cut.frames
+    return lambda x: base.inverse(base(x)), prod(base.shape) / cfg.windows.frames
 
 
 def _errors(rebuild: Rebuild, held_out: Windows, cfg: Config) -> tuple[Float[np.ndarray, " N"], Float[np.ndarray, " N"]]:

@@ -11,8 +11,10 @@ from torch import Tensor
 
 from mwlib.body.kinematics import heading, turn_heading
 from mwlib.body.motion import Motion
+from mwlib.body.skeleton import Skeleton
 from mwlib.data.windows import Bodies, TrainingWindows, Variation
-from mwlib.prediction.config import ModelConfig, WindowConfig
+from mwlib.prediction.config import Config, ModelConfig, WindowConfig
+from mwlib.training.checkpoint import part
 from mwlib.transforms import (
     DCTTransform,
     PhaseTransform,
@@ -68,13 +70,13 @@ class Representation:
 
     def modelled(self, x: Float[Tensor, "N *S T C"], x_history: Float[Tensor, "N H C"]) -> Float[Tensor, "N *S T C"]:
         """Motions, metres, as what is transformed: turned, minus their origin."""
-        origin = self.origin(self._turned(x_history, x_history, -1))
-        return self._turned(x, x_history, -1) - _beside(origin, x)
+        origin = self.origin(turned(x_history, x_history, self.facing, -1))
+        return turned(x, x_history, self.facing, -1) - _beside(origin, x)
 
     def placed(self, r: Float[Tensor, "N *S T C"], x_history: Float[Tensor, "N H C"]) -> Float[Tensor, "N *S T C"]:
         """Inverse of `modelled`."""
-        origin = self.origin(self._turned(x_history, x_history, -1))
-        return self._turned(r + _beside(origin, r), x_history, 1)
+        origin = self.origin(turned(x_history, x_history, self.facing, -1))
+        return turned(r + _beside(origin, r), x_history, self.facing, 1)
 
     def encode(self, x: Float[Tensor, "N T C"]) -> Float[Tensor, "N rows columns"]:
         """Whole windows, metres, to scaled coefficients."""
@@ -82,14 +84,11 @@ class Representation:
 
     def encode_history(self, x_history: Float[Tensor, "N H C"]) -> Float[Tensor, "N rows columns"]:
         """Observed frames, held over the future, to the coefficients of the condition."""
-        return self.condition(pad_history(self._turned(x_history, x_history, -1), self.frames))
+        return self.condition(pad_history(turned(x_history, x_history, self.facing, -1), self.frames))
 
     def decode(self, y: Float[Tensor, "N S rows columns"], x_history: Float[Tensor, "N H C"]) -> Float[Tensor, "N S T C"]:
         """Coefficients to whole motions (T frames), metres."""
         return self.placed(self.motion.inverse(y), x_history)
-
-    def _turned(self, x: Tensor, x_history: Tensor, sign: int) -> Tensor:
-        return turned(x, x_history, self.facing, sign)
 
     def learnt(self) -> dict[str, Tensor]:
         """Scales, and what the transform learnt: all that `make_representation` needs to build this one again."""
@@ -134,23 +133,39 @@ def make_transform(model: ModelConfig, frames: int, channels: int, fps: float, s
     return WaveletTransform(frames, channels, model.wavelet, model.mode, model.level)
 
 
-def make_representation(
-    base: Transform, learnt: Mapping[str, Tensor], windows: WindowConfig, model: ModelConfig, bodies: Bodies
-) -> Representation:
+def transform_of(cfg: Config, skeleton: Skeleton) -> Transform:
+    """`make_transform` for the windows and bodies of a configuration."""
+    return make_transform(cfg.model, cfg.windows.frames, 3 * (len(skeleton) - 1), cfg.data.fps, cfg.training.seed)
+
+
+def make_representation(base: Transform, learnt: Mapping[str, Tensor], cfg: Config, bodies: Bodies) -> Representation:
     """The representation that `Representation.learnt` describes.
 
     Args:
         base: the frequency view, fitted if it is one that is fitted.
         learnt: holds the scales.
-        windows, model: lengths, and what is modelled.
+        cfg: lengths, and what is modelled.
         bodies: whose motions.
     """
     mean, deviation, condition_mean, condition_deviation = (learnt[f"scale.{name}"] for name in SCALES)
     return Representation(
-        ScaledTransform(base, mean, deviation), ScaledTransform(base, condition_mean, condition_deviation),
-        windows.history, windows.frames, model.representation, learnt.get("rest", torch.zeros(3 * (len(bodies.skeleton) - 1))),
-        model.fade_seconds * bodies.fps, _facing(model, bodies),
-    )  # fmt: skip
+        ScaledTransform(base, mean, deviation),
+        ScaledTransform(base, condition_mean, condition_deviation),
+        cfg.windows.history,
+        cfg.windows.frames,
+        cfg.model.representation,
+        learnt.get("rest", torch.zeros(3 * (len(bodies.skeleton) - 1))),
+        cfg.model.fade_seconds * bodies.fps,
+        _facing(cfg, bodies),
+    )
+
+
+def restored_representation(cfg: Config, learnt: Mapping[str, Tensor], bodies: Bodies) -> Representation:
+    """The representation of an earlier training, and the transform with what it learnt."""
+    base = transform_of(cfg, bodies.skeleton)
+    if isinstance(base, PhaseTransform):
+        base.restore(part(learnt, "transform."))
+    return make_representation(base, learnt, cfg, bodies)
 
 
 def training_windows(motions: Sequence[Motion], cut: WindowConfig) -> TrainingWindows:
@@ -159,82 +174,76 @@ def training_windows(motions: Sequence[Motion], cut: WindowConfig) -> TrainingWi
     return TrainingWindows(motions, cut.frames, cut.window_sampling, cut.augment, variation)
 
 
-def fit_representation(base: Transform, motions: Sequence[Motion], cut: WindowConfig, model: ModelConfig) -> Representation:
+def fit_representation(cfg: Config, motions: Sequence[Motion]) -> Representation:
     """Fit a transform that learns, then the scales, on windows as they are drawn in training.
 
     Own choice: scales of the windows as they lie in the clips would not do. Where all people face one way, coefficients of
     turned windows are up to 15 such deviations wide. The draws are the same for every seed.
 
     Args:
-        base: from `make_transform`.
+        cfg: how the clips are cut and drawn, the kind of scaling, and what is modelled.
         motions: training clips.
-        cut: how they are cut and drawn.
-        model: kind of scaling, and what is modelled.
     """
-    draw, bodies = _turned_windows(motions, cut, model), Bodies.of(motions)
+    draw, bodies, model = _turned_windows(cfg, motions), Bodies.of(motions), cfg.model
+    base = transform_of(cfg, bodies.skeleton)
     if isinstance(base, PhaseTransform):
-        base.fit(learning_windows(motions, cut, model, LEARNING_WINDOWS[model.transform]), model.phase_steps)
+        base.fit(learning_windows(cfg, motions, LEARNING_WINDOWS[model.transform]), model.phase_steps)
     count = 1 if model.coefficient_scale == "none" and model.representation != "relaxing" else SCALE_WINDOWS
     x = draw(count, torch.Generator().manual_seed(0))
-    return make_representation(base, fit_scales(base, x, cut, model, bodies), cut, model, bodies)
+    return make_representation(base, fit_scales(base, x, cfg, bodies), cfg, bodies)
 
 
-def fit_scales(
-    base: Transform, x: Float[Tensor, "N T C"], cut: WindowConfig, model: ModelConfig, bodies: Bodies
-) -> dict[str, Tensor]:
+def fit_scales(base: Transform, x: Float[Tensor, "N T C"], cfg: Config, bodies: Bodies) -> dict[str, Tensor]:
     """Means and deviations of the coefficients of motion and condition over training windows, as in `Representation.learnt`.
 
     Args:
         base: the frequency view.
         x: windows, turned if the model's are.
-        cut, model, bodies: as in `fit_representation`.
+        cfg, bodies: as in `make_representation`.
     """
+    model, frames = cfg.model, cfg.windows.frames
     unit = (torch.zeros(base.shape), torch.ones(base.shape))
     learnt = {f"scale.{name}": scale for name, scale in zip(SCALES, (*unit, *unit), strict=True)}
     if model.representation == "relaxing":
         learnt["rest"] = x.mean((0, 1))
-    seen, kind = x[:, : cut.history], model.coefficient_scale
-    origin = make_representation(base, learnt, cut, model, bodies).origin(seen)
+    seen, kind = x[:, : cfg.windows.history], model.coefficient_scale
+    origin = make_representation(base, learnt, cfg, bodies).origin(seen)
     mean, deviation = fit_scale(base, x - origin, kind)
-    of_condition = (mean, deviation) if model.representation == "pose" else fit_scale(base, pad_history(seen, cut.frames), kind)
+    of_condition = (mean, deviation) if model.representation == "pose" else fit_scale(base, pad_history(seen, frames), kind)
     scales = zip(SCALES, (mean, deviation, *of_condition), strict=True)
     return learnt | {f"scale.{name}": scale.clone() for name, scale in scales}
 
 
-def _facing(model: ModelConfig, bodies: Bodies) -> Bodies | None:
-    return bodies if model.heading == "body" else None
+def _facing(cfg: Config, bodies: Bodies) -> Bodies | None:
+    return bodies if cfg.model.heading == "body" else None
 
 
-def _turned_windows(
-    motions: Sequence[Motion], cut: WindowConfig, model: ModelConfig
-) -> Callable[[int, torch.Generator], Float[Tensor, "N T C"]]:
+def _turned_windows(cfg: Config, motions: Sequence[Motion]) -> Callable[[int, torch.Generator], Float[Tensor, "N T C"]]:
     """So many windows as they are drawn in training, turned if the model's are."""
-    source, bodies = training_windows(motions, cut), Bodies.of(motions)
+    source, facing = training_windows(motions, cfg.windows), _facing(cfg, Bodies.of(motions))
 
     def draw(count: int, generator: torch.Generator) -> Tensor:
         x = source.draw(count, generator)
-        return turned(x, x[:, : cut.history], _facing(model, bodies), -1)
+        return turned(x, x[:, : cfg.windows.history], facing, -1)
 
     return draw
 
 
-def learning_windows(
-    motions: Sequence[Motion], cut: WindowConfig, model: ModelConfig, count: int
-) -> Callable[[torch.Generator], Float[Tensor, "B T C"]]:
+def learning_windows(cfg: Config, motions: Sequence[Motion], count: int) -> Callable[[torch.Generator], Float[Tensor, "B T C"]]:
     """What a transform that learns is fitted on, a batch at a time: what is modelled, and what is conditioned on.
 
     Args:
+        cfg: how the clips are cut and drawn, and what is modelled.
         motions: training clips.
-        cut, model: how they are cut and drawn, and what is modelled.
         count: windows of a batch; a displacement has a condition that is a pose, so that B is twice as many.
     """
-    draw = _turned_windows(motions, cut, model)
+    draw = _turned_windows(cfg, motions)
 
     def both(generator: torch.Generator) -> Tensor:
         x = draw(count, generator)
-        if model.representation == "pose":
+        if cfg.model.representation == "pose":
             return x
-        observed = x[:, : cut.history]
-        return torch.cat([x - observed[:, -1:], pad_history(observed, cut.frames)])
+        observed = x[:, : cfg.windows.history]
+        return torch.cat([x - observed[:, -1:], pad_history(observed, cfg.windows.frames)])
 
     return both

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from typing import Any
 
 import torch
@@ -20,6 +20,9 @@ from mwlib.prediction.config import Config, EvaluationConfig, SamplingConfig, Wi
 from mwlib.prediction.objective import PredictionObjective
 from mwlib.prediction.predictor import CHUNK, Predictor
 
+__all__ = ["DETAILS", "METRICS", "Config", "evaluate", "load_data", "make_objective", "open_model", "preview"]
+
+MOST_NAMES = 12
 METRICS = {name: metric.column for name, metric in ERRORS.items()}  # the columns of every table
 # Beside them in a table of their own: is it a motion, and how does the error grow?
 DETAILS = {name: metric.column for name, metric in REALISM.items()} | {"worst": Column("worst window / still", "lower")}
@@ -125,11 +128,6 @@ def evaluate(cfg: Config, get_model: Callable[[], Predictor], split: Split, prog
     return {**{k: v for k, v in found.items() if k != "actions"}, "windows": len(test), "actions": actions}
 
 
-MOST_NAMES = 12
-
-__all__ = ["DETAILS", "METRICS", "Config", "evaluate", "load_data", "make_objective", "open_model", "preview"]
-
-
 def load_data(cfg: Config) -> Split:
     """Clips for training, validation and test; a warning names those too short to give any window.
 
@@ -152,14 +150,7 @@ def load_data(cfg: Config) -> Split:
     return split
 
 
-def make_objective(cfg: Config, data: Split, learnt: Mapping[str, Tensor]) -> PredictionObjective:
-    """What is trained."""
-    return PredictionObjective.of_split(cfg, data, learnt)
-
-
-def open_model(cfg: Config, weights: Mapping[str, Tensor], learnt: Mapping[str, Tensor], about: Mapping[str, str]) -> Predictor:
-    """The predictor that a training left; it samples as `cfg` says."""
-    return Predictor.from_tensors(cfg, weights, learnt, about)
+make_objective, open_model = PredictionObjective, Predictor.from_tensors
 
 
 def preview(cfg: Config, get_model: Callable[[], Predictor], data: Split) -> dict[str, Any]:

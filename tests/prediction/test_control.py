@@ -93,7 +93,7 @@ def test_the_mask_acts_in_the_first_steps_and_no_longer(model, space, monkeypatc
     """Of five steps, 0.6 are three; the target of each is seen where it is imposed."""
     predictor, x = model
     seen = []
-    steps = Predictor.steps
+    steps = Predictor._steps
 
     def watched(self, *args, after_step=None, on_y0_hat=None, **options):
         def counted(function, y, *others):
@@ -107,7 +107,7 @@ def test_the_mask_acts_in_the_first_steps_and_no_longer(model, space, monkeypatc
         }
         yield from steps(self, *args, **hooks, **options)
 
-    monkeypatch.setattr(Predictor, "steps", watched)
+    monkeypatch.setattr(Predictor, "_steps", watched)
     controlled(predictor, x, frame_mask(T, C, 15), 2, active=0.6, space=space)
     assert seen == [True, True, True, False, False]
 

@@ -6,13 +6,13 @@ import pytest
 import torch
 
 from mwlib.diffusion import alpha_bar, eps_of, noised, y0_hat_of
-from mwlib.prediction.guidance import TABG, attention_mask, guided, temporal_attention
+from mwlib.prediction.guidance import TABG, NetworkBranches, attention_mask, guided, temporal_attention
 
 A_BAR = alpha_bar("cosine", 1000)
 K, D = 9, 4
 
 
-class Fake:
+class Fake(NetworkBranches):
     """Two-branch "network" with made-up attention that counts its evaluations."""
 
     def __init__(self):

@@ -7,6 +7,7 @@ import pytest
 import torch
 
 from mwlib.body.motion import Motion
+from mwlib.data.sources import Split
 from mwlib.data.windows import TrainingWindows, windows
 from mwlib.diffusion import alpha_bar
 from mwlib.prediction.objective import DenoisingLoss, PredictionObjective
@@ -102,16 +103,16 @@ def test_noise_steps_are_drawn_from_one_to_the_last_but_never_zero():
 
 def test_only_the_training_people_are_trained_on():
     people = two_people()
-    objective = PredictionObjective.of_split(small(), people)
+    objective = PredictionObjective(small(), people)
     assert len(objective.windows.clips.flat) == sum(len(m) for m in people.train)
     assert torch.equal(objective.held_out, windows(people.validation, 6, 14, small().windows.test_stride).x)
-    alone = PredictionObjective(small(), people.train).learnt()
+    alone = PredictionObjective(small(), Split(people.train, [], [])).learnt()
     assert all(torch.equal(tensor, alone[name]) for name, tensor in objective.learnt().items())
 
 
 def test_validation_is_the_same_every_time_and_leaves_the_network_evaluating():
     cfg = small()
-    objective = PredictionObjective.of_split(cfg, two_people())
+    objective = PredictionObjective(cfg, two_people())
     network = objective.network.train()
     torch.nn.init.normal_(network.leave.weight, std=0.1)  # it starts at zero, and dropout would not show
     first = objective.validate(network)
@@ -127,7 +128,7 @@ def test_every_option_learns(prediction, changes):
         prediction=prediction, train_steps=80, lr=1e-2, lr_schedule="constant", dropout=0.0, attention_dropout=0.0, **changes
     )
     motions = [*two_people().train, *two_people().validation]
-    losses = [s.loss for s in train(lambda learnt: PredictionObjective(cfg, motions, (), learnt), cfg.training)]
+    losses = [s.loss for s in train(lambda learnt: PredictionObjective(cfg, Split(motions, [], []), learnt), cfg.training)]
     assert sum(losses[-10:]) < 0.95 * sum(losses[:10])
 
 
@@ -135,7 +136,7 @@ def test_scales_fit_what_the_network_sees_where_all_people_face_one_way():
     """Windows are turned in training: scales of unturned ones would leave coefficients many deviations wide."""
     cfg = small(coefficient_scale="coefficient")
     facing = [facing_x(motion) for motion in two_people().train]
-    objective = PredictionObjective(cfg, facing)
+    objective = PredictionObjective(cfg, Split(facing, [], []))
     y = objective.representation.encode(objective.draw(2000, torch.Generator().manual_seed(1)))
     alive = torch.from_numpy(objective.representation.motion.deviation > 2e-3 * objective.representation.motion.deviation.max())
     assert (y.std(0)[alive] - 1).abs().max() < 0.5
@@ -152,7 +153,7 @@ def test_one_window_has_no_scale():
     cfg = small(augment="none")
     still = two_people().train[0]
     with pytest.raises(ValueError, match="2048 windows, all alike; expected windows that differ"):
-        PredictionObjective(cfg, [still.cut(0, 21)])
+        PredictionObjective(cfg, Split([still.cut(0, 21)], [], []))
 
 
 @pytest.mark.parametrize("scale, most", [("none", 1), ("coefficient", 2048)])
@@ -160,5 +161,5 @@ def test_scales_come_from_few_windows_whatever_the_data(monkeypatch, scale, most
     """All windows of an hour of motion would not fit into memory one by one."""
     drawn, draw = [], TrainingWindows.draw
     monkeypatch.setattr(TrainingWindows, "draw", lambda self, batch, g: drawn.append(batch) or draw(self, batch, g))
-    PredictionObjective(small(coefficient_scale=scale), two_people().train)
+    PredictionObjective(small(coefficient_scale=scale), Split(two_people().train, [], []))
     assert drawn == [most]

@@ -155,7 +155,7 @@ def test_with_sampling_changes_the_sampling_alone(predictor, past):
     assert (other.sampling.guidance_weight, other.sampling.samples) == (0.9, 7)
     assert predictor.sampling.guidance_weight == 0.0, "the first one is left alone"
     assert other.with_sampling(guidance_weight=0.0, samples=3).sampling == predictor.sampling
-    for name in ("net", "representation", "diffusion", "bodies"):
+    for name in ("net", "representation", "alpha_bar", "bodies"):
         assert getattr(other, name) is getattr(predictor, name), name
     for changes in (dict(steps=100), dict(samples=2, schedule="linear"), dict(history=3)):
         with pytest.raises(ValueError, match="settings of the sampling"):

@@ -110,8 +110,8 @@ def test_a_periodic_autoencoder_is_fitted_once_for_both_parts_and_as_asked(split
 
 def test_an_autoencoder_learns_from_what_is_modelled_and_what_is_conditioned_on(split):
     cfg = small(representation="displacement", augment="none")
-    both = learning_windows(split.train, cfg.windows, cfg.model, 3)(torch.Generator().manual_seed(0))
-    poses = learning_windows(split.train, cfg.windows, small(augment="none").model, 3)(torch.Generator().manual_seed(0))
+    both = learning_windows(cfg, split.train, 3)(torch.Generator().manual_seed(0))
+    poses = learning_windows(small(augment="none"), split.train, 3)(torch.Generator().manual_seed(0))
     assert torch.equal(both[:3], poses - poses[:, H - 1 : H]) and torch.equal(both[3:], pad_history(poses[:, :H], H + F))
 
 

@@ -11,7 +11,14 @@ from mwlib.body.kinematics import turn_heading
 from mwlib.body.skeleton import H36M17
 from mwlib.data.windows import Bodies, windows
 from mwlib.prediction.objective import PredictionObjective
-from mwlib.prediction.representation import Representation, fit_scales, make_representation, make_transform, turned
+from mwlib.prediction.representation import (
+    Representation,
+    fit_scales,
+    make_representation,
+    make_transform,
+    restored_representation,
+    turned,
+)
 from tests.sample_settings import small, two_people
 
 H, F, C = 6, 14, 48
@@ -28,7 +35,7 @@ def fitted(x: torch.Tensor, **changes) -> Representation:
     base = make_transform(cfg.model, H + F, C, cfg.data.fps)
     bodies = Bodies.of(two_people().train)
     x = turned(x, x[:, :H], bodies if cfg.model.heading == "body" else None, -1)
-    return make_representation(base, fit_scales(base, x, cfg.windows, cfg.model, bodies), cfg.windows, cfg.model, bodies)
+    return make_representation(base, fit_scales(base, x, cfg, bodies), cfg, bodies)
 
 
 def held(x: torch.Tensor) -> torch.Tensor:
@@ -76,8 +83,7 @@ def test_a_relaxing_pose_by_hand(x):
         torch.testing.assert_close(origin[:, H - 1 + k], expected, atol=1e-5, rtol=0)
     modelled = found.motion.inverse(found.encode(x[:3]))
     torch.testing.assert_close(modelled, x[:3] - origin, atol=1e-4, rtol=0)
-    again = make_representation(found.motion.base, found.learnt(), small().windows, small(representation="relaxing").model,
-                                Bodies.of(two_people().train))  # fmt: skip
+    again = restored_representation(small(representation="relaxing"), found.learnt(), Bodies.of(two_people().train))
     torch.testing.assert_close(again.origin(x[:3, :H]), origin)
 
 
@@ -103,7 +109,7 @@ class Spy(torch.nn.Module):
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_the_condition_sees_no_future_frame(x, kind):
-    objective, spy = PredictionObjective(small(representation=kind), two_people().train), Spy()
+    objective, spy = PredictionObjective(small(representation=kind), two_people()), Spy()
     seen = []
     for change in (0.0, 1.0):
         batch = x[:32].clone()

@@ -104,5 +104,5 @@ def test_the_scale_of_half_precision_is_kept(tmp_path):
 def test_trainings_of_one_process_may_differ_in_precision():
     for precision in ("no", "bf16", "no"):
         cfg = small(train_steps=2, mixed_precision=precision)
-        losses = [s.loss for s in train(lambda learnt, cfg=cfg: PredictionObjective.of_split(cfg, two_people()), cfg.training)]
+        losses = [s.loss for s in train(lambda learnt, cfg=cfg: PredictionObjective(cfg, two_people()), cfg.training)]
         assert len(losses) == 2

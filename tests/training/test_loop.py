@@ -64,9 +64,9 @@ def test_a_finished_training_goes_no_further(finished):
 
 def test_validation_comes_with_the_checkpoints():
     cfg = small(train_steps=7, checkpoint_every=3)
-    steps = list(train(lambda learnt: PredictionObjective.of_split(cfg, two_people(), learnt), cfg.training))
+    steps = list(train(lambda learnt: PredictionObjective(cfg, two_people(), learnt), cfg.training))
     assert [s.step for s in steps if s.validation is not None] == [3, 6, 7]
-    alone = list(train(lambda learnt: PredictionObjective(cfg, two_people().train, (), learnt), cfg.training))
+    alone = list(train(lambda learnt: PredictionObjective(cfg, two_people()._replace(validation=[]), learnt), cfg.training))
     assert all(s.validation is None for s in alone) and [s.loss for s in alone] == [s.loss for s in steps]
 
 
@@ -133,11 +133,11 @@ class Watched(PredictionObjective):
 def test_half_precision_stays_within_the_network(one_precision):
     """Transform, scales, schedule and target are those of float32."""
     cfg = small(mixed_precision="bf16", train_steps=1, representation="displacement")
-    watched = Watched.of_split(cfg, two_people()._replace(validation=[]))
+    watched = Watched(cfg, two_people()._replace(validation=[]))
     (step,) = train(lambda learnt: watched, cfg.training)
     assert watched.inside and not watched.outside and step.loss > 0
     y_t, t = watched.given
-    alone = PredictionObjective.of_split(cfg, two_people()._replace(validation=[]))
+    alone = PredictionObjective(cfg, two_people()._replace(validation=[]))
     expected = alone.representation.encode(watched.batch)
     torch.testing.assert_close(watched.target, expected, rtol=0, atol=1e-6)
     with seeded(cfg.training.seed, 1, 0) as generator:

@@ -26,6 +26,8 @@ MUTANTS = [
         ("every-step-draws-the-same", "seeded(settings.seed, state.step + 1, ", "seeded(settings.seed, 1, "),
         ("validation-of-the-raw-weights", "objective.validate(state.average.averaged())", "objective.validate(network.eval())",
          "training/test_loop.py::test_the_validation_is_of_the_averaged_weights"),
+        ("validation-with-dropout", "self.held_out_loss(network.eval(), generator)", "self.held_out_loss(network, generator)",
+         "prediction/test_objective.py"),
         ("half-precision-everywhere", "with seeded(settings.seed,", "with accelerator.autocast(), seeded(settings.seed,",
          "training/test_loop.py::test_half_precision_stays_within_the_network"),
         ("precision-ignored", "Accelerator(mixed_precision=settings.mixed_precision)", "Accelerator()",
