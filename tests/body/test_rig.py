@@ -1,16 +1,16 @@
-"""Forward kinematics of rotations, and motions that carry them: cut, resampled, turned, mirrored, carried over."""
+"""Kinematics of rotations and of headings; motions that carry rotations: cut, resampled, turned, mirrored, carried over."""
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
-import jaxtyping
 import numpy as np
 import pytest
 import torch
 from scipy.spatial.transform import Rotation, Slerp
 
-from mwlib.body.kinematics import bone_lengths, fk, forward_kinematics, places, turn_heading
+from mwlib.body.kinematics import bone_lengths, fk, forward_kinematics, heading, places, scale_bones, turn_heading
 from mwlib.body.motion import Motion
 from mwlib.body.rig import ANGLES, MOVES, Rig
 from mwlib.body.rotation import continuous, euler_quaternions, from_six
@@ -83,12 +83,12 @@ def test_fk_of_two_quarter_turns():
     torch.testing.assert_close(world[2].abs(), torch.tensor([0.0, 0, 0, 1]))
 
 
-def test_fk_has_gradients():
+@pytest.mark.parametrize("function, numbers", [(fk, 4), (places, 6)])
+def test_kinematics_have_gradients(function, numbers):
     rng = np.random.default_rng(2)
-    shapes = {"q": (2, 7, 4), "offsets": (7, 3), "root": (2, 3)}
-    given = [torch.from_numpy(rng.normal(size=shape)).requires_grad_() for shape in shapes.values()]
+    given = [torch.from_numpy(rng.normal(size=shape)).requires_grad_() for shape in ((2, 7, numbers), (7, 3), (2, 3))]
     given[0].data = torch.nn.functional.normalize(given[0].data, dim=-1)
-    assert torch.autograd.gradcheck(lambda q, offsets, root: fk(q, offsets, root, TREE), given)
+    assert torch.autograd.gradcheck(lambda turns, offsets, root: function(turns, offsets, root, TREE), given)
 
 
 @pytest.mark.parametrize("skeleton", [LAFAN1, H36M17, TREE, Skeleton("bone", ("a", "b"), (-1, 0))])
@@ -106,17 +106,6 @@ def test_places_of_six_numbers_are_those_of_fk_with_the_same_gradients(skeleton)
     torch.testing.assert_close(places(numbers[1, 2], offsets[1, 0], root[1, 2], skeleton), found[1, 2])
     single = places(numbers.float(), offsets.float(), root.float(), skeleton)
     torch.testing.assert_close(single.double(), found, rtol=0, atol=1e-5)
-
-
-def test_places_have_gradients():
-    rng = np.random.default_rng(2)
-    given = [torch.from_numpy(rng.normal(size=shape)).requires_grad_() for shape in ((2, 7, 6), (7, 3), (2, 3))]
-    assert torch.autograd.gradcheck(lambda numbers, offsets, root: places(numbers, offsets, root, TREE), given)
-
-
-@pytest.mark.parametrize("moving", [False, True])
-def test_a_motion_agrees_with_its_rig(moving):
-    agrees(motion(moving=moving))
 
 
 def test_a_rig_that_stands_elsewhere_is_refused():
@@ -149,17 +138,17 @@ def test_a_rig_far_away_is_no_other_pose():
         ({"channels": (None,) * 7}, "End Site of the rig has children"),
     ],
 )
-def test_a_rig_that_makes_no_sense_is_refused(change, message, monkeypatch):
-    monkeypatch.setattr(jaxtyping.config, "jaxtyping_disable", True)  # the check that users have is the one that is tested
+def test_a_rig_that_makes_no_sense_is_refused(change, message, unchecked):
     with pytest.raises(ValueError, match=message):
         replace(rig(), **change)
 
 
 @pytest.mark.parametrize("moving", [False, True])
-def test_cutting_cuts_both(moving):
-    cut = motion(moving=moving).cut(7, 20)
-    agrees(cut)
-    np.testing.assert_array_equal(cut.rig.rotations, motion(moving=moving).rig.rotations[7:20])
+def test_a_motion_agrees_with_its_rig_and_so_does_a_part(moving):
+    whole = motion(moving=moving)
+    for part in (whole, whole.cut(7, 20)):
+        agrees(part)
+    np.testing.assert_array_equal(whole.cut(7, 20).rig.rotations, whole.rig.rotations[7:20])
 
 
 @pytest.mark.parametrize("moving", [False, True])
@@ -244,12 +233,8 @@ def test_a_rig_whose_sides_differ_has_no_mirror_image():
 
 
 def test_carrying_over_drops_the_rotations_and_staying_keeps_them():
-    rng = np.random.default_rng(3)
-    q = torch.nn.functional.normalize(torch.from_numpy(rng.normal(size=(1, 22, 4))), dim=-1).numpy()
-    made = Rig(LAFAN1, rng.normal(size=(22, 3)), q, np.zeros((1, 3)), tuple(range(22)), (MOVES + ANGLES,) * 22)
-    whole = Motion(made.positions(), 30.0, LAFAN1, up="y", rig=made)
-    assert whole.retarget(H36M17).rig is None
-    assert whole.retarget(LAFAN1).rig is made
+    whole = lafan()
+    assert whole.retarget(H36M17).rig is None and whole.retarget(LAFAN1).rig is whole.rig is not None
 
 
 def test_rotations_of_the_world_are_those_of_the_chain():
@@ -342,3 +327,38 @@ def test_rooting_and_mirroring_can_be_exchanged(unrooted):
     one, other = rig.mirrored(order).rooted(), rig.rooted().mirrored(order)
     np.testing.assert_allclose(one.positions(), other.positions(), atol=1e-5)
     np.testing.assert_allclose(one.offsets[1:], other.offsets[1:], atol=1e-6)
+
+
+def test_turn():
+    x = torch.tensor([[1.0, 2.0, 3.0]])
+    quarter = torch.tensor(math.pi / 2)
+    torch.testing.assert_close(turn_heading(x, quarter), torch.tensor([[-2.0, 1.0, 3.0]]))
+    torch.testing.assert_close(turn_heading(x, quarter, up="y"), torch.tensor([[-3.0, 2.0, 1.0]]))
+
+
+@pytest.mark.parametrize("up", ["z", "y"])
+def test_the_heading_turns_with_the_body(up):
+    """It is that of the hips, the sides nearest the root, and no other joint's."""
+    generator = torch.Generator().manual_seed(0)
+    pose, angle = torch.randn(40, 48, generator=generator), torch.linspace(-3, 3, 40)
+    turned = turn_heading(pose[:, None], angle, up)[:, 0]
+    found = heading(turned, H36M17, up) - heading(pose, H36M17, up) - angle
+    assert ((found + math.pi) % (2 * math.pi) - math.pi).abs().max() < 1e-4
+    ahead = turn_heading(pose[:, None], -heading(pose, H36M17, up), up)[:, 0].unflatten(-1, (-1, 3))
+    hips = ahead[:, H36M17.joints.index("left_hip") - 1] - ahead[:, H36M17.joints.index("right_hip") - 1]
+    assert hips[:, 0].min() > 0 and hips[:, {"z": 1, "y": 2}[up]].abs().max() < 1e-4
+    with pytest.raises(ValueError, match="stick has no left and right joints"):
+        heading(torch.zeros(3), Skeleton("stick", ("root", "tip"), (-1, 0)))
+
+
+def test_scaled_bones_by_hand():
+    """A joint comes to lie where its own bone and all those above it put it."""
+    x = torch.randn(5, 48, generator=torch.Generator().manual_seed(0), dtype=torch.float64)
+    factor = torch.rand(16, generator=torch.Generator().manual_seed(1), dtype=torch.float64) + 0.5
+    joints = torch.cat([torch.zeros(5, 1, 3, dtype=torch.float64), x.unflatten(-1, (-1, 3))], dim=1)
+    expected = torch.zeros_like(joints)
+    for joint, parent in enumerate(H36M17.parents):
+        if parent >= 0:
+            expected[:, joint] = expected[:, parent] + factor[joint - 1] * (joints[:, joint] - joints[:, parent])
+    torch.testing.assert_close(scale_bones(x, factor[None], H36M17), expected[:, 1:].flatten(1))
+    torch.testing.assert_close(scale_bones(x, torch.ones(1, 16, dtype=torch.float64), H36M17), x)

@@ -38,9 +38,8 @@ def test_euler_quaternions_are_scipys_and_those_of_the_matrices(axes):
     found = rotation.euler_quaternions(axes, angles)
     expected = Rotation.from_euler(axes.upper(), angles).as_quat()[:, [3, 0, 1, 2]]
     same_turn(found, expected)
-    np.testing.assert_allclose(
-        rotation.matrix(torch.from_numpy(found)).numpy(), rotation.euler_matrices(axes, angles), atol=1e-12
-    )
+    matrices = rotation.matrix(torch.from_numpy(found)).numpy()
+    np.testing.assert_allclose(matrices, rotation.euler_matrices(axes, angles), atol=1e-12)
 
 
 def test_no_axis_is_no_turn():
@@ -62,9 +61,8 @@ def test_euler_angles_come_back_beyond_half_turns_and_without_jumps(axes):
 
 @pytest.mark.parametrize("axes", [axes for axes in ORDERS if len(axes) == 3])
 def test_euler_angles_at_gimbal_lock_make_the_same_turn(axes):
-    angles = np.array(
-        [[0.3, np.pi / 2, 0.4], [0.3, -np.pi / 2, 0.4], [0.3, np.pi / 2 + 1e-8, -2.0], [0.3, np.pi / 2 - 1e-6, 3.0]]
-    )
+    lock = np.pi / 2
+    angles = np.array([[0.3, lock, 0.4], [0.3, -lock, 0.4], [0.3, lock + 1e-8, -2.0], [0.3, lock - 1e-6, 3.0]])
     quaternions = rotation.euler_quaternions(axes, angles)
     same_turn(rotation.euler_quaternions(axes, rotation.euler_angles(axes, quaternions)), quaternions, atol=1e-13)
 
@@ -98,9 +96,8 @@ def test_slerp_is_scipys_along_the_shorter_way():
     torch.testing.assert_close(rotation.slerp(a, b, torch.zeros(20)), a)
     x = torch.tensor([[1.0, 0, 0, 0], [0.5**0.5, 0.5**0.5, 0, 0]], dtype=torch.float64)
     for end in (x[1], -x[1]):
-        torch.testing.assert_close(
-            rotation.slerp(x[0], end, torch.tensor(0.5)), x.new_tensor([0.92388, 0.382683, 0, 0]), atol=1e-6, rtol=0
-        )
+        half = rotation.slerp(x[0], end, torch.tensor(0.5))
+        torch.testing.assert_close(half, x.new_tensor([0.92388, 0.382683, 0, 0]), atol=1e-6, rtol=0)
 
 
 def test_slerp_between_equal_and_nearly_equal_turns():
@@ -144,13 +141,8 @@ def test_gradients(function):
     v = [torch.from_numpy(RNG.normal(size=(3, 2, 3))).requires_grad_() for _ in "ab"]
     share = torch.full((3, 2), 0.3, dtype=torch.float64, requires_grad=True)
     arguments = {
-        "multiply": q,
-        "rotate": (q[0], v[0]),
-        "matrix": q[:1],
-        "slerp": (*q, share),
-        "shortest_arc": v,
-        "continuous": q[:1],
-    }
+        "multiply": q, "rotate": (q[0], v[0]), "matrix": q[:1], "slerp": (*q, share), "shortest_arc": v, "continuous": q[:1],
+    }  # fmt: skip
     assert torch.autograd.gradcheck(getattr(rotation, function), tuple(arguments[function]))
 
 

@@ -1,16 +1,19 @@
-"""Encoders of sentences: words, masks, unknown words, and what a checkpoint holds."""
+"""Encoders of sentences: words, masks, unknown words, what a checkpoint holds; CLIP's tower on a stand-in for its library."""
 
 from __future__ import annotations
 
 import copy
+import sys
 import time
 import zlib
+from types import SimpleNamespace
 
 import pytest
 import torch
 from safetensors.torch import load, save
 
-from mwlib.networks import EncodedText, HashedNgrams, WordTransformer, vocabulary_of, words_of
+from mwlib.networks import ClipText, EncodedText, HashedNgrams, WordTransformer, vocabulary_of, words_of
+from mwlib.networks.layers import sinusoids
 
 WORDS = ("a", "and", "circle", "in", "man", "person", "walks", "waves")
 TEXTS = ["A man walks in a circle.", "a person waves", ""]
@@ -30,17 +33,8 @@ BOTH = pytest.mark.parametrize("make", [learned, hashed])
 
 
 def test_words():
-    assert words_of("A man doesn’t run-walk; he's at 3 o'clock!") == [
-        "a",
-        "man",
-        "doesn't",
-        "run",
-        "walk",
-        "he's",
-        "at",
-        "3",
-        "o'clock",
-    ]
+    said = "A man doesn’t run-walk; he's at 3 o'clock!"
+    assert words_of(said) == ["a", "man", "doesn't", "run", "walk", "he's", "at", "3", "o'clock"]
     assert words_of(" ...\n") == []
     assert vocabulary_of(TEXTS) == ("a", "circle", "in", "man", "person", "walks", "waves")
     assert vocabulary_of(TEXTS, at_least=2) == ("a",)
@@ -61,13 +55,12 @@ def test_a_sentence_alone_and_among_longer_ones_is_the_same(make):
 
 
 @BOTH
-def test_what_is_pooled(make):
-    for pooling in ("mean", "first"):
-        encoder = make(pooling=pooling)
-        found = encoder(TEXTS)
-        for i, n in enumerate((7, 4, 1)):
-            expected = found.tokens[i, :n].mean(0) if pooling == "mean" else found.tokens[i, 0]
-            torch.testing.assert_close(found.pooled[i], expected, atol=1e-6, rtol=1e-5)
+@pytest.mark.parametrize("pooling", ["mean", "first"])
+def test_what_is_pooled(make, pooling):
+    found = make(pooling=pooling)(TEXTS)
+    for i, n in enumerate((7, 4, 1)):
+        expected = found.tokens[i, :n].mean(0) if pooling == "mean" else found.tokens[i, 0]
+        torch.testing.assert_close(found.pooled[i], expected, atol=1e-6, rtol=1e-5)
 
 
 @BOTH
@@ -88,7 +81,6 @@ def test_unknown_words_share_one_token():
 
 def test_without_layers_a_sentence_is_a_bag_of_words_with_places():
     encoder = learned(layers=0)
-    from mwlib.networks.layers import sinusoids
 
     expected = encoder.words.weight[[1, 7, 9]] + sinusoids(torch.arange(3), 16)
     torch.testing.assert_close(encoder(["man walks"]).tokens[0], expected)
@@ -134,11 +126,9 @@ def test_hashes_by_hand():
 
 def test_unseen_words_are_near_those_they_look_like():
     encoder = hashed(layers=0, buckets=4096)
-    walks, walking, waves, jumps = (
-        encoder._embed(encoder.numbers([word]))[0, 1] for word in ("walks", "walking", "waves", "jumps")
-    )
-    near = lambda other: torch.cosine_similarity(walks, other, dim=0)  # noqa: E731
-    assert near(walking) > near(waves) and near(walking) > near(jumps) + 0.2
+    vectors = encoder._embed(encoder.numbers(["walks", "walking", "waves", "jumps"]))[:, 1]
+    walking, waves, jumps = torch.cosine_similarity(vectors[:1], vectors[1:])
+    assert walking > waves and walking > jumps + 0.2
 
 
 def test_hashed_vectors_do_not_depend_on_words_met_before():
@@ -184,11 +174,12 @@ def test_words_are_numbered_quickly(make, unchecked):
     assert min(times) < 0.005
 
 
-@BOTH
+@pytest.mark.parametrize("make", [learned, hashed, ClipText])
 @pytest.mark.parametrize("texts", ["a man", [], ()])
-def test_what_is_no_list_of_sentences_is_refused(make, texts):
+def test_what_is_no_list_of_sentences_is_refused(make, texts, folder):
+    encoder = make(folder) if make is ClipText else make()
     with pytest.raises(ValueError, match="expected a sequence of at least one sentence"):
-        make()(texts)
+        encoder(texts)
 
 
 @pytest.mark.parametrize(
@@ -206,3 +197,151 @@ def test_what_is_no_list_of_sentences_is_refused(make, texts):
 def test_bad_settings(make, change, message, unchecked):
     with pytest.raises(ValueError, match=message):
         make(**change)
+
+
+START, END = 98, 99
+
+
+class StandIn(torch.nn.Module):
+    """A tower whose tokens see those before them only, as the library's: running sums of embeddings."""
+
+    def __init__(self, projection: int = 4) -> None:
+        super().__init__()
+        self.config = SimpleNamespace(hidden_size=4, projection_dim=projection)
+        self.embedding = torch.nn.Embedding(100, 4)
+        self.place = torch.nn.Parameter(torch.randn(77, 4))
+        self.project = torch.nn.Linear(4, projection)
+        self.calls: list[torch.Tensor] = []
+
+    @classmethod
+    def from_pretrained(cls, folder, local_files_only, output_loading_info):
+        assert local_files_only and output_loading_info
+        torch.manual_seed(0)
+        said = (folder / "config.json").read_text()
+        return cls(int(said[0])), {"missing_keys": said.split()[1:]}
+
+    def forward(self, input_ids):
+        self.calls.append(input_ids)
+        tokens = (self.embedding(input_ids) + self.place[: input_ids.shape[1]]).cumsum(1)
+        pooled = tokens[torch.arange(len(tokens)), input_ids.argmax(1)]
+        return SimpleNamespace(last_hidden_state=tokens, text_embeds=self.project(pooled))
+
+
+class Tokenizer:
+    @classmethod
+    def from_pretrained(cls, folder, local_files_only):
+        assert local_files_only
+        return cls()
+
+    def __call__(self, texts, truncation, max_length):
+        assert isinstance(texts, list) and truncation
+        rows = [[START, *(1 + len(word) for word in text.split())][: max_length - 1] + [END] for text in texts]
+        return {"input_ids": rows}
+
+
+def logging() -> SimpleNamespace:
+    """What the library shows while it opens a file."""
+    shown = SimpleNamespace(level=30, bar=True)
+    shown.get_verbosity, shown.is_progress_bar_enabled = lambda: shown.level, lambda: shown.bar
+    shown.set_verbosity = lambda level: setattr(shown, "level", level)
+    shown.set_verbosity_error = lambda: setattr(shown, "level", 40)
+    shown.enable_progress_bar, shown.disable_progress_bar = (
+        lambda: setattr(shown, "bar", True),
+        lambda: setattr(shown, "bar", False),
+    )
+    return shown
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    """The files of a tower, and the library."""
+    for name in ("model.safetensors", "tokenizer.json"):
+        (tmp_path / name).touch()
+    (tmp_path / "config.json").write_text("4")
+    utils = SimpleNamespace(logging=logging())
+    library = SimpleNamespace(CLIPTextModelWithProjection=StandIn, CLIPTokenizer=Tokenizer, utils=utils)
+    monkeypatch.setitem(sys.modules, "transformers", library)
+    return tmp_path
+
+
+def test_a_missing_library_says_what_to_install(monkeypatch, tmp_path):
+    monkeypatch.setitem(sys.modules, "transformers", None)
+    with pytest.raises(ImportError, match=r"transformers, which is not installed; install it with: pip install .*\[clip\]"):
+        ClipText(tmp_path)
+
+
+def test_missing_files_say_where_to_get_them_and_where_to_put_them(folder):
+    (folder / "model.safetensors").unlink()
+    (folder / "tokenizer.json").unlink()
+    with pytest.raises(FileNotFoundError) as error:
+        ClipText(folder)
+    missing = "no model.safetensors or pytorch_model.bin, no tokenizer.json or vocab.json"
+    assert str(error.value).startswith(f"{folder} has {missing}; expected")
+    assert "https://huggingface.co/openai/clip-vit-base-patch32 into that folder" in str(error.value)
+
+
+def test_another_tower_and_bad_lengths_are_refused(folder):
+    (folder / "config.json").write_text("3")
+    with pytest.raises(ValueError, match="4 numbers per token and 3 per sentence; expected that of ViT-B/32"):
+        ClipText(folder)
+    (folder / "config.json").write_text("4 text.late text.early")
+    with pytest.raises(ValueError, match="has no weights for text.early, one of 2; expected CLIP ViT-B/32 from https"):
+        ClipText(folder)
+    shown = sys.modules["transformers"].utils.logging
+    assert shown.level == 30 and shown.bar  # as they were
+    for longest in (0, 76):
+        with pytest.raises(ValueError, match=f"longest is {longest}; expected 1 to 75"):
+            ClipText(folder, longest=longest)
+
+
+def test_tokens_and_sentence_vectors(folder):
+    """Sentences have the tower's own output, cut to 20 tokens between start and end; padding is zeros and masked."""
+    encoder = ClipText(str(folder))
+    long = " ".join(["waves"] * 30)
+    found = encoder(["a man walks", "run", long])
+    assert encoder.width == 4 and found.tokens.shape == (3, 22, 4) and found.mask.sum(1).tolist() == [5, 3, 22]
+    rows = [[START, 2, 4, 6, END], [START, 4, END], [START, *[6] * 20, END]]
+    tower = encoder._tower.network
+    assert [row[: len(ids)].tolist() for row, ids in zip(tower.calls[0], rows, strict=True)] == rows
+    assert tower.calls[0][0, 5:].abs().max() == 0
+    for i, ids in enumerate(rows):
+        out = tower(torch.tensor([ids]))
+        torch.testing.assert_close(found.tokens[i, : len(ids)], out.last_hidden_state[0])
+        torch.testing.assert_close(found.pooled[i], out.text_embeds[0])
+    assert ClipText(folder, longest=75)([long]).tokens.shape == (1, 32, 4)
+
+
+def test_padding_may_count_as_tokens(folder):
+    encoder = ClipText(folder, longest=75, padded=True)
+    found = encoder(["a man walks", "run"])
+    assert found.tokens.shape == (2, 77, 4) and found.mask.all()
+    padded = torch.tensor([[START, 4, END] + [0] * 74])
+    torch.testing.assert_close(found.tokens[1:], encoder._tower.network(padded).last_hidden_state)
+
+
+def test_known_sentences_are_not_encoded_again(folder):
+    encoder = ClipText(folder, keep=3)
+    calls = encoder._tower.network.calls
+    first = encoder(["a", "b c", "a"])
+    assert len(calls) == 1 and len(calls[0]) == 2
+    again = encoder(["b c", "a"])
+    assert len(calls) == 1
+    torch.testing.assert_close(again.pooled, first.pooled[[1, 0]])
+    encoder(["d", "e"])
+    assert [*encoder._tower.known] == ["b c", "d", "e"]
+    assert len(encoder(["f", "g", "h", "i", "j"]).pooled) == 5 and len(encoder._tower.known) == 3
+    forgetful = ClipText(folder, keep=0)
+    forgetful(["a"]), forgetful(["a"])
+    assert len(forgetful._tower.network.calls) == 2
+
+
+def test_the_tower_neither_learns_nor_is_saved_nor_copied(folder):
+    encoder = ClipText(folder)
+    assert not [*encoder.parameters()] and not encoder.state_dict()
+    assert copy.deepcopy(encoder)._tower is encoder._tower
+    tower = encoder.train()._tower.network
+    assert not tower.training and not any(p.requires_grad for p in tower.parameters())
+    assert not encoder(["a man"]).pooled.requires_grad
+    assert tower.place.dtype == torch.float32
+    encoder.to(torch.float64)
+    assert tower.place.dtype == torch.float64  # moves with it

@@ -4,7 +4,25 @@ from tests.mutants.mutant import of
 
 MUTANTS = [
     *of(
-        "body/kinematics.py", "body/test_heading.py",
+        "body/fitting.py", "body/test_fitting.py",
+        ("reflections-allowed", "sign[:, 2] = torch.det(u @ v).sign()", "pass"),
+        ("twist-may-jump", "angle.abs() > JUMP", "angle.abs() > 99.0"),
+        ("bones-of-mean-length", ".median(dim=0).values", ".mean(dim=0)"),
+        ("aimed-from-where-the-joint-was", "places[child] = places[joint] + rotate(turns[joint], rest[child])",
+         "places[child] = target[:, child]"),
+        ("rest-pose-faces-backward", "across.new_tensor([1.0, 0.0,", "across.new_tensor([-1.0, 0.0,"),
+    ),
+    *of(
+        "body/motion.py", "body/test_rig.py",
+        ("resampled-without-the-next-frame", "high = np.minimum(low + 1, len(self) - 1)", "high = low"),
+        ("chords-in-spite-of-a-rig", "positions[between] = rig.pick(between).positions()", "pass"),
+        ("left-becomes-right", "turned = (x, -z, y) if to_z", "turned = (x, z, y) if to_z"),
+        ("mirrored-without-an-exchange", "self.positions[:, order] * flip", "self.positions * flip"),
+        ("rigs-elsewhere-are-taken", "            self._check_rig(self.rig)", "            pass"),
+        ("other-skeletons-keep-their-rig", "[:, picked], skeleton=skeleton, rig=None", "[:, picked], skeleton=skeleton"),
+    ),
+    *of(
+        "body/kinematics.py", "body/test_rig.py",
         ("heading-of-the-shoulders", "key=lambda pair: depth[pair[0]]", "key=lambda pair: -depth[pair[0]]"),
         ("heading-from-left-to-right",
          "torch.atan2(across[..., b], across[..., a])", "torch.atan2(-across[..., b], -across[..., a])"),

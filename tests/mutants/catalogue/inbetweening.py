@@ -4,6 +4,14 @@ from tests.mutants.mutant import of
 
 MUTANTS = [
     *of(
+        "inbetweening/config.py", "inbetweening/test_config.py",
+        ("one-sine-too-many", "task.gap - 2 * (m.tokens", "task.gap - (m.tokens"),
+        ("a-past-of-one-has-a-velocity", "m.coast and task.past < 2", "m.coast and task.past < 1"),
+        ("a-past-that-nobody-sees", "(task.past > 1, f", "(task.past > 9, f"),
+        ("other-data-the-same-people", "if changes.get(\"data\", base.data.data) != base.data.data:", "if False:"),
+        ("test-windows-are-trained-on", '"sampling", "imposing", "test_stride",', '"sampling", "imposing",'),
+    ),
+    *of(
         "inbetweening/gaussian.py", "inbetweening/test_gaussian.py",
         ("gaussian-mean-of-the-wrong-sign", "mean[free] = gain @ self.target[given]", "mean[free] = -gain @ self.target[given]"),
         ("gaussian-noise-not-shrunk", "(1 - a) ** 0.5 / (a * variances + 1 - a)", "(1 - a) ** 0.5 / (variances + 1 - a)"),

@@ -4,6 +4,18 @@ from tests.mutants.mutant import of
 
 MUTANTS = [
     *of(
+        "networks/translinear.py", "networks/test_translinear.py",
+        ("skips-in-the-order-held", "h = h + skips.pop()", "h = h + skips.pop(0)"),
+        ("style-without-the-stream", "self.norm(h), 1 + scale", "self.norm(h), scale"),
+        ("condition-always-counts", "added = added * keep.reshape(-1, 1)", "pass"),
+        ("attention-of-the-first-block", "i in (half - 1, half)", "i in (0, half)"),
+        ("time-with-sines-first", "torch.cat([angle.cos(), angle.sin()]", "torch.cat([angle.sin(), angle.cos()]"),
+    ),
+    *of(
+        "networks/layers.py", "networks/test_translinear.py",
+        ("dropout-without-its-scale", ".mul_(256 / (256 - self.dropped))", ""),
+    ),
+    *of(
         "networks/matching.py", "networks/test_matching.py",
         ("all-read-to-the-padded-end", "pack_padded_sequence(self.input_emb(x), lengths.cpu()",
          "pack_padded_sequence(self.input_emb(x), torch.full_like(lengths, x.shape[1]).cpu()",
@@ -16,19 +28,20 @@ MUTANTS = [
          "networks/test_matching.py::test_contacts_are_not_looked_at_and_all_else_is"),
     ),
     *of(
-        "networks/layers.py", "networks/test_mdm.py",
+        "networks/layers.py", "networks/test_denoisers.py",
         ("sines-and-cosines-exchanged", "torch.stack([angle.sin(), angle.cos()]", "torch.stack([angle.cos(), angle.sin()]"),
         ("norm-before-the-attention", "x = self.norm1(src + self.after(", "x = src + self.norm1(self.after("),
         ("tokens-that-are-masked-are-seen", "else ~mask)", "else mask & False)"),
     ),
     *of(
-        "networks/mdm.py", "networks/test_mdm.py",
+        "networks/mdm.py", "networks/test_denoisers.py",
         ("a-part-valid-token-with-noise-in-it", "y_t = y_t.masked_fill(~mask[..., None], 0.0)", "y_t = y_t + 0.0"),
         ("a-token-valid-when-all-of-it-is", "unflatten(1, (-1, size)).any(-1)", "unflatten(1, (-1, size)).all(-1)"),
-        ("the-told-are-dropped", "text.pooled.masked_fill(drop[:, None], 0.0)", "text.pooled.masked_fill(~drop[:, None], 0.0)"),
+        ("those-with-a-sentence-are-dropped",
+         "text.pooled.masked_fill(drop[:, None], 0.0)", "text.pooled.masked_fill(~drop[:, None], 0.0)"),
     ),
     *of(
-        "networks/unet1d.py", "networks/test_unet1d.py",
+        "networks/unet1d.py", "networks/test_denoisers.py",
         ("second-convolution-sees-padding", "h = h if valid is None else h * valid", "h = h + 0"),
         ("padding-in-linear-attention", "k = k.masked_fill(~mask[:, None, :, None], float(\"-inf\")).softmax(dim=2)",
          "k = k.softmax(dim=2)"),
@@ -43,9 +56,6 @@ MUTANTS = [
         ("words-of-before-loading", "self._learn_numbers(self.vocabulary_in({\"spelling\": self.spelling}))", "pass"),
         ("sums-in-the-order-met", "sorted(range(len(hashes)), key=hashes.__getitem__)", "list(range(len(hashes)))",
          "networks/test_text.py::test_hashed_vectors_do_not_depend_on_words_met_before"),
-    ),
-    *of(
-        "networks/text.py", "networks/test_clip_text.py",
         ("clip-cut-without-its-ends", "max_length=self.longest + 2)", "max_length=self.longest)"),
     ),
 ]  # fmt: skip
