@@ -10,7 +10,7 @@ MUTANTS = [
         ("bones-of-mean-length", ".median(dim=0).values", ".mean(dim=0)"),
         ("aimed-from-where-the-joint-was", "places[child] = places[joint] + rotate(turns[joint], rest[child])",
          "places[child] = target[:, child]"),
-        ("rest-pose-faces-backward", "across.new_tensor([1.0, 0.0,", "across.new_tensor([-1.0, 0.0,"),
+        ("rest-pose-faces-backward", "across.new_tensor([1.0, 0.0, 0.0])), bones", "across.new_tensor([-1.0, 0.0, 0.0])), bones"),
     ),
     *of(
         "body/motion.py", "body/test_rig.py",
