@@ -47,17 +47,16 @@ def runnable(*cells: str, last: str = FINISH) -> NotebookNode:
 
 
 WRITES_ITSELF = """import hashlib, json, pathlib
-text = json.dumps({name: value for name, value in given.items() if name != "out"}, sort_keys=True)
+given = dict(preset=preset, data=data, level=level, lr=lr, names=names)
+text = json.dumps(given, sort_keys=True)
 digest = hashlib.sha256(text.encode()).hexdigest()[:8]
 tree = {"status": "finished", "hash": digest, "depends": {}, "metrics": {}}
 pathlib.Path(out, "metrics.json").write_text(json.dumps(tree))"""
 
 
-def bare(*cells: str, parameters: str = PARAMETERS) -> NotebookNode:
+def bare(*cells: str, last: str = WRITES_ITSELF) -> NotebookNode:
     """A notebook that gets to its end without mwlib, in a fraction of the time."""
-    names = [line.split(":")[0] for line in parameters.splitlines()]
-    given = f"given = dict({', '.join(f'{name}={name}' for name in names)})"
-    return new_notebook(cells=[code(parameters, "parameters"), *map(code, (*cells, f"{given}\n{WRITES_ITSELF}"))])
+    return new_notebook(cells=[code(PARAMETERS, "parameters"), *map(code, (*cells, last))])
 
 
 def save(notebook: NotebookNode, folder: Path, stem: str = "01_sample") -> Path:

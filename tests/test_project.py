@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import ast
-import os
 import re
 import shutil
 import subprocess
@@ -16,9 +15,11 @@ import pytest
 import yaml
 from packaging.requirements import Requirement
 from packaging.utils import canonicalize_name
+from snakemake import cli
 
 import mwlib
 from mwlib.files import write_atomic
+from tests.forked import done
 from tests.sample_notebooks import code, runnable, save
 
 ROOT = Path(__file__).parents[1]
@@ -113,13 +114,11 @@ def test_make_says_which_python_it_needs(tmp_path, answer, message):
 
 def snakemake(folder: Path, *words: str, preset: str = "tiny") -> str:
     """The course's Snakefile on a folder of notebooks, on data beside them; what it would do and why."""
-    command = [sys.executable, "-m", "snakemake", "--snakefile", str(ROOT / "Snakefile"), "--cores", "1", *words]
     settings = ["--config", "out=out", "grids=grids.yaml", "data=data", f"preset={preset}"]
-    environment = {**os.environ, "PYTHONPATH": str(ROOT), "XDG_CACHE_HOME": str(folder / "cache")}
-    environment["MPLCONFIGDIR"] = matplotlib.get_cachedir()
-    done = subprocess.run([*command, *settings], cwd=folder, env=environment, capture_output=True, text=True)
-    assert done.returncode == 0, done.stdout + done.stderr
-    return done.stdout + done.stderr
+    command = ["--snakefile", str(ROOT / "Snakefile"), "--cores", "1", *words, *settings]
+    environment = {"XDG_CACHE_HOME": str(folder / "cache"), "MPLCONFIGDIR": matplotlib.get_cachedir()}
+    (folder / "log").unlink(missing_ok=True)
+    return done(cli.main, command, log=folder / "log", cwd=folder, env=environment)
 
 
 def jobs(todo: str) -> dict[str, int]:

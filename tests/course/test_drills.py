@@ -6,8 +6,6 @@ import json
 import os
 import re
 import signal
-import subprocess
-import sys
 import time
 from pathlib import Path
 
@@ -22,14 +20,17 @@ from mwlib.course.execute import NotDone, run_notebook
 from mwlib.course.manifest import FILES
 from mwlib.course.notebooks import ParameterError, source_hash
 from mwlib.experiments import store
+from mwlib.experiments.origins import data_fingerprint
 from mwlib.files import write_together
 from mwlib.hashing import package_hash
-from tests.sample_notebooks import NASTY, PARAMETERS, code, runnable, save
+from tests.forked import started
+from tests.sample_notebooks import NASTY, PARAMETERS, WRITES_ITSELF, bare, code, runnable, save
 
 ROOT = Path(__file__).parents[2]
+DEPENDS = {"settings": "abc", "data": {"source": "synthetic", "files": data_fingerprint("synthetic")}}
 SLOW = "import pathlib, time\npathlib.Path(out, 'begun').touch()\ntime.sleep(300)"
 HALF = 'import pathlib\npathlib.Path(out, \'metrics.json\').write_text(\'{"status": "ok", "ha\')'
-OTHERS = "Page('01_sample', out, cfg, preset=preset, data=data, level=level + 1, lr=lr, names=names).finish({})"
+OTHERS = WRITES_ITSELF.replace("level=level", "level=level + 1")
 
 
 def test_a_run_that_gets_to_its_end_is_done(tmp_path):
@@ -46,28 +47,28 @@ def test_a_run_that_gets_to_its_end_is_done(tmp_path):
 @pytest.mark.parametrize(
     "cells, last, reason",
     [
-        pytest.param([], "page.finish({})\nimport os\nos._exit(0)", "died", id="kernel dies behind the result"),
-        pytest.param(["page.finish({})\nimport sys\nsys.exit(0)"], None, "cell 4.*left by SystemExit", id="early result, exit 0"),
-        pytest.param(["1 / 0"], None, "ZeroDivisionError", id="a cell raises"),
-        pytest.param(["page.finish({})"], None, "after page.finish", id="result before the end"),
+        pytest.param([], f"{WRITES_ITSELF}\nimport os\nos._exit(0)", "died", id="kernel dies behind the result"),
+        pytest.param([f"{WRITES_ITSELF}\nraise SystemExit(0)"], "1", "cell 3.*left by SystemExit", id="early result, exit 0"),
+        pytest.param(["1 / 0"], WRITES_ITSELF, "ZeroDivisionError", id="a cell raises"),
+        pytest.param([WRITES_ITSELF], "1 / 0", "ZeroDivisionError", id="result before the end"),
         pytest.param([], HALF, "half-written", id="half-written result"),
         pytest.param([], OTHERS, "other parameters", id="result of other parameters"),
     ],
 )
 def test_a_run_that_breaks_is_not_done(tmp_path, cells, last, reason):
-    notebook, out = save(runnable(*cells, **({"last": last} if last else {})), tmp_path), tmp_path / "out"
+    """The page's own refusals are in tests/experiments/test_page.py; these notebooks do without, and without torch."""
+    notebook, out = save(bare(*cells, last=last), tmp_path), tmp_path / "out"
     out.mkdir()
     (out / "metrics.json").write_text(json.dumps({"status": "ok", "hash": "of an earlier run"}))
     with pytest.raises(NotDone, match=reason):
-        run_notebook(notebook, out, {})
-    assert not (out / "metrics.json").exists()
-    assert (out / "notebook.ipynb").exists()  # the log stays
+        run_notebook(notebook, out, {}, page=False)
+    assert {path.name for path in out.iterdir()} == {"notebook.ipynb"}  # the log stays
 
 
 def test_a_run_with_a_skipped_cell_is_not_done(tmp_path):
     notebook = new_notebook(cells=[code(PARAMETERS, "parameters"), code("1 / 0", "skip-execution"), code("1")])
     with pytest.raises(NotDone, match="cell 3, '1 / 0', was not run"):
-        run_notebook(save(notebook, tmp_path), tmp_path / "out", {})
+        run_notebook(save(notebook, tmp_path), tmp_path / "out", {}, page=False)
     assert not (tmp_path / "out" / "metrics.json").exists()
 
 
@@ -78,7 +79,7 @@ def test_a_cell_that_takes_too_long_is_named_and_its_kernel_killed(tmp_path, mon
     folder = tmp_path / NASTY
     cells = [code(PARAMETERS, "parameters"), code("import os, pathlib\npathlib.Path(out, 'pid').write_text(str(os.getpid()))")]
     path, out = save(new_notebook(cells=[*cells, code("import time\ntime.sleep(300)")]), folder), folder / "out"
-    assert main(["run-notebook", str(path), "--out", str(out), "--timeout", "2"]) == 1
+    assert main(["run-notebook", str(path), "--out", str(out), "--timeout", "1"]) == 1
     told = capsys.readouterr().err
     assert "cell 4, 'import time', took longer than the timeout" in told and "Traceback" not in told
     with pytest.raises(ProcessLookupError):
@@ -95,8 +96,8 @@ def test_what_an_earlier_run_left_is_removed_and_nothing_else(tmp_path):
     for name in ("settings.json", "broken.json", "broken.csv"):
         (out / name).write_text("[" if "broken" in name else '{"figure": "x"}')
     with pytest.raises(NotDone):
-        run_notebook(save(new_notebook(cells=[code(PARAMETERS, "parameters"), code("1 / 0")]), tmp_path), out, {})
-    kept = {path.name for path in out.iterdir()} - {"notebook.ipynb", "notebook.html"}
+        run_notebook(save(new_notebook(cells=[code(PARAMETERS, "parameters"), code("1 / 0")]), tmp_path), out, {}, page=False)
+    kept = {path.name for path in out.iterdir()} - {"notebook.ipynb"}
     assert kept == {"settings.json", "broken.json", "broken.csv", *(f"fig_b.{kind}" for kind in FILES["figure"])}
 
 
@@ -105,9 +106,8 @@ def test_the_result_and_its_page_appear_together_or_not_at_all(tmp_path, monkeyp
     monkeypatch.setattr(execute, "_page", lambda executed: "<html>")
     out = run_notebook(save(runnable(), tmp_path), tmp_path / "out", {})
     result = store.result_of(out)
-    assert result["status"] == "ok" and result["depends"] == {
-        "settings": "abc", "notebook": source_hash(runnable()), "mwlib": package_hash()
-    }  # fmt: skip
+    expected = {"notebook": source_hash(runnable()), "mwlib": package_hash(), "surroundings": execute.surroundings()}
+    assert result["status"] == "ok" and result["depends"] == DEPENDS | expected
     assert (out / "notebook.html").read_text() == "<html>"
 
     def full_disk(*_):
@@ -119,26 +119,46 @@ def test_the_result_and_its_page_appear_together_or_not_at_all(tmp_path, monkeyp
     assert {path.name for path in out.iterdir()} == {"notebook.ipynb"}
 
 
+def test_an_execution_is_kept_for_whoever_asks_for_the_same(tmp_path, monkeypatch):
+    """Of the same notebook, parameters, data and surroundings; in another folder, with a page for who wants one."""
+    asked = []
+    monkeypatch.setattr(execute.papermill, "execute_notebook", lambda *words, **more: (asked.append(words), pretend(*words)))
+    monkeypatch.setattr(execute, "_page", lambda executed: "<html>")
+    notebook, kept = save(runnable(), tmp_path), tmp_path / "kept"
+    first = run_notebook(notebook, tmp_path / "first", {}, kept=kept, page=False)
+    (tmp_path / "second" / "deep").mkdir(parents=True)
+    second = run_notebook(notebook, tmp_path / "second", {}, kept=kept)
+    assert len(asked) == 1 and store.result_of(second) == store.result_of(first) and store.result_of(first)["status"] == "ok"
+    assert {path.name for path in second.iterdir()} - {path.name for path in first.iterdir()} == {"notebook.html", "deep"}
+    run_notebook(notebook, tmp_path / "second", {"level": 3}, kept=kept)
+    run_notebook(save(runnable("1"), tmp_path), tmp_path / "second", {}, kept=kept)
+    monkeypatch.setenv("MW_STATIC", "another")
+    run_notebook(save(runnable("1"), tmp_path), tmp_path / "second", {}, kept=kept)
+    assert len(asked) == 4
+    run_notebook(notebook, tmp_path / "second", {})
+    assert len(asked) == 5, "only who names a folder gets what is kept"
+
+
 def pretend(notebook: str, executed: str, values: dict, **_) -> None:
     """What a run leaves before it is looked at, without a kernel."""
-    tree, folder = runnable(), Path(executed).parent
+    tree, folder = nbformat.read(notebook, as_version=4), Path(executed).parent
     for number, cell in enumerate(tree.cells, 1):
         cell.execution_count = number
     nbformat.write(tree, executed)
-    kept = {"status": "finished", "hash": store.parameters_hash(values), "depends": {"settings": "abc"}, "metrics": {}}
+    kept = {"status": "finished", "hash": store.parameters_hash(values), "depends": DEPENDS, "metrics": {}}
     (folder / store.RESULT).write_text(json.dumps(kept))
 
 
 def test_sigterm_leaves_no_result(tmp_path):
-    notebook, out = save(runnable(SLOW), tmp_path), tmp_path / "out"
-    command = [sys.executable, "-m", "mwlib", "run-notebook", str(notebook), "--out", str(out)]
-    with subprocess.Popen(command, cwd=ROOT, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL) as process:
-        deadline = time.monotonic() + 180
-        while not (out / "begun").exists() and process.poll() is None and time.monotonic() < deadline:
-            time.sleep(0.1)
-        begun = (out / "begun").exists()
-        process.send_signal(signal.SIGTERM)
-    assert begun and process.returncode == -signal.SIGTERM
+    notebook, out = save(bare(SLOW), tmp_path), tmp_path / "out"
+    process = started(main, ["run-notebook", str(notebook), "--out", str(out)], log=tmp_path / "log", cwd=ROOT)
+    deadline = time.monotonic() + 180
+    while not (out / "begun").exists() and process.is_alive() and time.monotonic() < deadline:
+        time.sleep(0.1)
+    begun = (out / "begun").exists()
+    process.terminate()
+    process.join(60)
+    assert begun and process.exitcode == -signal.SIGTERM
     assert not (out / "metrics.json").exists()
 
 
