@@ -29,8 +29,6 @@ NOT_YET = set(
     """
     mwlib.body.correspondence
     mwlib.course.outputs
-    mwlib.data.fetching.errors
-    mwlib.data.known
     mwlib.data.sources
     mwlib.experiments.grid_options
     mwlib.experiments.origins

@@ -16,8 +16,8 @@ from mwlib.body.correspondence import to_h36m17
 from mwlib.body.kinematics import bone_lengths
 from mwlib.body.motion import Motion
 from mwlib.body.skeleton import H36M17
-from mwlib.data import known
-from mwlib.data.known import named_source
+from mwlib.data.collections import COLLECTIONS, h36m, named_source
+from mwlib.data.collections.record import Protocol
 from mwlib.data.load import caller_says, find_source, motion_files, readings
 from mwlib.data.meaning import ADULT, UPRIGHT, Reading, Stated, clips_row, height, standing
 from mwlib.data.mirroring import unmirrored
@@ -26,75 +26,73 @@ from mwlib.data.windows import windows
 from mwlib.hashing import sha256
 from mwlib.synthetic.motions import synthetic_motions
 
-PROTOCOLS = {"HUMANEVA15": (60.0, 15, 60, 15)}  # hertz, history, future, stride
-STANDARD = (50.0, 25, 100, 25)
+STANDARD = Protocol(50.0, 25, 100, 25)
 MOST_NAMES = 12
 
 
-def line(word: str, text: str) -> str:
-    """A line of a report."""
+def _line(word: str, text: str) -> str:
     return f"  {word:<9} {text}"
 
 
-def protocol(motions: list[Motion]) -> tuple[float, int, int, int]:
-    """Rate, history, future and stride at which papers cut such clips."""
-    return PROTOCOLS.get(motions[0].skeleton.name, STANDARD)
+def _protocol(motion: Motion) -> Protocol:
+    """How papers cut such a clip into windows."""
+    found = (c.protocol for c in COLLECTIONS.values() if c.protocol and c.skeleton and c.skeleton.name == motion.skeleton.name)
+    return next(found, STANDARD)
 
 
-def window_count(motion: Motion, cut: tuple[float, int, int, int]) -> int:
-    """How many windows a clip gives at this rate, history, future and stride."""
-    fps, history, future, stride = cut
-    return len(range(0, frames_at(motion, fps) - history - future, stride))
+def _window_count(motion: Motion, protocol: Protocol) -> int:
+    fps, history, future, stride = protocol
+    return len(range(0, _frames_at(motion, fps) - history - future, stride))
 
 
-def frames_at(motion: Motion, fps: float) -> int:
+def _frames_at(motion: Motion, fps: float) -> int:
     """How many frames a clip has at another rate."""
     return len(replace(motion, rig=None).resample(fps))  # rotations would take far longer
 
 
-def frames_differ(file: Path, motion: Motion) -> list[str]:
-    """Empty if clips.csv lists no such file; else "" or what differs."""
+def _frames_fault(file: Path, motion: Motion) -> str | None:
+    """None if clips.csv lists no such file; else "" or what differs."""
     row, table = clips_row(file)
     listed = row.get("frames") or row.get("rows")
     if listed is None:
-        return []
+        return None
     added = row.get("tpose_frame0") or str(int("rows" in row))
     if not re.fullmatch(r"\d{1,12}", listed) or added not in ("0", "1"):
-        return [f"{motion.name} has {len(motion)}, {table.name} says {listed[:40]!r} less {added[:40]!r}"]
+        return f"{motion.name} has {len(motion)}, {table.name} says {listed[:40]!r} less {added[:40]!r}"
     expected = int(listed) - int(added)
-    return ["" if len(motion) == expected else f"{motion.name} has {len(motion)}, clips.csv says {expected}"]
+    return "" if len(motion) == expected else f"{motion.name} has {len(motion)}, clips.csv says {expected}"
 
 
-def known_frames(compared: list[str]) -> list[str]:
-    """Lines on how many clips are as long as clips.csv says, from what `frames_differ` gave for each."""
-    wrong = [text for text in compared if text]
+def _known_frames(clips: Sequence[Clip]) -> list[str]:
+    """Lines on how many clips are as long as clips.csv says."""
+    faults = [_frames_fault(clip.file, clip.reading.motion) for clip in clips if clip.file]
+    compared = [fault for fault in faults if fault is not None]
+    wrong = [fault for fault in compared if fault]
     if not compared:
         return []
-    return [
-        line("known", f"frames as clips.csv says in {len(compared) - len(wrong)} of {len(compared)} clips"),
-        *map(_wrong, wrong),
-    ]
+    text = f"frames as clips.csv says in {len(compared) - len(wrong)} of {len(compared)} clips"
+    return [_line("known", text), *map(_wrong, wrong)]
 
 
 def _wrong(text: str) -> str:
-    return line("DIFFERS", text)
+    return _line("DIFFERS", text)
 
 
-def known_protocol(motions: list[Motion]) -> list[str]:
+def _known_windows(motions: list[Motion]) -> list[str]:
     """Published counts beside those found, for data in VideoPose3D's layout."""
     subjects = {m.subject for m in motions}
     if motions[0].skeleton.name == "HUMANEVA15":
-        test = sum(window_count(m, protocol([m])) for m in motions if m.subject.startswith("Validate/"))
-        return [line("known", f"{test} test windows in Validate/*; published never, at most {known.HUMANEVA_MOST_WINDOWS}")]
-    if motions[0].skeleton.name != "H36M17" or not subjects & set(known.H36M_SUBJECTS):
+        test = sum(_window_count(m, _protocol(m)) for m in motions if m.subject.startswith("Validate/"))
+        return [_line("known", f"{test} test windows in Validate/*; published never, at most {h36m.HUMANEVA_MOST_WINDOWS}")]
+    if motions[0].skeleton.name != "H36M17" or not subjects & {*h36m.TRAIN_SUBJECTS, *h36m.TEST_SUBJECTS}:
         return []
-    found = {m.name: window_count(m, protocol([m])) for m in motions if m.subject in known.H36M_TEST_SUBJECTS}
+    found = {m.name: _window_count(m, _protocol(m)) for m in motions if m.subject in h36m.TEST_SUBJECTS}
     lines = []
-    for subject in (*known.H36M_TEST_SUBJECTS, ""):
-        here, there = (sum(n for name, n in counts.items() if name.startswith(subject)) for counts in (found, known.H36M_WINDOWS))
-        lines.append(line("known", f"{subject or 'S9 + S11'}: {here} test windows, published {there}"))
-    names = [name for name in known.H36M_WINDOWS | found if found.get(name) != known.H36M_WINDOWS.get(name)]
-    lines += [_wrong(f"{n}: {found.get(n, 'none')}, published {known.H36M_WINDOWS.get(n, 'none')}") for n in names[:MOST_NAMES]]
+    for subject in (*h36m.TEST_SUBJECTS, ""):
+        here, there = (sum(n for name, n in counts.items() if name.startswith(subject)) for counts in (found, h36m.WINDOWS))
+        lines.append(_line("known", f"{subject or 'S9 + S11'}: {here} test windows, published {there}"))
+    names = [name for name in h36m.WINDOWS | found if found.get(name) != h36m.WINDOWS.get(name)]
+    lines += [_wrong(f"{n}: {found.get(n, 'none')}, published {h36m.WINDOWS.get(n, 'none')}") for n in names[:MOST_NAMES]]
     lines += [_wrong(f"and {len(names) - MOST_NAMES} more sequences")] if len(names) > MOST_NAMES else []
     return lines + (_known_neighbours(motions) if not names else [])
 
@@ -102,13 +100,13 @@ def known_protocol(motions: list[Motion]) -> list[str]:
 def _known_neighbours(motions: list[Motion]) -> list[str]:
     """How many test windows share their last observed pose with others, against what two published codes agree on."""
     _, history, future, stride = STANDARD
-    test = [m for m in motions if m.subject in known.H36M_TEST_SUBJECTS]
+    test = [m for m in motions if m.subject in h36m.TEST_SUBJECTS]
     last = windows(test, history, future, stride).x_history[:, -1].numpy()
-    others = KDTree(last).query_ball_point(last, known.H36M_THRESHOLD, return_length=True) - 1
+    others = KDTree(last).query_ball_point(last, h36m.THRESHOLD, return_length=True) - 1
     counts = (int(np.sum(others == 0)), int(np.sum(others <= 9)))
-    published = (known.H36M_ALONE, known.H36M_FEW)
+    published = (h36m.ALONE, h36m.FEW)
     text = f"{counts[0]} windows without a neighbour, {counts[1]} with at most nine; published {published[0]}, {published[1]}"
-    return [line("known", text)]
+    return [_line("known", text)]
 
 
 GLITCH = 25.0  # metres per second; above it are the marker glitches of CMU, below it its good clips
@@ -120,24 +118,15 @@ def fastest(motion: Motion) -> float:
     return float(steps.max(initial=0.0)) * motion.fps
 
 
-def left_out(clips: Sequence[tuple[str, Motion]], cut: tuple[float, int, int, int]) -> list[str]:
-    """One line on the clips that give no window.
-
-    Args:
-        clips: file or clip name, motion.
-        cut: rate, history, future and stride of the windows.
-    """
-    fps, history, future, _ = cut
-    short = [name for name, motion in clips if frames_at(motion, fps) <= history + future]
+def _left_out(clips: Sequence[tuple[str, Motion]], protocol: Protocol) -> list[str]:
+    """One line on the clips, by name, that give no window."""
+    fps, history, future, _ = protocol
+    short = [name for name, motion in clips if _frames_at(motion, fps) <= history + future]
     return [f"{len(short)} clips no longer than {history} + {future} frames at {fps:g} Hz: {_some(short)}"] if short else []
 
 
-def looks_wrong(clips: Sequence[tuple[str, Reading]]) -> list[str]:
-    """One line for each kind of doubt, with the names of the clips: size, axis, speed, copies, people, sides, skeletons.
-
-    Args:
-        clips: file or clip name, reading.
-    """
+def _doubts(clips: Sequence[tuple[str, Reading]]) -> list[str]:
+    """One line for each kind of doubt, with the names of the clips: size, axis, speed, copies, people, sides, skeletons."""
     motions = [reading.motion for _, reading in clips]
     return [*_bodies(clips), *_copies(clips), *_people(motions), *_skeletons(clips)]
 
@@ -250,12 +239,11 @@ def check_data(
     short = []
     for group in kinds.values():
         motions = [clip.reading.motion for clip in group]
-        usual = protocol(motions)
-        cut = (fps or usual[0], history or usual[1], future or usual[2], usual[3])
-        differing = [text for clip in group if clip.file for text in frames_differ(clip.file, clip.reading.motion)]
-        lines += [*_describe(motions, cut, _files(group[0])), *known_frames(differing), *known_protocol(motions), ""]
-        short += left_out([(clip.name, clip.reading.motion) for clip in group], cut)
-    doubts = looks_wrong([(clip.name, clip.reading) for clip in clips])
+        usual = _protocol(motions[0])
+        protocol = Protocol(fps or usual.fps, history or usual.history, future or usual.future, usual.stride)
+        lines += [*_describe(motions, protocol, _files(group[0])), *_known_frames(group), *_known_windows(motions), ""]
+        short += _left_out([(clip.name, clip.reading.motion) for clip in group], protocol)
+    doubts = _doubts([(clip.name, clip.reading) for clip in clips])
     lines += _list("left out of training", [*short, *broken]) + _list("looks wrong", doubts)
     lines += [f"{len(broken)} files cannot be read" if broken else "every file could be read"]
     return Check("\n".join(lines), not broken, clips)
@@ -307,20 +295,20 @@ def _table(kinds: dict[tuple, list[Clip]]) -> list[str]:
     return ["  ".join(word.ljust(width) for word, width in zip(row, widths, strict=True)).rstrip() for row in rows]
 
 
-def _describe(motions: list[Motion], cut: tuple[float, int, int, int], files: str) -> list[str]:
+def _describe(motions: list[Motion], protocol: Protocol, files: str) -> list[str]:
     """One line for each property of clips of one kind."""
     lengths = [bone_lengths(m.positions, m.skeleton) for m in motions]
     stretch = max(float(np.ptp(length, axis=0).max()) for length in lengths)
     speeds = [fastest(m) for m in motions]
-    fps, history, future, stride = cut
-    count = sum(window_count(m, cut) for m in motions)
+    fps, history, future, stride = protocol
+    count = sum(_window_count(m, protocol) for m in motions)
     return [
         f"{files} with skeleton {motions[0].skeleton.name} at {motions[0].fps:g} Hz",
-        line("subjects", _counts(m.subject for m in motions)),
-        line("actions", _counts(m.action for m in motions)),
-        line("windows", f"{count} of {history} + {future} frames at {fps:g} Hz, every {stride} frames"),
-        line("bones", f"lengths change by up to {1000 * stretch:.1f} mm within a clip"),
-        line("fastest", f"joint {max(speeds):.1f} m/s; {sum(s > GLITCH for s in speeds)} clips above {GLITCH:g} m/s"),
+        _line("subjects", _counts(m.subject for m in motions)),
+        _line("actions", _counts(m.action for m in motions)),
+        _line("windows", f"{count} of {history} + {future} frames at {fps:g} Hz, every {stride} frames"),
+        _line("bones", f"lengths change by up to {1000 * stretch:.1f} mm within a clip"),
+        _line("fastest", f"joint {max(speeds):.1f} m/s; {sum(s > GLITCH for s in speeds)} clips above {GLITCH:g} m/s"),
     ]
 
 

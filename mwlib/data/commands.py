@@ -8,8 +8,9 @@ import shlex
 import sys
 from pathlib import Path
 
-from mwlib.data.fetching.by_hand import BY_HAND
-from mwlib.data.fetching.collections import COLLECTIONS, NAMES, fetch, overview
+from mwlib.data.collections import COLLECTIONS
+from mwlib.data.collections.record import Collection
+from mwlib.data.fetching import brought, fetch, overview
 from mwlib.data.formats.h36m import write_h36m
 from mwlib.data.load import data_folder
 from mwlib.synthetic.motions import synthetic_motions
@@ -33,7 +34,7 @@ def add_parser(subparsers: argparse._SubParsersAction) -> None:
         "brought is checked, stays, and is not asked for again: after a failure the same command goes on. Without a name: list "
         "the collections with size and licence, and what is there.",
     )
-    get.add_argument("name", nargs="?", choices=NAMES, metavar="NAME", help=f"one of {', '.join(NAMES)}")
+    get.add_argument("name", nargs="?", choices=COLLECTIONS, metavar="NAME", help=f"one of {', '.join(COLLECTIONS)}")
     get.add_argument("--to", type=Path, metavar="FOLDER", help="the folder of data (default: MWLIB_DATA, else a folder of yours)")
     get.add_argument("--accept-licence", action="store_true", help="you have read and accept the licence; else you are asked")
     get.set_defaults(run=_fetch)
@@ -51,24 +52,24 @@ def _fetch(arguments: argparse.Namespace) -> int:
     if arguments.name is None:
         _print_overview(to)
         return 0
-    if arguments.name in BY_HAND:
-        _print_steps(arguments.name, to)
-        return 0
     collection = COLLECTIONS[arguments.name]
-    if collection.terms:
-        print(collection.terms)
+    download = collection.download
+    if download is None:
+        _print_steps(collection, to)
+        return 0
+    if download.terms:
+        print(download.terms)
         if not (arguments.accept_licence or _accepts()):
             print(
                 "mwlib: nothing was downloaded; whoever accepts the licence says so, or gives --accept-licence", file=sys.stderr
             )
             return 1
     folder = fetch(arguments.name, to, accepted=True)
-    there, _ = collection.counts(folder)
-    print(f"{folder}: {there} files, checked")
-    print(f"next: {_before(to)}mwlib check-data {collection.folder}")
-    if arguments.name == "cmu":
-        print(f"      {_before(to)}mwlib train --preset cmu")
-    print(collection.asked)
+    print(f"{folder}: {brought(collection, folder)[0]} files, checked")
+    print(f"next: {_before(to)}mwlib check-data {collection.place}")
+    if collection.preset:
+        print(f"      {_before(to)}mwlib train --preset {collection.preset}")
+    print(download.asked)
     return 0
 
 
@@ -90,10 +91,8 @@ def _print_overview(to: Path) -> None:
     print(f"\nThe folder of data is {to}{said}. mwlib fetch NAME brings a collection there; --to FOLDER another one.")
 
 
-def _print_steps(name: str, to: Path) -> None:
-    found = BY_HAND[name]
-    print(f"{found.title}\nlicence: {found.licence}\nNo program can download it. By hand:")
-    for number, step in enumerate(found.steps, 1):
-        print(f"  {number}. {step}")
-    print(f"  {len(found.steps) + 1}. put it at {to / found.place}")
-    print(f"then: {_before(to)}mwlib check-data {found.check}")
+def _print_steps(collection: Collection, to: Path) -> None:
+    print(f"{collection.title}\nlicence: {collection.licence}\nNo program can download it. By hand:")
+    steps = (*collection.steps, f"put it at {to / collection.place}")
+    print("\n".join(f"  {number}. {step}" for number, step in enumerate(steps, 1)))
+    print(f"then: {_before(to)}mwlib check-data {collection.preset or collection.place}")

@@ -17,13 +17,13 @@ from tqdm import tqdm
 from mwlib.body.kinematics import AXES
 from mwlib.body.motion import Motion
 from mwlib.body.skeleton import SKELETONS, Skeleton
+from mwlib.data.collections import NAMED_SOURCES, named_source
 from mwlib.data.formats.arrays import read_positions
 from mwlib.data.formats.asf_amc import read_amc
 from mwlib.data.formats.bvh import read_bvh
 from mwlib.data.formats.cmu_benchmark import COLUMNS, read_benchmark
 from mwlib.data.formats.h36m import read_positions_3d
 from mwlib.data.formats.humanml import FEATURES, is_features, read_features, without_features
-from mwlib.data.known import NAMED_SOURCES, named_source
 from mwlib.data.meaning import Given, Hints, Reading, check_size, check_up, hints, metres_per_unit
 from mwlib.data.untrusted import (
     MOST_BYTES,

@@ -16,6 +16,7 @@ from jaxtyping import Float
 from mwlib.body.kinematics import AXES, bone_lengths
 from mwlib.body.motion import FASTEST, Motion
 from mwlib.body.skeleton import Skeleton
+from mwlib.data.collections import COLLECTIONS
 from mwlib.data.untrusted import PACKED, SMALL_TEXT, MotionFormatError, bare_name, number, read_text
 
 Value = TypeVar("Value")
@@ -55,7 +56,8 @@ class Reading:
 
 UNITS = {"m": 1.0, "cmu": 0.0254 / 0.45, "inch": 0.0254, "cm": 0.01, "mm": 0.001}  # metres
 METRIC = ("m", "cm", "mm")
-USUAL = {"CMU": "cmu", "LAFAN1": "cm", "BANDAI21": "cm"}  # the unit of the files that these skeletons come from
+# The unit of the files that known skeletons come from.
+USUAL = {c.skeleton.name: c.unit for c in COLLECTIONS.values() if c.skeleton and c.unit}
 LONGEST_UNIT = 1000.0
 HEIGHT_BY_REACH = 1.7 / 2.4  # of an adult: standing height by the way from a toe to the fingers of the other side
 SMALLEST, TALLEST = 0.5, 2.5  # metres, of a human
@@ -230,14 +232,6 @@ LEVELS_UP = 4  # folders above a file in which its clips.csv or skeleton.json ma
 SLOWEST = 1.0  # frames per second; a rate below looks like milliseconds taken for seconds
 MOST_COLUMNS, MOST_ROWS = 100, 100_000  # of clips.csv; all of CMU are 2435 rows
 
-# What file names of the known collections say: "05_12.amc", "walk4_subject1.bvh", "dataset-1_bow_normal_001.bvh". The last names
-# no person: its style stands for one, so that whole styles can be held out.
-NAMES = (
-    re.compile(r"(?P<subject>\d+)_\d+"),
-    re.compile(r"(?P<action>[A-Za-z]+?)\d*_subject(?P<subject>\d+)"),
-    re.compile(r"dataset-\d+_(?P<action>[^_]+)_(?P<subject>[^_]+)_\d+"),
-)
-
 
 @dataclass(frozen=True)
 class Hints:
@@ -265,7 +259,8 @@ class Hints:
     def label(self, motion: Motion, file: Path) -> Motion:
         """The motion named like its file; subject and action from clips.csv, else as they are, else from the file's name."""
         stem = Path(bare_name(file)).stem
-        said = next((m.groupdict() for pattern in NAMES if (m := pattern.fullmatch(stem))), {})
+        patterns = (collection.file_name for collection in COLLECTIONS.values() if collection.file_name)
+        said = next((m.groupdict() for pattern in patterns if (m := pattern.fullmatch(stem))), {})
         subject = self.subject or motion.subject or said.get("subject", "").lstrip("0")
         return replace(motion, subject=subject, action=self.action or motion.action or said.get("action", ""), name=stem)
 

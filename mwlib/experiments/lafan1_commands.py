@@ -11,7 +11,7 @@ from typing import Any
 import torch
 
 from mwlib import plots
-from mwlib.data.known import acknowledgement
+from mwlib.data.collections import acknowledgement
 from mwlib.data.load import load_motions
 from mwlib.experiments.origins import data_fingerprint, models_used
 from mwlib.experiments.runs import load_run

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import torch
 
-from mwlib.data.known import named_source
+from mwlib.data.collections import named_source
 from mwlib.data.load import READERS, find_source
 from mwlib.data.meaning import LEVELS_UP
 from mwlib.data.untrusted import bare_suffix

@@ -10,7 +10,7 @@ from typing import Any
 
 from matplotlib.figure import Figure
 
-from mwlib.data.known import acknowledgement
+from mwlib.data.collections import acknowledgement
 from mwlib.experiments.origins import data_fingerprint, models_used
 from mwlib.experiments.store import RESULT, parameters_hash, write_result
 from mwlib.plots.save import as_csv, marked, origin, save, save_table, show

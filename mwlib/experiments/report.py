@@ -12,7 +12,7 @@ import torch
 from torch import Tensor
 
 from mwlib import plots
-from mwlib.data.known import acknowledgement
+from mwlib.data.collections import acknowledgement
 from mwlib.data.sources import Split
 from mwlib.data.windows import Windows
 from mwlib.experiments.runs import get_run

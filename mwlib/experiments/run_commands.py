@@ -14,8 +14,8 @@ from tqdm import tqdm
 from mwlib import plots
 from mwlib.body.motion import Motion
 from mwlib.data import load_motions
+from mwlib.data.collections import acknowledgement
 from mwlib.data.formats.bvh_writing import write_bvh
-from mwlib.data.known import acknowledgement
 from mwlib.experiments.data_commands import add_statements, statements
 from mwlib.experiments.runs import load_run
 from mwlib.files import write_atomic, write_together

@@ -8,7 +8,7 @@ from math import isfinite
 from pathlib import Path
 from typing import Any
 
-from mwlib.data.known import acknowledgement
+from mwlib.data.collections import acknowledgement
 from mwlib.experiments.results import get_result
 from mwlib.experiments.runs import get_run
 from mwlib.experiments.store import read_result

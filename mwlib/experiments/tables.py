@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from mwlib.data.known import acknowledgement
+from mwlib.data.collections import acknowledgement
 from mwlib.experiments.grids import Grid, changes, row_config
 from mwlib.experiments.results import get_result
 from mwlib.experiments.systems import Data, System, system

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Any, ClassVar, Literal, Self
 
-from mwlib.data.known import NAMED_SOURCES
+from mwlib.data.collections import NAMED_SOURCES
 from mwlib.data.sources import SourceConfig
 from mwlib.diffusion.config import DiffusionConfig, KeyframeConfig
 from mwlib.diffusion.process import ddim_indices

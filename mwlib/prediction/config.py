@@ -7,7 +7,7 @@ from typing import Annotated, Any, ClassVar, Literal, Self
 
 import pywt
 
-from mwlib.data.known import NAMED_SOURCES
+from mwlib.data.collections import NAMED_SOURCES
 from mwlib.data.sources import SourceConfig
 from mwlib.diffusion.config import DiffusionConfig
 from mwlib.diffusion.process import alpha_bar, ddim_indices

@@ -12,8 +12,8 @@ import pytest
 from mwlib import Motion, load_motions, windows, write_bvh
 from mwlib.__main__ import main
 from mwlib.body.skeleton import H36M17
-from mwlib.data import known
 from mwlib.data.check import check_data
+from mwlib.data.collections.h36m import WINDOWS
 from mwlib.data.meaning import height
 from mwlib.synthetic.motions import synthetic_motions
 from tests.sample_motions import BVH, write_positions_3d
@@ -24,9 +24,9 @@ def line(report: str, word: str) -> str:
 
 
 def test_the_published_counts_add_up():
-    totals = {s: sum(n for name, n in known.H36M_WINDOWS.items() if name.startswith(f"{s} ")) for s in ("S9", "S11")}
+    totals = {s: sum(n for name, n in WINDOWS.items() if name.startswith(f"{s} ")) for s in ("S9", "S11")}
     assert totals == {"S9": 3041, "S11": 2127}
-    assert len(known.H36M_WINDOWS) == 59
+    assert len(WINDOWS) == 59
 
 
 def test_a_folder_is_described(tmp_path, capsys):
@@ -61,7 +61,7 @@ def test_files_that_cannot_be_read_are_listed_and_the_rest_described(tmp_path, c
 def test_human36m_is_compared_with_its_published_window_counts(tmp_path):
     rng = np.random.default_rng(0)
     tree: dict[str, dict[str, np.ndarray]] = {"S1": {"Walking": np.zeros((10, 17, 3), np.float32)}}
-    for name, count in known.H36M_WINDOWS.items():
+    for name, count in WINDOWS.items():
         subject, take = name.split(" ", 1)
         pose = rng.normal(size=(17, 3)).astype(np.float32)
         tree.setdefault(subject, {})[take] = np.tile(pose, (125 + 25 * count, 1, 1))

@@ -10,7 +10,7 @@ import pytest
 from mwlib import Motion
 from mwlib.body.skeleton import CMU, H36M17
 from mwlib.data import sources
-from mwlib.data.known import acknowledgement
+from mwlib.data.collections import acknowledgement
 from mwlib.data.sources import SourceConfig, Split, fingerprint, split_motions
 from mwlib.data.windows import Bodies, prepare, windows
 from mwlib.prediction.config import Config

@@ -4,29 +4,23 @@ from tests.mutants.mutant import of
 
 MUTANTS = [
     *of(
-        "data/fetching/download.py", "data/fetching/test_download.py",
-        ("progress-earns-no-patience", "failed = 0 if size > best else failed + 1", "failed = failed + 1"),
-        ("tries-at-an-even-distance", "patience.pause * 2 ** max(failed - 1, 0)", "patience.pause"),
+        "data/fetching.py", "data/test_fetching.py",
         ("web-pages-are-data", 'if head.startswith(b"<"):', 'if head.startswith(b"<<"):'),
-        ("announced-bytes-not-counted", "self.size - self._first != int(announced)", "self.size - self._first > int(announced)"),
-    ),
-    *of(
-        "data/fetching/lists.py", "data/fetching/test_cmu.py",
+        ("announced-bytes-not-counted", "size != int(announced)", "size > 2 * int(announced)"),
+        ("a-byte-a-second-is-enough", "self.patience.grace + size / self.patience.slowest", "1e9"),
+        ("any-number-of-bytes", "if size > self.most:", "if size > 100 * self.most:"),
+        ("busy-servers-are-asked-once", "_BrokenError if response.status_code in BUSY else NotOfferedError", "NotOfferedError"),
         ("digest-of-the-skeleton-alone", "motion.positions.astype(np.float64)", "0 * motion.positions.astype(np.float64)"),
         ("any-motion-is-the-listed-one", "if found == clip.motion and not others:", "if not others:"),
-    ),
-    *of(
-        "data/fetching/cmu.py", "data/fetching/test_cmu.py",
         ("a-publisher-without-the-data-asked-on", "== MOST_FAULTS:", "== 4 * MOST_FAULTS:"),
-        ("clips-without-their-labels", "    _label(folder, clips)\n            missing", "    missing"),
-    ),
-    *of(
-        "data/fetching/lafan1.py", "data/fetching/test_lafan1.py",
+        ("clips-without-their-labels", "and (not clips or _labelled(folder, clips))", "and True"),
+        ("tables-of-others-overwritten", 'if (table := folder / "clips.csv").exists():',
+         'if not (table := folder / "clips.csv").parent:'),
         ("there-is-whole", "return all(pooch.file_hash(", "return any(pooch.file_hash("),
-    ),
-    *of(
-        "data/fetching/unpack.py", "data/fetching/test_unpack.py",
-        ("zips-may-leave-their-folder", 'or ".." in path.parts ', ""),
-        ("zips-may-hold-links", "kind not in (0, stat.S_IFREG, stat.S_IFDIR)", "kind in (stat.S_IFIFO,)"),
+        ("archives-without-a-digest", "(archive.url, archive.sha256)}", "(archive.url, None)}"),
+        ("files-without-a-digest", "registry={name: digest for", "registry={name: None for"),
+        ("packed-files-are-not-there", '("", *sorted(PACKED))', '("",)'),
+        ("no-pause-between-files", "time.sleep(self.patience.between)", "pass"),
+        ("half-clips-in-an-archive", "if len(clips) != archive.count:", "if len(clips) > archive.count:"),
     ),
 ]  # fmt: skip

@@ -10,10 +10,10 @@ from contextlib import contextmanager
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 
-from mwlib.data.fetching.download import Patience
+from mwlib.data.fetching import Patience
 from tests.sample_motions import AMC, ASF
 
-HASTY = Patience(silence=1.0, tries=3, pause=0.01, between=0.0)
+HASTY = Patience(silence=0.5, slowest=1e5, grace=1.5, retries=2, between=0.0)
 PAGE = b"<!DOCTYPE html><html><body>Please sign in</body></html>"
 POINTER = b"version https://git-lfs.github.com/spec/v1\noid sha256:" + b"ab" * 32 + b"\nsize 144051503\n"
 
@@ -22,22 +22,19 @@ class Publisher:
     """What is published, what was asked for, and how the next answers go wrong.
 
     A trick is used up by one request: "drop" ends the connection amid the body, "stall" stops sending there, "cut" sends half and
-    announces half, "more" announces more than is sent, "endless" never ends, "page" is a web page with status 200, "pointer"
-    one of Git LFS, "empty" nothing, "whole" all of it whatever part was asked for, "elsewhere" another part, a number is a
-    status. "slow" and "patient" send everything, with pauses; "hold" sends half, and the rest only at the end of the test.
+    announces half, "more" announces more than is sent, "endless" never ends, "drip" sends a byte at a time, "page" is a web
+    page with status 200, "pointer" one of Git LFS, "empty" nothing, a number is a status. "slow" and "patient" send
+    everything, with pauses; "hold" sends half, and the rest only at the end of the test.
     """
 
     def __init__(self) -> None:
         self.files: dict[str, bytes] = {}
         self.tricks: dict[str, list[str | int]] = defaultdict(list)
-        self.asked: list[tuple[str, str]] = []  # path, range
+        self.asked: list[str] = []  # paths
         self.agents: set[str] = set()
         self.at_once = self.most_at_once = 0
         self.gate, self.end = threading.Lock(), threading.Event()
         self.url = ""
-
-    def paths(self) -> list[str]:
-        return [path for path, _ in self.asked]
 
 
 def _handler(publisher: Publisher) -> type[BaseHTTPRequestHandler]:
@@ -48,7 +45,7 @@ def _handler(publisher: Publisher) -> type[BaseHTTPRequestHandler]:
         def do_GET(self) -> None:
             with publisher.gate:
                 path = self.path.lstrip("/")
-                publisher.asked.append((path, self.headers.get("Range", "")))
+                publisher.asked.append(path)
                 publisher.agents.add(self.headers["User-Agent"])
                 publisher.at_once += 1
                 self.counted = True
@@ -77,15 +74,7 @@ def _handler(publisher: Publisher) -> type[BaseHTTPRequestHandler]:
                 self.end_headers()
                 return
             body = {"page": PAGE, "pointer": POINTER, "empty": b""}.get(trick, body)
-            first = int(self.headers.get("Range", "bytes=0-")[6:-1])
-            if first >= len(body) > 0 and first:
-                return self.answer(body, 416)
-            part = first > 0 and trick not in ("whole", "page", "pointer")
-            self.send_response(206 if part else 200)
-            if part:
-                sent_first = first // 2 if trick == "elsewhere" else first
-                self.send_header("Content-Range", f"bytes {sent_first}-{len(body) - 1}/{len(body)}")
-                body = body[sent_first:]
+            self.send_response(200)
             half = len(body) // 2
             announced = {"cut": half, "more": len(body) + 1000}.get(trick, len(body))
             if trick != "endless":
@@ -103,6 +92,9 @@ def _handler(publisher: Publisher) -> type[BaseHTTPRequestHandler]:
                 self.wfile.write(body[:half])
                 self.wfile.flush()
                 publisher.end.wait()
+            elif trick == "drip":
+                while not publisher.end.wait(0.05):
+                    self.wfile.write(b"-")
             elif trick == "endless":
                 while True:
                     self.wfile.write(bytes(10**6))

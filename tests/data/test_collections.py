@@ -1,4 +1,4 @@
-"""The command: what there is, whose licence, and what is refused."""
+"""Records of data sets, and the command that brings them: what there is, whose licence, and what is refused."""
 
 from __future__ import annotations
 
@@ -8,11 +8,9 @@ from pathlib import Path
 import pytest
 
 from mwlib.__main__ import main
-from mwlib.data import commands
-from mwlib.data.fetching import collections
-from mwlib.data.fetching.by_hand import BY_HAND
-from mwlib.data.fetching.collections import COLLECTIONS, NAMES, fetch
-from mwlib.data.fetching.lists import list_file, listed
+from mwlib.data.collections import COLLECTIONS, NAMED_SOURCES
+from mwlib.data.collections.record import Collection, listed
+from mwlib.data.fetching import fetch
 from mwlib.data.load import data_folder, find_source
 from mwlib.prediction.config import PRESETS
 
@@ -22,16 +20,11 @@ def brought(monkeypatch) -> list[str]:
     """What would have been downloaded; nothing is."""
     names: list[str] = []
 
-    def bring(name: str):
-        def to(folder: Path) -> Path:
-            names.append(f"{name} {folder}")
-            return folder / COLLECTIONS[name].folder
+    def bring(collection: Collection, to: Path) -> Path:
+        names.append(f"{collection.name} {to}")
+        return to / collection.place
 
-        return to
-
-    instead = {n: c.__class__(**{**vars(c), "bring": bring(n)}) for n, c in COLLECTIONS.items()}
-    monkeypatch.setattr(collections, "COLLECTIONS", instead)
-    monkeypatch.setattr(commands, "COLLECTIONS", instead)
+    monkeypatch.setattr("mwlib.data.fetching.bring", bring)
     return names
 
 
@@ -47,7 +40,7 @@ def test_without_a_name_it_lists_what_there_is(tmp_path, monkeypatch, capsys):
         (tmp_path / "lafan1" / name).touch()
     assert main(["fetch"]) == 0
     rows = {line.split()[0]: line for line in capsys.readouterr().out.splitlines() if line}
-    assert set(rows) == {"name", *NAMES, "The"}
+    assert set(rows) == {"name", *COLLECTIONS, "The"}
     assert rows["cmu"].endswith("3 of 134 files") and "76 MB" in rows["cmu"] and "not for resale" in rows["cmu"]
     assert rows["lafan1"].endswith("2 of 77 files") and "CC BY-NC-ND 4.0" in rows["lafan1"]
     assert rows["bandai-namco"].endswith("0 of 81 files")
@@ -86,7 +79,7 @@ def test_the_library_asks_for_acceptance_too(brought, tmp_path):
     with pytest.raises(ValueError, match="the licence of lafan1 has not been accepted:\n.*NoDerivatives"):
         fetch("lafan1", tmp_path)
     assert fetch("lafan1", tmp_path, accepted=True) == tmp_path / "lafan1" and len(brought) == 1
-    with pytest.raises(ValueError, match="name is 'cmuu'; expected one of cmu, lafan1, bandai-namco"):
+    with pytest.raises(ValueError, match="name is 'cmuu'; expected one of bandai-namco, cmu, lafan1"):
         fetch("cmuu", tmp_path)
     with pytest.raises(ValueError, match="human36m cannot be downloaded by a program"):
         fetch("human36m", tmp_path)
@@ -95,18 +88,38 @@ def test_the_library_asks_for_acceptance_too(brought, tmp_path):
         fetch("cmu", tmp_path / "file")
 
 
-@pytest.mark.parametrize("name", BY_HAND)
+@pytest.mark.parametrize("name", [name for name, c in COLLECTIONS.items() if c.download is None])
 def test_what_no_program_can_download_is_explained(name, tmp_path, capsys):
     assert main(["fetch", name, "--to", str(tmp_path)]) == 0
-    told = capsys.readouterr().out
+    told, record = capsys.readouterr().out, COLLECTIONS[name]
     assert "No program can download it" in told and "https://github.com/" in told
-    assert f"put it at {tmp_path / BY_HAND[name].place}\n" in told
-    assert f"MWLIB_DATA={tmp_path} mwlib check-data {BY_HAND[name].check}\n" in told
+    assert f"put it at {tmp_path / record.place}\n" in told
+    assert f"MWLIB_DATA={tmp_path} mwlib check-data {record.preset or record.place}\n" in told
 
 
-def test_steps_by_hand_end_where_a_preset_looks():
-    assert BY_HAND["human36m"].place == PRESETS["h36m"]["data"] and BY_HAND["human36m"].check == "h36m"
-    assert BY_HAND["humaneva"].place == PRESETS["humaneva"]["data"] and BY_HAND["humaneva"].check == "humaneva"
+# A row for each record: what a file of it is called, and what that says of subject and action; its usual unit.
+RECORDS = {
+    "bandai-namco": ("dataset-1_bow_normal_001", ("normal", "bow"), "cm"),
+    "cmu": ("05_12", ("05", None), "cmu"),
+    "lafan1": ("walk4_subject1", ("1", "walk"), "cm"),
+    "human36m": ("", (None, None), ""),
+    "humaneva": ("", (None, None), ""),
+    "humanml3d": ("", (None, None), ""),
+    "kit-ml": ("", (None, None), ""),
+}
+
+
+@pytest.mark.parametrize("name", COLLECTIONS)
+def test_a_record_says_all_that_a_data_set_needs(name):
+    record, (stem, said, unit) = COLLECTIONS[name], RECORDS[name]
+    assert (
+        record.name == name and record.title and record.licence and record.place and bool(record.steps) != bool(record.download)
+    )
+    found = record.file_name.fullmatch(stem).groupdict() if record.file_name else {}
+    assert (found.get("subject"), found.get("action")) == said and record.unit == unit
+    others = [c.file_name for c in COLLECTIONS.values() if c.file_name and c is not record]
+    assert not any(pattern.fullmatch(stem) for pattern in others), "a name that two records claim"
+    assert not record.preset or record.place == PRESETS[record.preset]["data"] == NAMED_SOURCES[record.preset][0]
 
 
 def test_without_mwlib_data_there_is_one_place_for_all(monkeypatch, tmp_path):
@@ -119,17 +132,11 @@ def test_without_mwlib_data_there_is_one_place_for_all(monkeypatch, tmp_path):
     assert find_source(PRESETS["cmu"]["data"]) == tmp_path / "mwlib" / "cmu" / "asfamc"
 
 
-def test_lists_hold_no_motion():
-    """A line each, of some hundred bytes."""
-    for name, count in (("cmu", 134), ("lafan1", 10), ("bandai_namco", 81)):
-        assert len(listed(name)) == count and list_file(name).stat().st_size < 150 * (count + 1)
-
-
 def test_help_helps(capsys):
     with pytest.raises(SystemExit):
         main(["fetch", "--help"])
     told = capsys.readouterr().out
-    assert all(name in told for name in NAMES) and "--to FOLDER" in told and "--accept-licence" in told
+    assert all(name in told for name in COLLECTIONS) and "--to FOLDER" in told and "--accept-licence" in told
     with pytest.raises(SystemExit):
         main(["fetch", "nothing"])
     assert "invalid choice: 'nothing'" in capsys.readouterr().err

@@ -1,0 +1,63 @@
+"""Human3.6M and HumanEva-I as VideoPose3D stores them, and what is published of their test windows."""
+
+from __future__ import annotations
+
+from mwlib.body.skeleton import H36M17, HUMANEVA15
+from mwlib.data.collections.record import Collection, Protocol
+
+TRAIN_SUBJECTS, TEST_SUBJECTS = ("S1", "S5", "S6", "S7", "S8"), ("S9", "S11")
+# Windows per take at H, F, stride = 25, 100, 25: plain, "1", "2", ...; "-" where there is no such take. HumanMAC's protocol.
+_TAKES = {
+    "S9": "Directions 103/90 Discussion -/230/208 Eating 103/102 Greeting 53/104 Phoning 128/148 Posing 74/74 Purchases 57/45 "
+    "Sitting 114/118 SittingDown 113/58 Smoking 169/171 Photo 89/53 Waiting 128/60 Walking 60/93 WalkDog 85/84 "
+    "WalkTogether 64/63",
+    "S11": "Directions -/58 Discussion -/103/83 Eating 84/86 Greeting 68/-/63 Phoning -/-/135/131 Posing 52/55 Purchases 37/37 "
+    "Sitting 83/70 SittingDown 69/76 Smoking 92/-/106 Photo 75/57 Waiting 86/87 Walking 60/61 WalkDog 53/43 WalkTogether 50/67",
+}
+# Test windows that have no other within 0.5 m of their last observed frame, and that have at most nine others.
+ALONE, FEW, THRESHOLD = 73, 1139, 0.5
+HUMANEVA_MOST_WINDOWS = 385  # in the Validate parts, if no frame of any take were bad
+
+
+def _counts(rows: str) -> dict[str, int]:
+    words = rows.split()
+    counts = {}
+    for action, windows in zip(words[::2], words[1::2], strict=True):
+        for take, count in enumerate(windows.split("/")):
+            if count != "-":
+                counts[f"{action} {take}" if take else action] = int(count)
+    return counts
+
+
+WINDOWS = {f"{subject} {take}": count for subject, rows in _TAKES.items() for take, count in _counts(rows).items()}
+
+_FOLLOW = "follow https://github.com/facebookresearch/VideoPose3D/blob/main/DATASETS.md; its"
+RECORDS = (
+    Collection(
+        name="human36m",
+        title="Human3.6M, 7 people with positions, 50 Hz",
+        licence="academic use, by registration",
+        place="data_3d_h36m.npz",
+        skeleton=H36M17,
+        preset="h36m",
+        fps=50.0,
+        steps=(
+            "register at http://vision.imar.ro/human3.6m and wait for the account; a person has to agree to the licence",
+            f"{_FOLLOW} prepare_data_h36m.py writes data_3d_h36m.npz",
+        ),
+    ),
+    Collection(
+        name="humaneva",
+        title="HumanEva-I, 3 people with positions, 60 Hz",
+        licence="academic use, by registration",
+        place="data_3d_humaneva15.npz",
+        skeleton=HUMANEVA15,
+        preset="humaneva",
+        fps=60.0,
+        protocol=Protocol(60.0, 15, 60, 15),
+        steps=(
+            "register at http://humaneva.is.tue.mpg.de; a person has to agree to the licence",
+            f"{_FOLLOW} prepare_data_humaneva.py, for 15 joints, writes data_3d_humaneva15.npz",
+        ),
+    ),
+)

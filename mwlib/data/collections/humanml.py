@@ -1,0 +1,36 @@
+"""HumanML3D and KIT motion-language, motions with descriptions."""
+
+from __future__ import annotations
+
+from mwlib.body.skeleton import HUMANML22, KIT21
+from mwlib.data.collections.record import Collection
+
+_README = "the README of https://github.com/EricGuo5513/HumanML3D"
+RECORDS = (
+    Collection(
+        name="humanml3d",
+        title="HumanML3D, 14,616 motions with 44,970 descriptions, 20 Hz",
+        licence="texts MIT; motions under AMASS's licence, by registration",
+        place="humanml3d",
+        skeleton=HUMANML22,
+        steps=(
+            "register at https://amass.is.tue.mpg.de; a person has to agree to the licences of its motions",
+            f"follow {_README}; its notebooks write the folders new_joints and "
+            "new_joint_vecs; texts.zip and the lists of the splits come with it",
+            "put new_joints, new_joint_vecs, texts, Mean.npy, Std.npy, train.txt, val.txt and test.txt into one folder",
+        ),
+    ),
+    Collection(
+        name="kit-ml",
+        title="KIT motion-language, 3,911 motions with 6,278 descriptions",
+        licence="research use, with citation",
+        place="kit_ml",
+        skeleton=KIT21,
+        steps=(
+            "the original: https://motion-annotation.humanoids.kit.edu/dataset",
+            f"in the form that text-to-motion papers use (21 joints, folders new_joints and new_joint_vecs): {_README} links it",
+            "put the folders, Mean.npy, Std.npy and the lists of the splits into one folder, and beside them a skeleton.json "
+            "with the names and parents of the 21 joints, fps, unit and up, which the arrays do not say",
+        ),
+    ),
+)

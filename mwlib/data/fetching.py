@@ -1,0 +1,458 @@
+"""Downloads of published motions: from their publishers, checked, one process at a time."""
+
+from __future__ import annotations
+
+import csv
+import hashlib
+import io
+import json
+import shutil
+import sys
+import time
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, cast
+
+import numpy as np
+import pooch
+import requests
+import urllib3
+from filelock import FileLock, Timeout
+from tqdm import tqdm
+
+from mwlib.body.motion import Motion
+from mwlib.data.collections import COLLECTIONS
+from mwlib.data.collections.record import Archive, Collection, Listed, list_file
+from mwlib.data.formats.asf_amc import read_asf
+from mwlib.data.load import data_folder, motion_files, read_motion_file
+from mwlib.data.meaning import clips_row
+from mwlib.data.untrusted import MOST_BYTES, PACKED, MotionFormatError, allowed, bare_name, read_bytes
+from mwlib.files import write_atomic, write_json
+from mwlib.version import __version__
+
+HEADERS = {"User-Agent": f"mwlib/{__version__} (motion-wavelet-notebooks)", "Accept-Encoding": "identity"}
+PIECE = 2**14  # bytes
+MOST = 40_000_000  # bytes of one file that is no archive; the longest listed has 3 million
+MOST_FAULTS = 5  # clips that a publisher does not have as listed, before nothing more is asked of it
+FINENESS = 1e-4  # metres
+BUSY = (408, 429, 500, 502, 503, 504)  # a later try may succeed
+POINTER = b"version https://git-lfs"  # how a stand-in of Git LFS begins
+PROOF = "fetched.json"  # written last: SHA-256 of every file of an archive
+
+
+class FetchError(OSError):
+    """Data could not be had; the message says from where, what was found and what was expected."""
+
+
+class NotOfferedError(FetchError):
+    """The server answers, but not with the file: none there, another content, or a page in its place."""
+
+
+class _BrokenError(ValueError):
+    """The line broke; pooch tries again."""
+
+
+@dataclass(frozen=True)
+class Patience:
+    """How a download waits. Own choice: what is usual, and no burden for a university's server.
+
+    Args:
+        silence: seconds without a byte after which a connection counts as broken.
+        slowest: bytes a second that must come, so that the whole time has a limit, once `grace` seconds have passed.
+        retries: of one file; pooch waits 1, 2, 3, ... seconds before them.
+        between: seconds between two files.
+    """
+
+    silence: float = 30.0
+    slowest: float = 2000.0
+    grace: float = 30.0
+    retries: int = 3
+    between: float = 0.5
+
+
+@dataclass(frozen=True)
+class _Line:
+    """What brings pooch a file: no more bytes and no more time than it may take, and no stand-in.
+
+    Raises:
+        _BrokenError: the connection broke, or the server is busy.
+        NotOfferedError: the server has no such file, or it is too large or too slow.
+    """
+
+    most: int
+    patience: Patience
+    bar: tqdm | None = None
+
+    def __call__(self, url: str, output_file: str, pooch: pooch.Pooch) -> None:
+        try:
+            with requests.get(url, headers=HEADERS, timeout=self.patience.silence, stream=True) as response:
+                if response.status_code != 200:
+                    found = f"the server says {response.status_code} {response.reason}"
+                    raise (_BrokenError if response.status_code in BUSY else NotOfferedError)(found)
+                with Path(output_file).open("wb") as stream:
+                    size = sum(map(stream.write, self._pieces(response)))
+        except requests.exceptions.SSLError as error:
+            raise NotOfferedError(f"no safe connection ({_root(error)})") from error
+        except (requests.RequestException, urllib3.exceptions.HTTPError) as error:
+            raise _BrokenError(f"no connection, or one that ended early ({_root(error)})") from error
+        announced = response.headers.get("Content-Length", "")
+        if announced.isdecimal() and size != int(announced):
+            raise _BrokenError(f"the connection ended early: {size} of {announced} bytes arrived")
+        if fault := _stand_in(Path(output_file)):
+            raise ValueError(fault)
+        time.sleep(self.patience.between)
+
+    def _pieces(self, response: requests.Response) -> Iterator[bytes]:
+        """What arrives, as it arrives."""
+        size, begin = 0, time.monotonic()
+        if self.bar is not None:
+            self.bar.reset()
+        while piece := response.raw.read1(PIECE):
+            size += len(piece)
+            passed = time.monotonic() - begin
+            if size > self.most:
+                raise NotOfferedError(f"more than {self.most} bytes arrived; expected at most that")
+            if passed > self.patience.grace + size / self.patience.slowest:
+                raise NotOfferedError(f"{size} bytes in {passed:.0f} s; expected at least {self.patience.slowest:g} a second")
+            if self.bar is not None:
+                self.bar.update(len(piece))
+            yield piece
+
+
+def _root(error: BaseException) -> str:
+    """What the first of a chain of errors says."""
+    while (before := error.__cause__ or error.__context__) is not None:
+        error = before
+    return str(error)[:200] or type(error).__name__
+
+
+def _stand_in(file: Path) -> str:
+    """What came in place of the file: nothing, a page for people, or a pointer of Git LFS; "" if it is none."""
+    with file.open("rb") as stream:
+        head = stream.read(2**10).lstrip(b"\xef\xbb\xbf \t\r\n")
+    if not head:
+        return "an empty file arrived"
+    if head.startswith(b"<"):
+        return (
+            "a web page arrived in place of the file; is there a login page between you and the network, or has the file moved?"
+        )
+    if head.startswith(POINTER):
+        return (
+            f"a Git LFS pointer of {file.stat().st_size} bytes arrived in place of the file that it names; the file itself is at "
+            "https://media.githubusercontent.com/media/OWNER/REPOSITORY/COMMIT/PATH, or in a clone made with git-lfs installed"
+        )
+    return ""
+
+
+class _Registry:
+    """Files of one collection on their way: pooch's registry in a folder beside the one that they are for."""
+
+    def __init__(self, url: str, files: dict[str, tuple[str, str | None]], staging: Path, patience: Patience) -> None:
+        self.patience = patience
+        self.pooch = pooch.create(
+            path=staging,
+            base_url="",
+            registry={name: digest for name, (_, digest) in files.items()},
+            urls={name: place if "://" in place else f"{url}/{place}" for name, (place, _) in files.items()},
+            retry_if_failed=patience.retries,
+        )
+
+    def get(self, name: str, most: int = MOST, bar: tqdm | None = None) -> Path:
+        """The file in the staging folder, brought unless it is there already.
+
+        Raises:
+            FetchError: no connection, or none that lasts.
+            NotOfferedError: the server has no such file, or sends something else.
+        """
+        url = self.pooch.get_url(name)
+        try:
+            return Path(self.pooch.fetch(name, downloader=cast(Any, _Line(most, self.patience, bar))))
+        except _BrokenError as error:
+            tries = self.patience.retries + 1
+            raise FetchError(f"{url}: {error}; tried {tries} times. The same command goes on from here") from error
+        except (ValueError, NotOfferedError) as error:
+            raise NotOfferedError(f"{url}: {error}") from error
+
+
+def fetch(name: str, to: str | Path | None = None, *, accepted: bool = False) -> Path:
+    """Download a published collection of motions, checked; what is there already stays.
+
+    Args:
+        name: of a collection that has a download.
+        to: the folder of data; None: MWLIB_DATA, or where data lie when it is not set.
+        accepted: whoever calls has read and accepted the collection's terms.
+
+    Returns:
+        The folder with the motions, for `load_motions` and the setting `data`.
+
+    Raises:
+        ValueError: an unknown name, one that people have to get by hand, or terms that nobody accepted.
+        FetchError: it cannot be had; the message says why, and nothing half-written is left under a file's name.
+        PermissionError: nothing can be written there.
+    """
+    if name not in COLLECTIONS:
+        raise ValueError(f"name is {name!r}; expected one of {', '.join(n for n, c in COLLECTIONS.items() if c.download)}")
+    collection = COLLECTIONS[name]
+    if collection.download is None:
+        raise ValueError(f"{name} cannot be downloaded by a program; mwlib fetch {name} says how people get it")
+    if collection.download.terms and not accepted:
+        raise ValueError(f"the licence of {name} has not been accepted:\n{collection.download.terms}")
+    to = (data_folder() if to is None else Path(to).expanduser()).absolute()
+    if to.exists() and not to.is_dir():
+        raise FetchError(f"{to} is no folder; expected one to put the data into")
+    return bring(collection, to)
+
+
+def bring(collection: Collection, to: Path, patience: Patience = Patience()) -> Path:  # noqa: B008 (frozen)
+    """Download what is missing of a collection into its place below `to`.
+
+    A file gets its name only after it was checked: by its SHA-256, or a clip by the motion that is read from it. Those that
+    are there, plain or packed, are checked in the same way and stay.
+
+    Raises:
+        FetchError, PermissionError: as `fetch`.
+    """
+    download, folder = collection.download, to / collection.place
+    assert download is not None
+    pooch.get_logger().setLevel("WARNING")
+    clips, files = download.clips(), dict(download.files())
+    if _is_there(download.archive is not None, folder, files, clips):
+        return folder
+    with _workplace(to, collection.name) as staging:
+        if clips:
+            _bring_clips(download.url, clips, folder, staging, patience)
+        else:
+            registry = _Registry(download.url, {**files}, staging, patience)
+            with _progress(collection.title.split(":")[0], len(files)) as bar:
+                for name in _missing(folder, files):
+                    part = registry.get(name)
+                    folder.mkdir(parents=True, exist_ok=True)
+                    part.replace(folder / name)
+                    bar.update()
+        if download.archive is not None and not _is_proven(folder):
+            _bring_archive(download.archive, folder, staging, patience)
+    return folder
+
+
+def _is_there(is_archive: bool, folder: Path, files: dict[str, tuple[str, str]], clips: Sequence[Listed]) -> bool:
+    """Whether nothing has to be asked for."""
+    return (
+        not _missing(folder, files)
+        and not _missing_clips(folder, clips)
+        and (not clips or _labelled(folder, clips))
+        and (not is_archive or _is_proven(folder))
+    )
+
+
+def _missing(folder: Path, files: dict[str, tuple[str, str]]) -> list[str]:
+    """Files that are not there, or with other bytes."""
+    return [n for n, (_, sha256) in files.items() if (file := at(folder, n)) is None or _digest(file) != sha256]
+
+
+def _digest(file: Path) -> str:
+    """SHA-256 of the file's bytes, unpacked; "" if it cannot be read."""
+    try:
+        return hashlib.sha256(read_bytes(file, allowed(MOST_BYTES, file))).hexdigest()
+    except MotionFormatError:
+        return ""
+
+
+def _bring_archive(archive: Archive, folder: Path, staging: Path, patience: Patience) -> None:
+    """Unpack the clips of a zip that is known byte by byte, and write down what they are."""
+    registry = _Registry("", {"clips.zip": (archive.url, archive.sha256)}, staging, patience)
+    with _progress("the archive", archive.size, "B") as bar:
+        packed = registry.get("clips.zip", archive.size, bar)
+    found = pooch.Unzip(extract_dir="clips")(str(packed), "download", registry.pooch)
+    clips = [file for file in map(Path, found) if archive.wanted.fullmatch(file.name)]
+    if len(clips) != archive.count:
+        raise NotOfferedError(f"{archive.url}: {len(clips)} clips; expected {archive.count}")
+    (folder / PROOF).unlink(missing_ok=True)
+    digests = {file.name: pooch.file_hash(str(file)) for file in clips}
+    for file in clips:
+        file.replace(folder / file.name)
+    write_json(folder / PROOF, {"url": archive.url, "sha256": archive.sha256, "files": digests})
+
+
+def _is_proven(folder: Path) -> bool:
+    """Whether every clip of an archive is there, byte by byte."""
+    try:
+        files = json.loads((folder / PROOF).read_text(encoding="utf-8"))["files"]
+        return all(pooch.file_hash(str(folder / name)) == sha256 for name, sha256 in files.items())
+    except (OSError, ValueError, LookupError, TypeError, AttributeError):
+        return False
+
+
+def _bring_clips(url: str, clips: Sequence[Listed], folder: Path, staging: Path, patience: Patience) -> None:
+    """Clips that are known by their motions, their skeletons, and a clips.csv with subjects, actions and rates."""
+    if not _labelled(folder, clips):
+        if (table := folder / "clips.csv").exists():
+            raise FetchError(f"{table} says other things of the clips than the list that came with mwlib; move it away")
+        rows = [(clip.file, f"{clip.fps:g}", clip.subject, clip.action) for clip in clips]
+        write_atomic(table, _table_text(("file", "fps", "subject", "action"), rows))
+    names = {name for clip in clips for name in (clip.file, _skeleton_of(clip))}
+    registry = _Registry(url, {name: (name, None) for name in names}, staging, patience)
+    missing, faults = _missing_clips(folder, clips), []
+    with _progress("clips", len(clips)) as bar:
+        bar.update(len(clips) - len(missing))
+        for clip in missing:
+            try:
+                _bring_clip(registry, clip, folder)
+            except NotOfferedError as error:
+                faults.append(str(error))
+                if len(faults) == MOST_FAULTS:
+                    break
+            bar.update()
+    if faults:
+        raise FetchError("\n  ".join([f"{len(faults)} of {len(clips)} clips could not be had as listed:", *faults]))
+
+
+def _bring_clip(registry: _Registry, clip: Listed, folder: Path) -> None:
+    """One clip and its skeleton, asked for twice at most where what comes is not the listed motion."""
+    for _ in range(2):
+        skeleton, part = registry.get(_skeleton_of(clip)), registry.get(clip.file)
+        if not (fault := motion_fault(part, clip)):
+            break
+        part.unlink()
+        if _skeleton_fault(skeleton):
+            skeleton.unlink()
+    else:
+        raise NotOfferedError(f"{registry.pooch.get_url(clip.file)}: {fault}")
+    for name, file in ((_skeleton_of(clip), skeleton), (clip.file, part)):
+        write_atomic(folder / name, file.read_bytes())
+    part.unlink()
+
+
+def _skeleton_of(clip: Listed) -> str:
+    """05/05.asf for 05/05_01.amc."""
+    subject = clip.file.split("/")[0]
+    return f"{subject}/{subject}.asf"
+
+
+def _skeleton_fault(file: Path) -> bool:
+    try:
+        read_asf(file)
+    except MotionFormatError:
+        return True
+    return False
+
+
+def _missing_clips(folder: Path, clips: Sequence[Listed]) -> list[Listed]:
+    """Clips that are not there, or not as listed."""
+    with _progress("checking clips", len(clips)) as bar:
+        found = []
+        for clip in clips:
+            found += [clip] if (file := at(folder, clip.file)) is None or motion_fault(file, clip) else []
+            bar.update()
+    return found
+
+
+def _labelled(folder: Path, clips: Sequence[Listed]) -> bool:
+    """Whether a clips.csv, of this folder or above, says of each clip what the list says."""
+    rows = [clips_row(folder / clip.file)[0] for clip in clips]
+    said = [(row.get("subject"), row.get("action"), row.get("fps")) for row in rows]
+    return said == [(clip.subject, clip.action, f"{clip.fps:g}") for clip in clips]
+
+
+def motion_digest(motion: Motion) -> str:
+    """Sixteen hex digits over skeleton, rate and positions, rounded to 0.1 mm.
+
+    Own choice: the positions rather than the file's bytes, so that line ends and comments do not count; rounded, so that the
+    last bits, which differ between machines' arithmetic, seldom do (`sources.fingerprint` sees every bit).
+    """
+    s = motion.skeleton
+    digest = hashlib.sha256(f"{motion.fps:g}/{motion.up}/{s.joints}/{s.parents}/{motion.positions.shape}".encode())
+    digest.update(np.rint(motion.positions.astype(np.float64) / FINENESS).astype("<i4").tobytes())
+    return digest.hexdigest()[:16]
+
+
+def motion_fault(file: Path, clip: Listed) -> str:
+    """Why a file does not hold the listed motion; "" if it does. Names the file only where it cannot be read."""
+    try:
+        (motion, *others) = read_motion_file(file)
+    except MotionFormatError as error:
+        return f"it cannot be read: {error}"
+    found = motion_digest(motion)
+    if found == clip.motion and not others:
+        return ""
+    return f"another motion ({len(motion)} frames, {found}); expected {clip.frames} frames, {clip.motion}"
+
+
+def clips_of(folder: Path) -> list[Listed]:
+    """The clips of a folder as they would be listed: for whoever keeps the lists, and for tests."""
+    clips = []
+    for file in motion_files(folder):
+        (motion,) = read_motion_file(file)
+        place = file.relative_to(folder).with_name(bare_name(file)).as_posix()
+        clips.append(Listed(place, motion.subject, motion.action, motion.fps, len(motion), motion_digest(motion), _digest(file)))
+    return clips
+
+
+def write_list(name: str, folder: Path) -> None:
+    """Make a collection's list again from a folder of the very files; CONTRIBUTING.md says when."""
+    rows = [(*clip[:3], f"{clip.fps:g}", *clip[4:]) for clip in clips_of(folder)]
+    write_atomic(list_file(name), _table_text(Listed._fields, rows))
+
+
+def _table_text(columns: Sequence[str], rows: Sequence[Sequence[object]]) -> str:
+    """Comma-separated values with a header line."""
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(columns)
+    writer.writerows(rows)
+    return text.getvalue()
+
+
+def at(folder: Path, file: str) -> Path | None:
+    """A file of a folder, plain or packed, as `load_motions` would choose; None if it is not there."""
+    plain = folder / file
+    return next((found for end in ("", *sorted(PACKED)) if (found := plain.with_name(plain.name + end)).is_file()), None)
+
+
+def overview(to: Path) -> list[tuple[str, ...]]:
+    """Rows of words, one for each collection, below a header: name, what, size, licence, what is there."""
+    rows = [("name", "what", "download", "licence", "there")]
+    for name, c in COLLECTIONS.items():
+        if c.download:
+            rows.append((name, c.title, c.download.size, c.licence, "{} of {} files".format(*brought(c, to / c.place))))
+        else:
+            rows.append((name, c.title, "by hand", c.licence, "yes" if (to / c.place).exists() else "no"))
+    return rows
+
+
+def brought(collection: Collection, folder: Path) -> tuple[int, int]:
+    """How many of a collection's clips are there, and of how many; nothing is read."""
+    download = collection.download
+    assert download is not None
+    if (archive := download.archive) is not None:
+        names = {bare_name(file) for file in folder.glob("*")}
+        return sum(archive.wanted.fullmatch(name) is not None for name in names), archive.count
+    clips = [clip.file for clip in download.clips()] or [name for name in download.files() if name.endswith(".bvh")]
+    return sum(at(folder, clip) is not None for clip in clips), len(clips)
+
+
+@contextmanager
+def _workplace(to: Path, name: str) -> Iterator[Path]:
+    """A folder for what is not whole yet, hidden, on the same disk; others wait until it is free.
+
+    It is removed at a good end. What a broken end leaves there is never read as data.
+    """
+    to.mkdir(parents=True, exist_ok=True)
+    lock, folder = FileLock(to / f".fetch-{name}.lock"), to / f".fetch-{name}"
+    try:
+        lock.acquire(timeout=0)
+    except Timeout:
+        print(f"another mwlib fetch {name} is at work in {to}; waiting for it", file=sys.stderr)
+        lock.acquire()
+    try:
+        folder.mkdir(exist_ok=True)
+        yield folder
+        shutil.rmtree(folder)
+    finally:
+        lock.release()
+
+
+def _progress(what: str, total: int, unit: str = "file") -> tqdm:
+    """A progress bar, unless nobody watches or it is soon over."""
+    return tqdm(desc=what, total=total, unit=unit, unit_scale=unit == "B", disable=not sys.stderr.isatty() or total < 20)

@@ -1,1 +1,0 @@
-"""Published motions, brought from their publishers: downloads, checks, and the lists of the clips behind our tables."""
