@@ -96,6 +96,8 @@ def _imports(module: str, file: Path) -> Iterator[tuple[str, str, str]]:
         elif isinstance(node, ast.ImportFrom):
             source = resolve_name("." * node.level + (node.module or ""), package)
             yield from ((source, alias.name, alias.asname or alias.name) for alias in node.names)
+        elif isinstance(node, ast.Attribute) and node.attr == "iter_modules":  # a package of whatever lies in its folder
+            yield from ((f"{package}.{other.stem}", "", "") for other in sorted(file.parent.glob("*.py")) if other != file)
 
 
 def _origin(source: str, name: str, roots: dict[str, Path]) -> str:

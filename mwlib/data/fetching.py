@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import csv
-import hashlib
 import io
 import json
 import shutil
@@ -30,6 +29,7 @@ from mwlib.data.load import data_folder, motion_files, read_motion_file
 from mwlib.data.meaning import clips_row
 from mwlib.data.untrusted import MOST_BYTES, PACKED, MotionFormatError, allowed, bare_name, read_bytes
 from mwlib.files import write_atomic, write_json
+from mwlib.hashing import file_hash, sha256
 from mwlib.version import __version__
 
 HEADERS = {"User-Agent": f"mwlib/{__version__} (motion-wavelet-notebooks)", "Accept-Encoding": "identity"}
@@ -248,13 +248,13 @@ def _is_there(is_archive: bool, folder: Path, files: dict[str, tuple[str, str]],
 
 def _missing(folder: Path, files: dict[str, tuple[str, str]]) -> list[str]:
     """Files that are not there, or with other bytes."""
-    return [n for n, (_, sha256) in files.items() if (file := at(folder, n)) is None or _digest(file) != sha256]
+    return [n for n, (_, digest) in files.items() if (file := at(folder, n)) is None or _digest(file) != digest]
 
 
 def _digest(file: Path) -> str:
     """SHA-256 of the file's bytes, unpacked; "" if it cannot be read."""
     try:
-        return hashlib.sha256(read_bytes(file, allowed(MOST_BYTES, file))).hexdigest()
+        return sha256([read_bytes(file, allowed(MOST_BYTES, file))])
     except MotionFormatError:
         return ""
 
@@ -269,7 +269,7 @@ def _bring_archive(archive: Archive, folder: Path, staging: Path, patience: Pati
     if len(clips) != archive.count:
         raise NotOfferedError(f"{archive.url}: {len(clips)} clips; expected {archive.count}")
     (folder / PROOF).unlink(missing_ok=True)
-    digests = {file.name: pooch.file_hash(str(file)) for file in clips}
+    digests = {file.name: file_hash(file) for file in clips}
     for file in clips:
         file.replace(folder / file.name)
     write_json(folder / PROOF, {"url": archive.url, "sha256": archive.sha256, "files": digests})
@@ -279,7 +279,7 @@ def _is_proven(folder: Path) -> bool:
     """Whether every clip of an archive is there, byte by byte."""
     try:
         files = json.loads((folder / PROOF).read_text(encoding="utf-8"))["files"]
-        return all(pooch.file_hash(str(folder / name)) == sha256 for name, sha256 in files.items())
+        return all(file_hash(folder / name) == digest for name, digest in files.items())
     except (OSError, ValueError, LookupError, TypeError, AttributeError):
         return False
 
@@ -362,9 +362,8 @@ def motion_digest(motion: Motion) -> str:
     last bits, which differ between machines' arithmetic, seldom do (`sources.fingerprint` sees every bit).
     """
     s = motion.skeleton
-    digest = hashlib.sha256(f"{motion.fps:g}/{motion.up}/{s.joints}/{s.parents}/{motion.positions.shape}".encode())
-    digest.update(np.rint(motion.positions.astype(np.float64) / FINENESS).astype("<i4").tobytes())
-    return digest.hexdigest()[:16]
+    head = f"{motion.fps:g}/{motion.up}/{s.joints}/{s.parents}/{motion.positions.shape}"
+    return sha256([head, np.rint(motion.positions.astype(np.float64) / FINENESS).astype("<i4").tobytes()])[:16]
 
 
 def motion_fault(file: Path, clip: Listed) -> str:

@@ -16,7 +16,7 @@ MUTANTS = [
         ("clips-without-their-labels", "and (not clips or _labelled(folder, clips))", "and True"),
         ("tables-of-others-overwritten", 'if (table := folder / "clips.csv").exists():',
          'if not (table := folder / "clips.csv").parent:'),
-        ("there-is-whole", "return all(pooch.file_hash(", "return any(pooch.file_hash("),
+        ("there-is-whole", "return all(file_hash(", "return any(file_hash("),
         ("archives-without-a-digest", "(archive.url, archive.sha256)}", "(archive.url, None)}"),
         ("files-without-a-digest", "registry={name: digest for", "registry={name: None for"),
         ("packed-files-are-not-there", '("", *sorted(PACKED))', '("",)'),
