@@ -8,7 +8,7 @@ from typing import Any, ClassVar, Literal
 from mwlib.data.captioned import CaptionsConfig
 from mwlib.data.normalisation import Kind
 from mwlib.networks.matching import UNIT
-from mwlib.settings import BelowOne, Count, Natural, NotNegative, Positive, Settings
+from mwlib.settings import Advanced, BelowOne, Count, Natural, NotNegative, Positive, Settings
 from mwlib.training.config import TrainingConfig
 
 Half = Literal["evaluator", "critic", "all"]
@@ -19,9 +19,7 @@ Loss = Literal["contrastive", "infonce"]
 class MatchingConfig:
     """Who is learnt from, and the networks. The widths of the published evaluators are 512, 512, 1024, 512 and 512."""
 
-    half: Half = (
-        "evaluator"  # of the training clips: a critic that takes part in a loss must not be the judge, nor know its clips
-    )
+    half: Half = "evaluator"  # of the training clips: a critic of a loss must not be the judge, nor know its clips
     statistics: Kind = "evaluator"  # how features are scaled: "evaluator" lets root and contacts weigh 25 times as much
     code_width: Count = 128  # numbers of a movement's code
     word_width: Count = 64  # of a word's vector
@@ -36,9 +34,7 @@ class MatchingConfig:
 class MatchingLossConfig:
     """What is trained: first codes of movements, then the match of sentences and motions."""
 
-    loss: Loss = (
-        "contrastive"  # as published; or own choice: all others of the batch as negatives, which parts fine captions better
-    )
+    loss: Loss = "contrastive"  # as published; or own choice: all others of the batch as negatives: parts fine captions better
     margin: Positive = 10.0  # of "contrastive": negatives farther than this do not count
     temperature: Positive = 1.0  # of "infonce": squared distances are divided by it
     word_dropout: BelowOne = 0.05  # words replaced by the unknown one, which else would never learn
@@ -46,8 +42,8 @@ class MatchingLossConfig:
     movement_batch: Count = 128  # windows
     movement_frames: Count = 24  # of each, a multiple of 4
     movement_lr: Positive = 1e-3  # first learning rate; it falls to zero along a cosine
-    sparsity: NotNegative = 0.001  # weight of the codes' mean size
-    smoothness: NotNegative = 0.001  # weight of the mean step from code to code
+    sparsity: Advanced[NotNegative] = 0.001  # weight of the codes' mean size
+    smoothness: Advanced[NotNegative] = 0.001  # weight of the mean step from code to code
 
 
 @dataclass(frozen=True)

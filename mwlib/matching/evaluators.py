@@ -25,7 +25,8 @@ from mwlib.matching.clips import PARTS, TaggedVocabulary, Vocabulary
 from mwlib.matching.config import Config, MatchingConfig
 from mwlib.networks.matching import UNIT, MotionEncoder, MovementEncoder, SentenceEncoder, published_weights
 from mwlib.paths import CONFIG, run_folder
-from mwlib.training import read_model
+from mwlib.training import read_model, with_weights
+from mwlib.training.checkpoint import part
 
 CHUNK = 256  # clips or sentences embedded together
 
@@ -92,11 +93,8 @@ class Matcher:
         """The matcher that a finished training left (see `mwlib.training.read_model`)."""
         statistics = Statistics.from_tensors(cfg.model.statistics, learnt)
         vocabulary = Vocabulary(json.loads(about["vocabulary"]), cfg.model.words)
-        with torch.random.fork_rng([]):  # initial weights are drawn and thrown away
-            network = MatchingNetwork.untrained(cfg.model, len(vocabulary))
-            movement = make_movement(cfg.model, statistics.layout.width)
-        network.load_state_dict(weights)
-        movement.load_state_dict({name: learnt[f"movement.{name}"] for name in movement.state_dict()})
+        network = with_weights(lambda: MatchingNetwork.untrained(cfg.model, len(vocabulary)), weights)
+        movement = with_weights(lambda: make_movement(cfg.model, statistics.layout.width), part(learnt, "movement."))
         return cls(network, movement, statistics, vocabulary)
 
     @property

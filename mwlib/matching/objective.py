@@ -20,7 +20,8 @@ from mwlib.matching.clips import FIRST_WORD, UNKNOWN, PairedClips, Pairs, Vocabu
 from mwlib.matching.config import Config
 from mwlib.matching.evaluators import MatchingNetwork, make_movement
 from mwlib.networks.matching import MovementDecoder, MovementEncoder
-from mwlib.training import Objective, seeded
+from mwlib.training import Objective, seeded, with_weights
+from mwlib.training.checkpoint import part
 
 VALIDATION_PAIRS = 256
 
@@ -131,8 +132,8 @@ class MatchingObjective(Objective):
         self.clips = PairedClips(chosen, self.statistics, self.vocabulary)
         self.held_out = PairedClips(data.val, self.statistics, self.vocabulary) if data.val else None
         if learnt:
-            self.movement = make_movement(cfg.model, width).eval().requires_grad_(False)
-            self.movement.load_state_dict({name: learnt[f"movement.{name}"] for name in self.movement.state_dict()})
+            encoder = with_weights(lambda: make_movement(cfg.model, width), part(learnt, "movement."))
+            self.movement = encoder.eval().requires_grad_(False)
         else:
             self.movement, _ = train_movements(self.clips, cfg, width)
         with seeded(cfg.training.seed, 0):
@@ -164,13 +165,11 @@ class MatchingObjective(Objective):
         shift = int(torch.randint(1, len(text), (1,), generator=generator))
         return torch.stack(contrastive_loss(text, motion, shift, o.margin)).sum()
 
-    @torch.inference_mode()
-    def validate(self, network: nn.Module) -> float | None:
-        """Loss on clips held out, always the same pairs."""
+    def held_out_loss(self, network: nn.Module, generator: torch.Generator) -> float | None:
+        """Loss on pairs held out, always the same ones; None if there are none."""
         if self.held_out is None:
             return None
-        with seeded(7, 7) as generator:
-            return float(self.loss(network.eval(), self.held_out.draw(VALIDATION_PAIRS, generator), generator))
+        return float(self.loss(network, self.held_out.draw(VALIDATION_PAIRS, generator), generator))
 
     def learnt(self) -> dict[str, Tensor]:
         """Statistics and the codes of movements."""

@@ -11,7 +11,7 @@ from mwlib.data.captioned import CaptionsConfig
 from mwlib.diffusion.process import ddim_indices
 from mwlib.networks.matching import UNIT
 from mwlib.networks.unet1d import check_channels
-from mwlib.settings import BelowOne, Count, Natural, NotNegative, Settings, Share
+from mwlib.settings import Advanced, BelowOne, Count, Natural, NotNegative, Settings, Share
 from mwlib.text_to_motion.losses import Band, Norm, Semantic, Stage
 from mwlib.training.config import TrainingConfig
 
@@ -76,8 +76,8 @@ class ModelConfig:
     dropout: BelowOne = 0.1  # of both networks
     attention_dropout: BelowOne = 0.1  # of MDM, on attention weights; on the CPU anything but 0 is slow
     frames_per_token: Count = 1  # of MDM; more is quicker
-    mask_frames: bool = True  # of both: hide padding from valid frames; MDM as first published did not
-    multipliers: tuple[int, ...] = (2, 2, 2, 2)  # of the U-Net, one for each level
+    mask_frames: Advanced[bool] = True  # of both: hide padding from valid frames; MDM as first published did not
+    multipliers: Advanced[tuple[int, ...]] = (2, 2, 2, 2)  # of the U-Net, one for each level
     text: Literal["words", "ngrams", "clip"] = "words"  # a small transformer, hashed parts of words, or CLIP from a file
     text_width: Count = 512  # of "words" and "ngrams"
     text_layers: Natural = 2  # of "words" and "ngrams"
@@ -98,18 +98,18 @@ class ForwardConfig:
 class ObjectiveConfig:
     """The losses and their weights: lambda_1 L_simple + lambda_2 L_LF + lambda_3 L_S."""
 
-    simple_weight: NotNegative = 1.0  # lambda_1
+    simple_weight: Advanced[NotNegative] = 1.0  # lambda_1
     low_weight: NotNegative = 0.0  # lambda_2, of the low-frequency loss
     semantic_weight: NotNegative = 0.0  # lambda_3, of the semantic loss
     lf_norm: Norm = "l1"  # of the low-frequency loss, see low_frequency_loss
     lf_band: Band = "low"  # or what lies above, as in the paper's Table 6
     lf_k: Count = 10  # cosines that it keeps
-    lf_hz: NotNegative = 0.0  # or all below this frequency; 0 = lf_k says
+    lf_hz: Advanced[NotNegative] = 0.0  # or all below this frequency; 0 = lf_k says
     stage: Stage = "prose"  # at which noise each loss counts, see stage_weights
     semantic: Semantic = "cos_gt"  # see semantic_loss
-    s_th: Share = 0.5  # S_th of "reward" and "hinge"
+    s_th: Advanced[Share] = 0.5  # S_th of "reward" and "hinge"
     critic: str = "critic"  # of the semantic loss: comes with the package, or the folder of a run or of the published evaluator
-    drop_text: BelowOne = 0.1  # share of samples that are trained without their sentence, for guidance
+    drop_text: Advanced[BelowOne] = 0.1  # share of samples that are trained without their sentence, for guidance
 
 
 @dataclass(frozen=True)
@@ -123,7 +123,7 @@ class SamplingConfig:
     evaluator: str = "evaluator"  # of the metrics: comes with the package, or the folder of a run or of the published evaluator
     test_clips: Natural = 0  # evaluate so many, spread evenly; 0 = all
     pool: Count = 32  # of R-precision
-    replicates: Count = 1  # how often all is drawn again; confidence intervals need several
+    replicates: Advanced[Count] = 1  # how often all is drawn again; confidence intervals need several
     repeated: Count = 20  # sentences for multimodality
     repeats: Annotated[int, Ge(2)] = 10  # motions of each of them
     sampling_seed: Natural = 0  # of noise, captions and pools

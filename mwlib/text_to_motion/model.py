@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from typing import Any
 
 import torch
 from jaxtyping import Bool, Float, Int
 from torch import Tensor, nn
-from tqdm import tqdm
 
 from mwlib.data.formats.humanml import FeatureLayout
 from mwlib.data.normalisation import Statistics
@@ -19,6 +17,7 @@ from mwlib.networks.mdm import MDM
 from mwlib.networks.text import ClipText, EncodedText, HashedNgrams, TextEncoder, WordTransformer
 from mwlib.networks.unet1d import ConditionalUNet
 from mwlib.text_to_motion.config import Config, ModelConfig
+from mwlib.training import TrainedModel, chunks, identities, with_weights
 
 FORGET = 0.02  # share of the words that training hides, so that unknown ones mean something: own choice
 
@@ -47,15 +46,6 @@ class TextDenoiser(nn.Module):
                 features, steps, cfg.width, cfg.multipliers, width, dropout=cfg.dropout, mask_frames=cfg.mask_frames
             )
 
-    @property
-    def device(self) -> torch.device:
-        """Where the weights are."""
-        return next(self.parameters()).device
-
-    def encode(self, texts: Sequence[str]) -> EncodedText:
-        """Sentences as the denoiser wants them."""
-        return self.text.encode(texts)
-
     def forward(
         self,
         y_t: Float[Tensor, "B T D"],
@@ -65,7 +55,7 @@ class TextDenoiser(nn.Module):
         drop: Bool[Tensor, " B"] | None = None,
     ) -> Float[Tensor, "B T D"]:
         """The clean motion, normalised; samples with `drop` do not see their sentence."""
-        encoded = text if isinstance(text, EncodedText) else self.encode(text)
+        encoded = text if isinstance(text, EncodedText) else self.text.encode(text)
         return self.body(y_t, t, mask, encoded, drop)
 
 
@@ -87,7 +77,7 @@ def make_text(cfg: ModelConfig, vocabulary: Sequence[str]) -> TextEncoder:
 CHUNK = 32  # motions sampled together on a processor
 
 
-class TextToMotion:
+class TextToMotion(TrainedModel):
     """A network with what it was trained for, and settings of the sampling.
 
     Args:
@@ -97,8 +87,8 @@ class TextToMotion:
     """
 
     def __init__(self, net: TextDenoiser, statistics: Statistics, cfg: Config) -> None:
-        self.net, self.statistics, self.cfg = net.eval(), statistics, cfg
-        self.alpha_bar = alpha_bar(cfg.forward.schedule, cfg.forward.steps)
+        super().__init__(net, cfg)
+        self.statistics, self.alpha_bar = statistics, alpha_bar(cfg.forward.schedule, cfg.forward.steps)
 
     @classmethod
     def from_tensors(
@@ -107,30 +97,13 @@ class TextToMotion:
         """The model that a finished training left (see `mwlib.training.read_model`)."""
         statistics = Statistics.from_tensors(cfg.forward.normalisation, learnt)
         words = WordTransformer.vocabulary_in(weights, "text.") if cfg.model.text == "words" else ()
-        with torch.random.fork_rng([]):  # initial weights are drawn and thrown away
-            net = TextDenoiser(cfg.model, statistics.layout.width, cfg.forward.steps, words)
-        net.load_state_dict(weights)
+        net = with_weights(lambda: TextDenoiser(cfg.model, statistics.layout.width, cfg.forward.steps, words), weights)
         return cls(net, statistics, cfg)
 
     @property
     def layout(self) -> FeatureLayout:
         """What a row of features means."""
         return self.statistics.layout
-
-    def to(self, device: torch.device | str) -> TextToMotion:
-        """Move the network."""
-        self.net.to(device)
-        return self
-
-    def with_sampling(self, **changes: Any) -> TextToMotion:
-        """The same model with other settings of the sampling, e.g. ``model.with_sampling(guidance=1.0)``.
-
-        Raises:
-            ValueError: unknown settings, bad values, or settings of the trained model.
-        """
-        if others := [name for name in changes if Config.owners().get(name, "sampling") != "sampling"]:
-            raise ValueError(f"{', '.join(others)} belongs to the trained model; expected settings of the sampling")
-        return TextToMotion(self.net, self.statistics, self.cfg.override(**changes))
 
     def check(self, texts: Sequence[str], frames: Sequence[int]) -> None:
         """Refuse sentences and lengths that the model was not made for."""
@@ -167,18 +140,16 @@ class TextToMotion:
             ValueError: a length does not fit the model, a sentence is empty, or their numbers differ.
         """
         self.check(texts, frames)
-        seed = self.cfg.sampling.sampling_seed if seed is None else seed
-        ids = [*range(len(texts))] if ids is None else [*ids]
+        seed = int(self.sampling.sampling_seed if seed is None else seed)
+        ids = identities(ids, len(texts))
         order = sorted(range(len(texts)), key=lambda i: frames[i])  # like lengths together: less padding
-        found: list[Tensor] = [torch.empty(0)] * len(texts)
-        chunks = [order[first : first + CHUNK] for first in range(0, len(order), CHUNK)]
-        for part in tqdm(chunks, disable=not progress, desc="sampling", unit="chunk"):
-            lengths = [frames[i] for i in part]
-            *_, last = self.steps([texts[i] for i in part], lengths, seed, [ids[i] for i in part])
+        found: dict[int, Tensor] = {}
+        for chunk in chunks(len(order), CHUNK, progress):
+            part = order[chunk]
+            *_, last = self.steps([texts[i] for i in part], [frames[i] for i in part], seed, [ids[i] for i in part])
             raw = self.statistics.denormalise(last.y).cpu()
-            for i, row, n in zip(part, raw, lengths, strict=True):
-                found[i] = row[:n].clone()
-        return found
+            found |= {i: row[: frames[i]].clone() for i, row in zip(part, raw, strict=True)}
+        return [found[i] for i in range(len(texts))]
 
     def steps(self, texts: Sequence[str], frames: Sequence[int], seed: int, ids: Sequence[int] | None = None) -> Iterator[Step]:
         """The denoising steps of one batch, normalised features, padded with zeros; the last one's `y` is clean.
@@ -188,30 +159,26 @@ class TextToMotion:
         """
         self.check(texts, frames)
         lengths = torch.tensor([*frames])
-        numbers = [*range(len(texts))] if ids is None else ids
-        noise = WindowNoise(seed, numbers, (self.cfg.data.longest, self.layout.width), self.net.device)
+        noise = WindowNoise(seed, identities(ids, len(texts)), (self.cfg.data.longest, self.layout.width), self.device)
         most = self.cfg.padded or int(lengths.max())
-        mask = (torch.arange(most) < lengths[:, None]).to(self.net.device)
+        mask = (torch.arange(most) < lengths[:, None]).to(self.device)
 
         def draw() -> Tensor:  # so many frames whatever the others' lengths: a motion does not depend on its batch
             return noise()[:, :most] * mask[..., None]
 
-        return self._steps(self._denoise(texts, mask), draw)
-
-    def _steps(self, denoise: Denoise, draw: Any) -> Iterator[Step]:
-        settings, steps = self.cfg.sampling, self.cfg.forward.steps
-        count = settings.sampling_steps or steps
-        if settings.sampler == "sde_dpm":
+        denoise, steps = self._denoise(texts, mask), self.cfg.forward.steps
+        count = self.sampling.sampling_steps or steps
+        if self.sampling.sampler == "sde_dpm":
             return sde_dpm_solver(denoise, draw(), self.alpha_bar, count, noise=draw)
         indices = ddim_indices(steps, count, "trailing")
-        if settings.sampler == "ddim":
+        if self.sampling.sampler == "ddim":
             return ddim(denoise, draw(), self.alpha_bar, indices)
         return posterior_mean(denoise, draw(), self.alpha_bar, indices, noise=draw)
 
     def _denoise(self, texts: Sequence[str], mask: Bool[Tensor, "B T"]) -> Denoise:
         """(y_t, t) -> eps, with classifier-free guidance: y_u + s (y_c - y_u) of clean estimates, in one pass."""
-        size, guided = len(texts), self.cfg.sampling.guidance != 1
-        text = self.net.encode(texts)
+        size, guided = len(texts), self.sampling.guidance != 1
+        text = self.net.text.encode(texts)
         drop = torch.zeros(size, dtype=torch.bool, device=mask.device)
         if guided:
             text = EncodedText(*(part.repeat(2, *[1] * (part.ndim - 1)) for part in text))
@@ -223,7 +190,7 @@ class TextToMotion:
             y0_hat = self.net(both, steps, mask.repeat(len(both) // size, 1), text, drop)
             if guided:
                 with_text, without = y0_hat.chunk(2)
-                y0_hat = classifier_free(with_text, without, self.cfg.sampling.guidance, "alg1")
+                y0_hat = classifier_free(with_text, without, self.sampling.guidance, "alg1")
             return to_eps("y0", y0_hat * mask[..., None], y, self.alpha_bar[t])
 
         return denoise

@@ -109,14 +109,11 @@ class TextObjective(Objective):
         loss = semantic_loss(estimate, truth, text, o.semantic, o.s_th)
         return torch.zeros_like(weight).index_put((rows,), weight[rows] * loss)
 
-    @torch.inference_mode()
-    def validate(self, network: nn.Module) -> float | None:
-        """Loss on people held out, with fixed noise, without dropout."""
+    def held_out_loss(self, network: nn.Module, generator: torch.Generator) -> float | None:
+        """Mean loss on people held out; None if there are none."""
         if self.held_out is None:
             return None
-        network.eval()
-        with seeded(7, 7) as generator:
-            losses = [self.loss(network, self.held_out.draw(64, generator), generator) for _ in range(VALIDATION_BATCHES)]
+        losses = [self.loss(network, self.held_out.draw(64, generator), generator) for _ in range(VALIDATION_BATCHES)]
         return float(torch.stack(losses).mean())
 
     def learnt(self) -> dict[str, Tensor]:

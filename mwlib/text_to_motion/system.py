@@ -16,7 +16,7 @@ from torch import Tensor
 from mwlib.data.captioned import Parts, load_clips, one_caption_each, thinned
 from mwlib.data.formats.humanml import CaptionedClip, FeatureLayout
 from mwlib.matching.evaluators import Matcher, open_matcher, stands_on
-from mwlib.metrics import Column, clustered_error, diversity, fid, mm_dist, multimodality, r_precision
+from mwlib.metrics import Column, clustered_error, diversity, fid, multimodality, r_precision
 from mwlib.networks.matching import UNIT
 from mwlib.networks.text import words_of
 from mwlib.text_to_motion.attributes import CLAIMS, claims_met, movement
@@ -190,7 +190,6 @@ def _of_sets(cfg: Config, seed: int, text: Tensor, motion: Tensor, real: Tensor)
     return {
         "fid": round(fid(motion, real), 9),  # of equal sets: 0, not what rounding leaves
         **{f"top{k}": float(share) for k, share in enumerate(top, 1)},
-        "mm_dist": float(mm_dist(text, motion)),
         "diversity": float(diversity(motion, pairs=min(PAIRS, len(motion) - 1), generator=generator)),
     }
 
@@ -222,20 +221,15 @@ def _over_replicates(values: Float[np.ndarray, "R N"]) -> Float[np.ndarray, " N"
 def _summary(
     rounds: Sequence[dict[str, float]], values: Sequence[dict[str, list[float]]], names: Sequence[str]
 ) -> dict[str, Any]:
-    mean = {name: float(np.mean([r[name] for r in rounds if name in r])) for name in rounds[0]}
-    error = {
-        name: float(np.std([r[name] for r in rounds], ddof=1) / len(rounds) ** 0.5)
-        for name in rounds[0]
-        if len(rounds) > 1 and all(name in r for r in rounds)
-    }
-    each = {name: _over_replicates(np.array([v[name] for v in values])) for name in values[0]}
-    for name, value in each.items():
-        if np.isfinite(value).any():
-            mean[name], error[name] = float(np.nanmean(value)), clustered_error(value, names)
+    of_sets = {name: np.array([found[name] for found in rounds if name in found]) for name in rounds[0]}
+    of_clips = {name: _over_replicates(np.array([found[name] for found in values])) for name in values[0]}
+    known = {name: value for name, value in of_clips.items() if np.isfinite(value).any()}
+    mean = {name: float(value.mean()) for name, value in of_sets.items()}
+    error = {n: float(value.std(ddof=1) / len(value) ** 0.5) for n, value in of_sets.items() if len(value) == len(rounds) > 1}
     return {
-        "mean": mean,
-        "standard_error": error,
+        "mean": mean | {name: float(np.nanmean(value)) for name, value in known.items()},
+        "standard_error": error | {name: clustered_error(value, names) for name, value in known.items()},
         "windows": len(names),
-        "values": {name: value.tolist() for name, value in each.items()},
+        "values": {name: value.tolist() for name, value in of_clips.items()},
         "clips": list(names),
     }
