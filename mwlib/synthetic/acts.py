@@ -4,15 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 from jaxtyping import Float
 from scipy.ndimage import gaussian_filter1d
 
-from mwlib.synthetic.motions import involuntary, smooth_rise
-from mwlib.synthetic.movements import MARCH, RUN, WALK, gait_pose, gesture_tracks, stand_pose
-from mwlib.synthetic.person import AT, SIDES, Body, Figure, draw_figure, figure_positions
+from mwlib.synthetic.movements import GAITS, PoseTrack, gait_pose, gesture_tracks, stand_pose
+from mwlib.synthetic.person import AT, SIDES, Figure, draw_figure, figure_positions
 from mwlib.synthetic.sentences import captions_of, draw_attributes
 
 RATE = 40.0  # frames per second at which poses are made; every second one is kept
@@ -20,7 +18,6 @@ CLIP_FPS = 20.0
 LONGEST = 6.1  # seconds
 GRAVITY = 9.81  # m/s2
 
-_GAITS = {"walk": WALK, "run": RUN, "march": MARCH}
 _LARGEST_STEP = {"walk": 1.15, "run": 1.25, "march": 1.15}  # in usual steps: beyond it no leg reaches
 _BEFORE = 12  # frames made before the clip and cut off
 
@@ -30,8 +27,8 @@ def air_time(height: float) -> float:
     return float(2 * np.sqrt(2 * height / GRAVITY))
 
 
-class Stage:
-    """Poses of one person, 40 frames a second: every event overlays what it sets on what was going on before.
+class Performance(PoseTrack):
+    """What one person does in a clip, 40 frames a second, with nothing left to chance but what nobody does on purpose.
 
     Args:
         figure: who moves.
@@ -39,29 +36,16 @@ class Stage:
     """
 
     def __init__(self, figure: Figure, rng: np.random.Generator) -> None:
-        self.figure, self.rng = figure, rng
-        frames = int(LONGEST * RATE) + 2 * _BEFORE
-        self.time = (np.arange(frames) - _BEFORE) / RATE
-        self.pose = np.tile(stand_pose(), (frames, 1))
-        self.heading, self.travel = np.zeros(frames), np.zeros((frames, 2))
-        self._gestures: list[tuple[list[int], np.ndarray, np.ndarray]] = []
+        super().__init__(figure.body, rng, int(LONGEST * RATE), _BEFORE, RATE)
+        self.figure, self.travel = figure, np.zeros((len(self.time), 2))
         self._since, self._step = 0.0, 0.0  # when a foot swung past the other, and seconds until the other does
 
-    @property
-    def body(self) -> Body:
-        """Bones and manner of who moves."""
-        return self.figure.body
-
-    def rise(self, start: float, seconds: float) -> Float[np.ndarray, " T"]:
-        """0 before start, 1 after start + seconds."""
-        return smooth_rise(self.time, start, seconds)
-
-    def go(self, gait: Literal["walk", "run", "march"], at: float, speed: float | None = None, backward: bool = False) -> None:
+    def go(self, gait: str, at: float, speed: float | None = None, backward: bool = False) -> None:
         """Set off, or go on in another way, at this speed (m/s; None: steps of the usual size at the usual rate).
 
         Faster walkers take longer and more steps: both grow with a power of the speed, until the leg is too short.
         """
-        kind, body = _GAITS[gait], self.body
+        kind, body = GAITS[gait], self.body
         usual = kind.cadence * kind.stride * body.leg * body.stride
         ratio = 1.0 if speed is None else speed / usual
         size = min(ratio**0.55, _LARGEST_STEP[gait] / body.stride)
@@ -69,12 +53,12 @@ class Stage:
         phase = kind.midstance + 0.5 * (self.rng.random() < 0.5) + (-1 if backward else 1) * cadence * (self.time - at)
         pose = gait_pose(kind, body, phase, size)
         self._since, self._step = at, 0.5 / cadence
-        self.pose += self.rise(at - 0.05, self.rng.uniform(0.25, 0.4))[:, None] * (pose - self.pose)
+        self.change_to(pose, at, self.rng.uniform(0.25, 0.4))
 
     def halt(self, at: float) -> float:
         """Stand from the next moment at which a foot swings past the other; returns when that is."""
         at = self._since + np.ceil((at - self._since) / self._step) * self._step
-        self.pose += self.rise(at - 0.05, self.rng.uniform(0.25, 0.35))[:, None] * (stand_pose() - self.pose)
+        self.change_to(stand_pose(), at, self.rng.uniform(0.25, 0.35))
         return at
 
     def turn(self, at: float, angle: float, seconds: float) -> None:
@@ -113,10 +97,6 @@ class Stage:
                     values[:, entries.index(entry)] *= factor
         self.overlay(entries, values, at, seconds, onset)
 
-    def overlay(self, entries: list[int], values: Float[np.ndarray, "T tracks"], at: float, seconds: float, onset: float) -> None:
-        """Lay values over these entries of the pose, from `at` on, for so many seconds; later ones cover earlier ones."""
-        self._gestures.append((entries, values, self.rise(at - onset / 2, onset) - self.rise(at + seconds - onset, 1.3 * onset)))
-
     def fly(self, at: float, height: float, forward: float = 0.0) -> None:
         """Leave the floor at this moment, rise so high (metres), and go ahead at so many metres per second until it lands."""
         seconds = air_time(height)
@@ -127,11 +107,8 @@ class Stage:
 
     def film(self, seconds: float) -> Float[np.ndarray, "T 22 3"]:
         """Positions from time 0 on, metres, y up, 20 frames a second; the first frame stands over the origin and faces +z."""
-        pose = self.pose.copy()
-        for entries, values, weight in self._gestures:
-            pose[:, entries] += weight[:, None] * (values - pose[:, entries])
         end = 2 * _BEFORE + int(round(seconds * RATE))
-        pose = involuntary(pose[:end], self.heading[:end], self.body, self.rng, RATE)
+        pose = self.finished(end)
         heading = self.heading[:end] - self.heading[_BEFORE]
         positions = figure_positions(pose, heading, self.figure, RATE, self.travel[:end])[_BEFORE : end - _BEFORE + 1 : 2]
         return positions - positions[0, 0] * [1.0, 0.0, 1.0]
@@ -162,70 +139,70 @@ def act_out(attributes: Attributes, figure: Figure, rng: np.random.Generator) ->
     Returns:
         Positions, metres, y up, 20 frames a second, 41 to 121 frames, one more than a multiple of four.
     """
-    stage = Stage(figure, rng)
+    clip = Performance(figure, rng)
     actions = [str(attributes[key]) for key in ("action", "then") if key in attributes]
     if len(actions) == 1 and actions[0] in ("walk", "run"):
-        end = _travel(stage, attributes)
+        end = _travel(clip, attributes)
     else:
         end = 0.0
         for number, action in enumerate(actions):
             moving = action in ("walk", "run")
             if not moving:
                 end += rng.uniform(0.2, 0.45)
-            end = _ACTS[action](stage, end, attributes) if not moving else _leg(stage, end, action, attributes, number == 0)
+            end = _ACTS[action](clip, end, attributes) if not moving else _leg(clip, end, action, attributes, number == 0)
         end += 0.0 if actions[-1] in ("walk", "run") else rng.uniform(0.15, 0.4)
-    return stage.film(np.clip(4 * np.ceil(end * 5), 40, 120) / 20)
+    return clip.film(np.clip(4 * np.ceil(end * 5), 40, 120) / 20)
 
 
-def _speed(stage: Stage, action: str, attributes: Attributes) -> float:
+def _speed(clip: Performance, action: str, attributes: Attributes) -> float:
     """Metres per second within what the attributes claim."""
     claimed = (action, str(attributes.get("speed", "normal")))
-    return stage.rng.uniform(*(BACKWARD if attributes.get("direction") == "backward" else SPEEDS[claimed]))
+    return clip.rng.uniform(*(BACKWARD if attributes.get("direction") == "backward" else SPEEDS[claimed]))
 
 
-def _travel(stage: Stage, attributes: Attributes) -> float:
+def _travel(clip: Performance, attributes: Attributes) -> float:
     """Walk or run all the time, along a path; returns when the clip ends."""
-    rng, action, path = stage.rng, str(attributes["action"]), str(attributes.get("path", "straight"))
-    speed = _speed(stage, action, attributes)
-    stage.go(action, -0.6, speed, attributes.get("direction") == "backward")  # type: ignore[arg-type]
+    rng, action, path = clip.rng, str(attributes["action"]), str(attributes.get("path", "straight"))
+    speed = _speed(clip, action, attributes)
+    clip.go(action, -0.6, speed, attributes.get("direction") == "backward")
     side = _TO_THE.get(path.split("_")[0], 0.0)
     if path.endswith("circle"):
         seconds = rng.uniform(4.2, 5.8)
-        stage.curve(side * np.deg2rad(rng.uniform(220.0, 350.0)) / seconds)
+        clip.curve(side * np.deg2rad(rng.uniform(220.0, 350.0)) / seconds)
         return seconds
     seconds = rng.uniform(2.9, 5.0)
     if path.endswith("turn"):
         lasts = rng.uniform(0.8, 1.1)
-        stage.turn(rng.uniform(0.7, seconds - lasts - 0.7), side * np.deg2rad(rng.uniform(60.0, 110.0)), lasts)
+        clip.turn(rng.uniform(0.7, seconds - lasts - 0.7), side * np.deg2rad(rng.uniform(60.0, 110.0)), lasts)
     return seconds
 
 
-def _leg(stage: Stage, at: float, action: str, attributes: Attributes, first: bool) -> float:
+def _leg(clip: Performance, at: float, action: str, attributes: Attributes, first: bool) -> float:
     """Walk or run straight for a while before or after something else; returns when the person stands, or the clip ends."""
-    seconds = stage.rng.uniform(1.7, 2.3)
+    seconds = clip.rng.uniform(1.7, 2.3)
     if first:
-        stage.go(action, -0.6, _speed(stage, action, attributes))  # type: ignore[arg-type]
-        return stage.halt(at + seconds)
-    stage.go(action, at, _speed(stage, action, attributes))  # type: ignore[arg-type]
+        clip.go(action, -0.6, _speed(clip, action, attributes))
+        return clip.halt(at + seconds)
+    clip.go(action, at, _speed(clip, action, attributes))
     return at + seconds
 
 
-def _tempo(stage: Stage) -> float:
+def _tempo(clip: Performance) -> float:
     """Factor on durations of this person, this time."""
-    return stage.rng.uniform(0.92, 1.08) / stage.body.tempo
+    return clip.rng.uniform(0.92, 1.08) / clip.body.tempo
 
 
-def _turn(stage: Stage, at: float, attributes: Attributes) -> float:
-    degrees = float(attributes["degrees"]) * stage.rng.uniform(0.92, 1.08)
-    seconds = degrees / stage.rng.uniform(*TURN_RATES[str(attributes.get("pace", "normal"))])
-    stage.go("march", at)
-    stage.turn(at + 0.1, _TO_THE[str(attributes["turn"])] * np.deg2rad(degrees), seconds)
-    return stage.halt(at + seconds)
+def _turn(clip: Performance, at: float, attributes: Attributes) -> float:
+    degrees = float(attributes["degrees"]) * clip.rng.uniform(0.92, 1.08)
+    seconds = degrees / clip.rng.uniform(*TURN_RATES[str(attributes.get("pace", "normal"))])
+    clip.go("march", at)
+    clip.turn(at + 0.1, _TO_THE[str(attributes["turn"])] * np.deg2rad(degrees), seconds)
+    return clip.halt(at + seconds)
 
 
-def _jump(stage: Stage, at: float, attributes: Attributes) -> float:
+def _jump(clip: Performance, at: float, attributes: Attributes) -> float:
     """Crouch, fly as long as gravity has it, land; several jumps share their crouches."""
-    rng, tempo, start = stage.rng, _tempo(stage), at
+    rng, tempo, start = clip.rng, _tempo(clip), at
     height = rng.uniform(*JUMP_HEIGHTS[str(attributes.get("height", "normal"))])
     forward = rng.uniform(1.1, 1.6) if attributes.get("direction") == "forward" else 0.0
     keys, shares, flights = [at], [0.0], []
@@ -236,24 +213,24 @@ def _jump(stage: Stage, at: float, attributes: Attributes) -> float:
         keys += [flights[-1], landing, at]
         shares += [len(flights) - 1 + share for share in (0.33, 0.667, 1.0)]
     scale = np.clip((height / 0.27) ** 0.4, 0.7, 1.15)
-    share = np.interp(stage.time, keys, shares)
+    share = np.interp(clip.time, keys, shares)
     share = np.where(share < shares[-1], share % 1.0, 1.0)
     limbs = ("hip_flex", "knee", "arm_flex", "pelvis_pitch", "spine_pitch")
-    stage.gesture("jump", "left", start, at - start, 0.2, share, dict.fromkeys(limbs, scale))
+    clip.gesture("jump", "left", start, at - start, 0.2, share, dict.fromkeys(limbs, scale))
     for flight in flights:
-        stage.fly(flight, height, forward)
+        clip.fly(flight, height, forward)
     return at
 
 
-def _wave(stage: Stage, at: float, attributes: Attributes) -> float:
+def _wave(clip: Performance, at: float, attributes: Attributes) -> float:
     """Raise a hand, or both, and swing it from the elbow at an even rate."""
-    rng, hand = stage.rng, str(attributes["hand"])
+    rng, hand = clip.rng, str(attributes["hand"])
     rate = rng.uniform(*WAVE_RATES[str(attributes.get("pace", "normal"))])
     seconds = max(rng.uniform(1.7, 2.2), 2.6 / rate)
-    swing = np.deg2rad(86.0 + rng.uniform(20.0, 25.0) * np.sin(2 * np.pi * rate * (stage.time - at)))
+    swing = np.deg2rad(86.0 + rng.uniform(20.0, 25.0) * np.sin(2 * np.pi * rate * (clip.time - at)))
     for side in _hands(hand):
-        stage.gesture("wave", side, at, seconds, 0.4)
-        stage.overlay([AT[f"{side}_elbow"]], swing[:, None], at, seconds, 0.4)
+        clip.gesture("wave", side, at, seconds, 0.4)
+        clip.overlay([AT[f"{side}_elbow"]], swing[:, None], at, seconds, 0.4)
     return at + seconds
 
 
@@ -264,13 +241,13 @@ def _hands(hand: str) -> tuple[str, ...]:
 def _repeated(name: str, seconds: float, side: str = "", onset: float = 0.15) -> Callable:
     """An act that passes a gesture as often as claimed, on the side that the attribute of that name claims."""
 
-    def act(stage: Stage, at: float, attributes: Attributes) -> float:
+    def act(clip: Performance, at: float, attributes: Attributes) -> float:
         count = int(attributes["count"])
-        lasts = seconds * _tempo(stage) * count
-        share = np.clip((stage.time - at) / lasts, 0.0, 1.0) * count
+        lasts = seconds * _tempo(clip) * count
+        share = np.clip((clip.time - at) / lasts, 0.0, 1.0) * count
         share = np.where(share < count, share % 1.0, 1.0)
-        scale = {"near_hip_flex": stage.rng.uniform(*KICK_SCALES[str(attributes["height"])])} if name == "kick" else None
-        stage.gesture(name, str(attributes.get(side, "left")), at - onset, lasts + 2 * onset, onset, share, scale)
+        scale = {"near_hip_flex": clip.rng.uniform(*KICK_SCALES[str(attributes["height"])])} if name == "kick" else None
+        clip.gesture(name, str(attributes.get(side, "left")), at - onset, lasts + 2 * onset, onset, share, scale)
         return at + lasts + onset
 
     return act
@@ -279,42 +256,42 @@ def _repeated(name: str, seconds: float, side: str = "", onset: float = 0.15) ->
 def _once(name: str, seconds: float, side: str = "") -> Callable:
     """An act that passes a gesture once, on the side that the attribute of that name claims."""
 
-    def act(stage: Stage, at: float, attributes: Attributes) -> float:
-        lasts = seconds * _tempo(stage)
-        stage.gesture(name, str(attributes.get(side, "left")), at, lasts, 0.25)
+    def act(clip: Performance, at: float, attributes: Attributes) -> float:
+        lasts = seconds * _tempo(clip)
+        clip.gesture(name, str(attributes.get(side, "left")), at, lasts, 0.25)
         return at + lasts
 
     return act
 
 
-def _reach(stage: Stage, at: float, attributes: Attributes) -> float:
+def _reach(clip: Performance, at: float, attributes: Attributes) -> float:
     up = attributes["target"] == "up"
-    seconds = stage.rng.uniform(1.5, 1.9) * _tempo(stage)
-    stage.gesture("reach" if up else "reach_forward", str(attributes["hand"]), at, seconds, 0.25)
+    seconds = clip.rng.uniform(1.5, 1.9) * _tempo(clip)
+    clip.gesture("reach" if up else "reach_forward", str(attributes["hand"]), at, seconds, 0.25)
     return at + seconds
 
 
-def _sit(stage: Stage, at: float, attributes: Attributes) -> float:
+def _sit(clip: Performance, at: float, attributes: Attributes) -> float:
     """Sit down; get up again or stay seated until the clip ends."""
-    seconds = 3.2 * _tempo(stage)
+    seconds = 3.2 * _tempo(clip)
     if attributes["ends"] == "standing":
-        stage.gesture("sit", "left", at, seconds, 0.3)
+        clip.gesture("sit", "left", at, seconds, 0.3)
         return at + seconds
-    share = np.clip((stage.time - at) / seconds, 0.0, 0.5)
-    stage.gesture("sit", "left", at, 20.0, 0.3, share)
-    return at + stage.rng.uniform(0.42, 0.55) * seconds
+    share = np.clip((clip.time - at) / seconds, 0.0, 0.5)
+    clip.gesture("sit", "left", at, 20.0, 0.3, share)
+    return at + clip.rng.uniform(0.42, 0.55) * seconds
 
 
-def _stand(stage: Stage, at: float, attributes: Attributes) -> float:
+def _stand(clip: Performance, at: float, attributes: Attributes) -> float:
     """Do nothing; the arms hang as they happen to."""
     hanging = [AT[f"{side}_{limb}"] for side in SIDES for limb in ("arm_flex", "arm_abd", "elbow")]
-    arms = stand_pose()[hanging] + np.deg2rad(stage.rng.normal(0.0, 3.0, len(hanging)))
-    seconds = stage.rng.uniform(1.4, 3.0)
-    stage.overlay(hanging, np.tile(arms, (len(stage.time), 1)), at, seconds, 0.4)
+    arms = stand_pose()[hanging] + np.deg2rad(clip.rng.normal(0.0, 3.0, len(hanging)))
+    seconds = clip.rng.uniform(1.4, 3.0)
+    clip.overlay(hanging, np.tile(arms, (len(clip.time), 1)), at, seconds, 0.4)
     return at + seconds
 
 
-_ACTS: dict[str, Callable[[Stage, float, Attributes], float]] = {
+_ACTS: dict[str, Callable[[Performance, float, Attributes], float]] = {
     "turn": _turn,
     "jump": _jump,
     "wave": _wave,

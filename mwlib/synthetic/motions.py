@@ -8,14 +8,13 @@ from __future__ import annotations
 
 import numpy as np
 from jaxtyping import Float
-from scipy.ndimage import gaussian_filter1d
 
 from mwlib.body.motion import Motion
 from mwlib.body.skeleton import H36M17
-from mwlib.synthetic.movements import GESTURES, MARCH, RUN, WALK, gait_pose, gesture_tracks, stand_pose
-from mwlib.synthetic.person import AT, FPS, POSE, SIDES, Body, draw_body, positions_of
+from mwlib.synthetic.movements import GAITS, GESTURES, PoseTrack, gait_pose, gesture_tracks, stand_pose
+from mwlib.synthetic.person import FPS, Body, draw_body, positions_of
 
-GAITS = {"walk": WALK, "run": RUN, "march": MARCH}
+MARGIN = 10  # frames made before and after the clip and cut off, where smoothing has no neighbours
 
 
 def _with_gesture(name: str) -> dict[str, str]:
@@ -66,27 +65,14 @@ def synthetic_motions(subjects: int = 8, seconds: float = 6.4, seed: int = 0) ->
     return motions
 
 
-def smooth_rise(time: Float[np.ndarray, " T"], start: float, seconds: float) -> Float[np.ndarray, " T"]:
-    """0 before start, 1 after start + seconds, with zero slope and curvature at both ends."""
-    share = np.clip((time - start) / seconds, 0.0, 1.0)
-    return share**3 * (10 - 15 * share + 6 * share**2)
-
-
-class _Script:
-    """Poses under construction: every event overlays what it sets on what was going on before."""
+class _Script(PoseTrack):
+    """A clip that chance writes."""
 
     def __init__(self, body: Body, frames: int, rng: np.random.Generator) -> None:
-        self.body, self.rng = body, rng
-        self.time = (np.arange(frames + 2 * MARGIN) - MARGIN) / FPS
-        self.pose = np.tile(stand_pose(), (len(self.time), 1))
-        self.heading = np.full(len(self.time), rng.uniform(-np.pi, np.pi))
-        self.gestures: list[tuple[list[int], np.ndarray, np.ndarray]] = []
+        super().__init__(body, rng, frames, MARGIN, FPS)
+        self.heading += rng.uniform(-np.pi, np.pi)
         self.legs, self.since, self.cadence, self.left_stands = "stand", 0.0, 0.0, True
         self.near = "right" if rng.random() < 0.5 else "left"
-
-    def rise(self, start: float, seconds: float) -> Float[np.ndarray, " T"]:
-        """`smooth_rise` on the clip's own time."""
-        return smooth_rise(self.time, start, seconds)
 
     def set_legs(self, legs: str, at: float) -> float:
         """Stand or change gait as soon as a foot swings past the other; returns when that is."""
@@ -103,7 +89,7 @@ class _Script:
             self.cadence = gait.cadence * body.pace * np.sqrt(size) * rng.uniform(0.95, 1.05)
             phase = gait.midstance + (0.0 if self.left_stands else 0.5) + self.cadence * (self.time - at)
             pose = gait_pose(gait, body, phase, size)
-        self.pose += self.rise(at - 0.05, rng.uniform(0.14, 0.32))[:, None] * (pose - self.pose)
+        self.change_to(pose, at, rng.uniform(0.14, 0.32))
         self.legs, self.since = legs, at
         return at
 
@@ -126,8 +112,7 @@ class _Script:
         lasts = gesture.seconds / self.body.tempo * rng.uniform(0.85, 1.2)
         entries, values = gesture_tracks(name, self.near, (self.time - at) / lasts)
         onset = gesture.onset * rng.uniform(0.7, 1.3)
-        weight = self.rise(at - onset / 2, onset) - self.rise(at + lasts - onset, onset * 1.3)
-        self.gestures.append((entries, values * rng.uniform(0.92, 1.05), weight))
+        self.overlay(entries, values * rng.uniform(0.92, 1.05), at, lasts, onset)
         return at + lasts
 
     def follow(self, event: str, at: float) -> float:
@@ -143,42 +128,6 @@ class _Script:
             return at + rng.uniform(0.2, 1.0)
         return self.set_legs(event, at) + rng.uniform(0.5, 2.0)
 
-    def finish(self) -> Float[np.ndarray, "T pose"]:
-        """Gestures over legs, then what nobody does on purpose."""
-        pose = self.pose
-        for entries, values, weight in self.gestures:
-            pose[:, entries] += weight[:, None] * (values - pose[:, entries])
-        return involuntary(pose, self.heading, self.body, self.rng)
-
-
-def involuntary(
-    pose: Float[np.ndarray, "T pose"],
-    heading: Float[np.ndarray, " T"],
-    body: Body,
-    rng: np.random.Generator,
-    fps: float = FPS,
-) -> Float[np.ndarray, "T pose"]:
-    """Poses with what nobody does on purpose: a posture, leading with the shoulders into a turn, swaying, trembling."""
-    pose = pose + body.posture
-    turning = np.gradient(heading) * fps
-    for name, share in (("spine_yaw", 0.07), ("spine_roll", 0.02), ("pelvis_roll", 0.01)):
-        pose[:, AT[name]] += share * turning
-    frames = NOISE_FRAMES * fps / FPS
-    noise = gaussian_filter1d(rng.normal(size=pose.shape), frames, axis=0, mode="reflect")
-    noise *= np.sqrt(2 * np.sqrt(np.pi) * frames) * body.liveliness
-    shift = np.deg2rad(1.8) * noise[:, AT["lift"]]  # the weight goes from leg to leg: both tilt the same way
-    pose += NOISE * noise
-    for side, sign in SIDES.items():
-        pose[:, AT[f"{side}_hip_abd"]] += sign * shift
-        for joint in ("knee", "elbow"):
-            pose[:, AT[f"{side}_{joint}"]] = np.maximum(pose[:, AT[f"{side}_{joint}"]], np.deg2rad(2.0))
-    return gaussian_filter1d(pose, 1.2 * fps / FPS, axis=0, mode="nearest")  # rounds the corners left by keys and limits
-
-
-MARGIN = 10  # frames made before and after the clip and cut off, where smoothing has no neighbours
-NOISE_FRAMES = 16.0  # standard deviation of the smoothing: involuntary movement below about half a hertz
-NOISE = np.deg2rad([0.5 if "hip" in name or "knee" in name else 0.0 if name == "lift" else 1.6 for name in POSE])
-
 
 def _perform(action: str, body: Body, frames: int, rng: np.random.Generator) -> Float[np.ndarray, "T joints 3"]:
     """World positions of one clip, which starts at the origin, amid something already under way."""
@@ -187,5 +136,5 @@ def _perform(action: str, body: Body, frames: int, rng: np.random.Generator) -> 
     while at < frames / FPS:
         at = script.follow(event, at)
         event = str(rng.choice(chain.get(event, chain.get(script.legs, "stand")).split()))
-    positions = positions_of(script.finish(), script.heading, body)[MARGIN:-MARGIN]
+    positions = positions_of(script.finished(), script.heading, body)[MARGIN:-MARGIN]
     return positions - positions[0, 0] * [1.0, 1.0, 0.0]

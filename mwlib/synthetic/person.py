@@ -103,13 +103,18 @@ def positions_of(
     """
     pitch, roll, yaw = np.moveaxis(joint_angles(pose, H36M17, ("spine", "thorax")), -1, 0)
     local = _about("y", pitch) @ _about("x", roll) @ _about("z", yaw)
-    pelvis = local[:, 0].copy()
-    for side in SIDES:  # leg angles are measured against the upright, not against a pelvis that tilts and sways
-        hip = H36M17.joints.index(f"{side}_hip")
-        local[:, hip] = np.swapaxes(pelvis, -1, -2) @ local[:, hip]
-    local[:, 0] = _about("z", heading) @ pelvis
+    _set_upright(local, _about("z", heading), H36M17)
     standing = forward_kinematics(local, body.offsets, np.zeros((len(pose), 3)), H36M17)
     return standing + root_path(standing[:, FEET], pose[:, AT["lift"]])[:, None]
+
+
+def _set_upright(local: Float[np.ndarray, "T joints 3 3"], heading: Float[np.ndarray, "T 3 3"], skeleton: Skeleton) -> None:
+    """Turn the body into its heading; leg angles are measured against the upright, not a pelvis that tilts and sways."""
+    pelvis = local[:, 0].copy()
+    for side in SIDES:
+        hip = skeleton.joints.index(f"{side}_hip")
+        local[:, hip] = np.swapaxes(pelvis, -1, -2) @ local[:, hip]
+    local[:, 0] = heading @ pelvis
 
 
 def _about(axis: str, angle: Float[np.ndarray, "*axes"]) -> Float[np.ndarray, "*axes 3 3"]:
@@ -231,11 +236,7 @@ def figure_positions(
         travel: metres forward and to the left, in the world, that the body covers besides, in flight.
     """
     turns = _local_turns(joint_angles(pose, HUMANML22, _SPINE))
-    pelvis = turns[:, 0].copy()
-    for side in SIDES:  # leg angles are measured against the upright
-        hip = HUMANML22.joints.index(f"{side}_hip")
-        turns[:, hip] = np.swapaxes(pelvis, -1, -2) @ turns[:, hip]
-    turns[:, 0] = _local_turns(np.stack([0 * heading, 0 * heading, heading], axis=-1)) @ pelvis
+    _set_upright(turns, _local_turns(np.stack([0 * heading, 0 * heading, heading], axis=-1)), HUMANML22)
     joints = forward_kinematics(turns, figure.offsets, np.zeros((len(pose), 3)), HUMANML22)
     joints += root_path(joints[:, ANKLES], pose[:, AT["lift"]], fps)[:, None]
     if travel is not None:

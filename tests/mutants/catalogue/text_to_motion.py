@@ -63,7 +63,7 @@ MUTANTS = [
     ),
     *of(
         "text_to_motion/model.py", "text_to_motion/test_model.py",
-        ("guidance-of-eq-7", 'self.cfg.sampling.guidance, "alg1")', 'self.cfg.sampling.guidance, "eq7")'),
+        ("guidance-of-eq-7", 'self.sampling.guidance, "alg1")', 'self.sampling.guidance, "eq7")'),
         ("noise-of-the-chunk", "[ids[i] for i in part]", "[*range(len(part))]"),
     ),
     *of(
