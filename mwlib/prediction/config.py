@@ -12,7 +12,7 @@ from mwlib.data.sources import SourceConfig
 from mwlib.diffusion.config import DiffusionConfig
 from mwlib.diffusion.process import alpha_bar, ddim_indices
 from mwlib.networks.layers import Precision
-from mwlib.settings import BelowOne, Count, Natural, NotNegative, OneOf, Positive, Settings, Share
+from mwlib.settings import Advanced, BelowOne, Count, Natural, NotNegative, OneOf, Positive, Settings, Share
 from mwlib.training.config import TrainingConfig
 
 # Own choice, stable when trained for minutes: predict clean coefficients, scaled to unit deviation, with the loss
@@ -91,7 +91,7 @@ class WindowConfig:
 
     history: Count = 25  # H, observed frames
     future: Count = 100  # F, predicted frames
-    train_stride: Count = 5  # frames between the starts of the training windows that baselines know
+    train_stride: Advanced[Count] = 5  # frames between the starts of the training windows that baselines know
     test_stride: Count = 25  # frames between the starts of the test windows
     test_windows: Natural = 0  # evaluate this many windows, spread evenly; 0 = all
     window_sampling: Literal["uniform", "subject_action"] = "uniform"  # every window alike, or as DLow and HumanMAC draw
@@ -137,7 +137,7 @@ class ModelConfig:
 class ObjectiveConfig:
     """What the network is asked for in training."""
 
-    drop_condition: Share = 0.2  # how often the condition is left out, for classifier-free guidance
+    drop_condition: Advanced[Share] = 0.2  # how often the condition is left out, for classifier-free guidance
     drop_per: Literal["sample", "batch"] = "sample"  # one coin each, or one for all
     loss_weight: Literal["uniform", "metric"] = "uniform"  # "metric" weighs scaled coefficients by their variance in metres
     level_weight: Literal["uniform", "snr"] = "uniform"  # of noise levels; "snr": by signal over noise, see SNR_BOUNDS
@@ -164,22 +164,22 @@ class SamplingConfig:
     tabg_noise: Literal["independent", "shared", "eps_hat"] = "independent"  # the two draws of Eq. 9 and 10
     tabg_sigma_place: Literal["eq9", "alg1"] = "eq9"  # sigma before or after the scaling by sqrt(alpha_bar)
     tabg_space: Literal["eps", "y0_hat"] = "eps"  # Eq. 11 on noise estimates, or on clean ones
-    tabg_steps: Share = 0.9  # share of the denoising steps, counted from the first, in which TABG acts
+    tabg_steps: Advanced[Share] = 0.9  # share of the denoising steps, counted from the first, in which TABG acts
     wmsg: Literal["off", "every_step", "y0_hat"] = "every_step"  # manifold shaping of y_t after each step, or of clean estimates
     bound: NotNegative = 0.0  # metres: clamp the clean estimate in motion space; 0 = off
     complete_history: bool = False  # HumanMAC's mask completion
     bones: Literal["free", "observed"] = "free"  # lengths as they come, or as in the last observed pose
     sampling_seed: Natural = 0  # of the noise
     precision: Precision = "float32"  # of the network's products while sampling; "tf32", "bf16": faster on graphics cards
-    noise_on: Literal["cpu", "device"] = "cpu"  # where noise is drawn: a seed means the same everywhere, or is faster
+    noise_on: Advanced[Literal["cpu", "device"]] = "cpu"  # where noise is drawn: a seed means the same everywhere, or is faster
 
 
 @dataclass(frozen=True)
 class EvaluationConfig:
     """How predictions are scored."""
 
-    mm_threshold: Positive = 0.5  # metres between last observed poses: closer windows share their futures (DLow, on Human3.6M)
-    mm_singletons: Literal["keep", "skip_all", "skip_mm"] = "keep"  # windows that are close to no other, see MetricTable
+    mm_threshold: Advanced[Positive] = 0.5  # metres between last poses: closer windows share futures (DLow, on Human3.6M)
+    mm_singletons: Advanced[Literal["keep", "skip_all", "skip_mm"]] = "keep"  # windows close to no other, see MetricTable
 
 
 @dataclass(frozen=True)
@@ -226,35 +226,27 @@ class Config(Settings):
 
     def check(self) -> None:
         """Refuse values that do not fit each other."""
-        m, s = self.model, self.sampling
-        if m.width % m.heads or m.width % 2:
-            raise ValueError(f"width is {m.width}; expected an even multiple of heads ({m.heads})")
-        if m.layers % 2:
-            raise ValueError(f"layers is {m.layers}; expected an even number (long skips pair the blocks)")
-        if s.tabg_window % 2 == 0:
-            raise ValueError(f"tabg_window is {s.tabg_window}; expected an odd number")
-        if s.ddim_steps >= self.diffusion.steps:
-            raise ValueError(f"ddim_steps is {s.ddim_steps}; expected fewer than steps ({self.diffusion.steps})")
-        self._check_indices()
-        if m.transform.endswith("phase") and s.wmsg == "every_step":
-            raise ValueError(
-                "wmsg is 'every_step' with phase codes; expected 'off' or 'y0_hat': the autoencoder would take the noise away"
-            )
-        if m.transform == "time_wavelet" and not m.omit < m.level:
-            raise ValueError(f"omit is {m.omit} of level {m.level}; expected fewer than the levels")
-        if m.transform == "dct" and m.dct_rows > self.windows.frames:
-            raise ValueError(f"dct_rows is {m.dct_rows}; expected at most history + future ({self.windows.frames})")
-
-    def _check_indices(self) -> None:
-        """Refuse diffusion indices that no network was trained on, and a start that is not yet noise."""
-        s, d = self.sampling, self.diffusion
+        m, s, d, frames = self.model, self.sampling, self.diffusion, self.windows.frames
+        if s.ddim_steps >= d.steps:
+            raise ValueError(f"ddim_steps is {s.ddim_steps}; expected fewer than steps ({d.steps})")
         indices = ddim_indices(d.steps, s.ddim_steps, s.spacing)
-        if indices[-1] == 0:
-            most = 2 * d.steps // 3
-            raise ValueError(f"ddim_steps is {s.ddim_steps} of {d.steps}, which reaches t = 0; expected at most {most}")
         signal = float(alpha_bar(d.schedule, d.steps)[indices[0]])
-        if signal > MOST_SIGNAL:
-            raise ValueError(
-                f"ddim_steps is {s.ddim_steps} of {d.steps}, spacing {s.spacing}: sampling would start from noise at t = "
-                f"{indices[0]}, where alpha_bar is {signal:.2f}; expected at most {MOST_SIGNAL:g}, as with spacing=trailing"
-            )
+        rules = (
+            (m.width % m.heads or m.width % 2, f"width is {m.width}; expected an even multiple of heads ({m.heads})"),
+            (m.layers % 2, f"layers is {m.layers}; expected an even number (long skips pair the blocks)"),
+            (s.tabg_window % 2 == 0, f"tabg_window is {s.tabg_window}; expected an odd number"),
+            (indices[-1] == 0,
+             f"ddim_steps is {s.ddim_steps} of {d.steps}, which reaches t = 0; expected at most {2 * d.steps // 3}"),
+            (signal > MOST_SIGNAL,
+             f"ddim_steps is {s.ddim_steps} of {d.steps}, spacing {s.spacing}: sampling would start from noise at t = "
+             f"{indices[0]}, where alpha_bar is {signal:.2f}; expected at most {MOST_SIGNAL:g}, as with spacing=trailing"),
+            (m.transform.endswith("phase") and s.wmsg == "every_step",
+             "wmsg is 'every_step' with phase codes; expected 'off' or 'y0_hat': the autoencoder would take the noise away"),
+            (m.transform == "time_wavelet" and m.omit >= m.level,
+             f"omit is {m.omit} of level {m.level}; expected fewer than the levels"),
+            (m.transform == "dct" and m.dct_rows > frames,
+             f"dct_rows is {m.dct_rows}; expected at most history + future ({frames})"),
+        )  # fmt: skip
+        for is_wrong, message in rules:
+            if is_wrong:
+                raise ValueError(message)
