@@ -90,7 +90,7 @@ player: $(READY) ## build the 3-D player's bundle of its sources anew, the same 
 	@rm -rf build/player && mkdir -p build/player
 	cp $(ASSETS)/*.src.js $(ASSETS)/*.css $(ASSETS)/package.json $(ASSETS)/package-lock.json build/player
 	cd build/player && npm ci --ignore-scripts --no-audit --no-fund
-	cd build/player && npm run --silent build -- --banner:js="$$($(CURDIR)/$(RUN) -c 'from mwlib.plots import bundle; print(bundle.RECORD + bundle.sources_hash())')"
+	cd build/player && npm run --silent build -- --banner:js="$$($(CURDIR)/$(RUN) -c 'from mwlib.plots import playing; print(playing.RECORD + playing.sources_hash())')"
 	cp build/player/player.js $(ASSETS)/player.js
 	cp build/player/node_modules/three/LICENSE $(ASSETS)/LICENSE.three
 

@@ -164,7 +164,7 @@ def copy(tmp_path) -> Path:
         ("files.py", "import mwlib.paths", "files imports mwlib.paths, which stands beside it"),
         ("inbetweening/bridge.py", "from mwlib.prediction import config", "mwlib.prediction.config, which stands beside it"),
         ("metrics/prediction.py", "def f():\n    from mwlib import plots", "metrics.prediction imports mwlib.plots"),
-        ("plots/save.py", "from mwlib import Motion", "plots.save imports mwlib, which lies above it"),
+        ("plots/saving.py", "from mwlib import Motion", "plots.saving imports mwlib, which lies above it"),
         ("utils/short.py", "import math", "the room utils is not in the plan"),
     ],
 )  # fmt: skip

@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 from mwlib.data.collections import acknowledgement
 from mwlib.experiments.origins import data_fingerprint, models_used
 from mwlib.experiments.store import RESULT, parameters_hash, write_result
-from mwlib.plots.save import as_csv, marked, origin, save, save_table, show
+from mwlib.plots.saving import as_csv, marked, origin, save, save_table, show
 from mwlib.plots.tables import results_table
 from mwlib.version import __version__
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-import torch
 from jaxtyping import Float
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
@@ -17,9 +16,9 @@ from matplotlib.patches import Rectangle
 from mwlib.body.kinematics import horizontal
 from mwlib.body.motion import Motion
 from mwlib.body.skeleton import Skeleton
-from mwlib.plots.look import FAINT, LEFT, OBSERVED, RIGHT, TRUTH, WIDTH, array, canvas, named, style
+from mwlib.plots.axes import Array, Panel, Panels, array, canvas, named
+from mwlib.plots.look import FAINT, LEFT, OBSERVED, RIGHT, TRUTH, WIDTH, style
 
-Array = np.ndarray | torch.Tensor
 AnyMotion = Float[Array, "..."]  # (..., C) about the root or (..., J+1, 3), metres
 ELEVATION = 15.0  # degrees, as HumanMAC draws
 THREE_QUARTER = -55.0  # degrees from the body's front, towards its right: it walks to the right of the page, both arms visible
@@ -51,6 +50,11 @@ def facing(pose: Float[np.ndarray, "joints 3"], skeleton: Skeleton) -> float:
             x, y, _ = pose[left] - pose[right]
             return float(np.degrees(np.arctan2(-x, y)))  # forward = left x up
     return 0.0
+
+
+def camera(pose: Float[np.ndarray, "joints 3"], skeleton: Skeleton, azimuth: float | None = None) -> float:
+    """Azimuth in degrees of a camera at the body's front right, or the given one."""
+    return facing(pose, skeleton) + THREE_QUARTER if azimuth is None else azimuth
 
 
 def project(positions: Float[np.ndarray, "... 3"], azimuth: float) -> Float[np.ndarray, "... 2"]:
@@ -152,6 +156,12 @@ class Board:
         lines = LineCollection(list((points + self._at(row, column))[np.array(self.skeleton.bones)]), **look)
         return self._cut(row, column, [self.ax.add_collection(lines, autolim=False)])
 
+    def lift(self, inches: float) -> None:
+        """Make so much room below the bodies."""
+        (wide, high), place = self.fig.get_size_inches(), self.ax.get_position()
+        self.fig.set_size_inches(wide, high + inches)
+        self.ax.set_position((place.x0, inches / (high + inches), place.width, place.height * high / (high + inches)))
+
     def _at(self, row: int, column: int) -> np.ndarray:
         return np.array([column * self.spacing, -row * self.height])
 
@@ -188,7 +198,7 @@ def storyboard(
     history: int = 0,
     frames: int | Sequence[int] = 8,
     azimuth: float | None = None,
-) -> tuple[Figure, Axes]:
+) -> Panel:
     """Rows of poses over time: grey while observed, black in a row called "truth", coloured in every other row.
 
     Args:
@@ -224,7 +234,7 @@ def overlay_futures(
     last: AnyMotion | None = None,
     frames: Sequence[int] = (-1,),
     azimuth: float | None = None,
-) -> tuple[Figure, Axes]:
+) -> Panel:
     """All sampled futures at a few moments, thin and translucent, the true pose on top in black.
 
     Args:
@@ -241,7 +251,7 @@ def overlay_futures(
     bodies = {"last": last, "truth": truth, "futures": futures}
     bodies = {name: poses(motion, skeleton) for name, motion in bodies.items() if motion is not None}
     first = next(iter(bodies.values())).reshape(-1, len(skeleton), 3)[0]
-    flat = {name: project(motion, _camera(azimuth, first, skeleton)) for name, motion in bodies.items()}
+    flat = {name: project(motion, camera(first, skeleton, azimuth)) for name, motion in bodies.items()}
     frames = [frame % len(futures[0]) for frame in frames]
     times = ["0.00 s"] * ("last" in flat) + [f"+{(frame + 1) / fps:.2f} s" for frame in frames]
     sure = [points.reshape(-1, 2) for name, points in flat.items() if name != "futures"]
@@ -257,9 +267,7 @@ def overlay_futures(
 
 
 @style()
-def end_poses(
-    windows: Mapping[str, tuple[Float[Array, "S F ..."], Float[Array, "F ..."]]], skeleton: Skeleton
-) -> tuple[Figure, Axes]:
+def end_poses(windows: Mapping[str, tuple[Float[Array, "S F ..."], Float[Array, "F ..."]]], skeleton: Skeleton) -> Panel:
     """Last frames of all sampled futures of several windows, one place per window, the true pose on top in black.
 
     Args:
@@ -272,7 +280,7 @@ def end_poses(
     flat = []
     for futures, truth in windows.values():
         last = poses(truth, skeleton)[-1]
-        view = _camera(None, last, skeleton)
+        view = camera(last, skeleton)
         flat.append((project(poses(futures, skeleton)[:, -1], view), project(last, view)[None]))
     board = Board(skeleton, [np.concatenate(pair) for pair in flat], [""], list(windows))
     for column, (points, true) in enumerate(flat):
@@ -281,14 +289,40 @@ def end_poses(
     return board.fig, board.ax
 
 
+@style()
+def pose_grid(
+    futures: Mapping[tuple[str, str], Float[Array, "S F ..."]],
+    skeleton: Skeleton,
+    *,
+    truth: AnyMotion | None = None,
+    frame: int = -1,
+) -> Panel:
+    """One moment of several predictions, one place for each pair of settings; the true pose on top in black.
+
+    Args:
+        futures: (row label, column title) -> samples.
+        truth: (F, C) or (F, J+1, 3).
+        frame: which future frame.
+    """
+    labels = list(dict.fromkeys(row for row, _ in futures))
+    titles = list(dict.fromkeys(column for _, column in futures))
+    first = truth if truth is not None else array(next(iter(futures.values())))[0]
+    view = camera(poses(first, skeleton)[frame], skeleton)
+    flat = {place: project(poses(motion, skeleton)[:, frame], view) for place, motion in futures.items()}
+    true = [] if truth is None else [project(poses(truth, skeleton)[frame], view)[None]]
+    board = Board(skeleton, [*flat.values(), *true], labels, titles)
+    for (row, column), points in flat.items():
+        place = labels.index(row), titles.index(column)
+        board.draw(*place, points, "predicted", alpha=0.6, width=1.1)
+        for points in true:
+            board.draw(*place, points, "truth", width=1.3)
+    return board.fig, board.ax
+
+
 def _flat(rows, skeleton: Skeleton, azimuth: float | None) -> tuple[dict[str, np.ndarray], int]:
     bodies = {name: poses(motion, skeleton) for name, motion in named(rows).items()}
-    view = _camera(azimuth, next(iter(bodies.values()))[0], skeleton)
+    view = camera(next(iter(bodies.values()))[0], skeleton, azimuth)
     return {name: project(motion, view) for name, motion in bodies.items()}, max(map(len, bodies.values()))
-
-
-def _camera(azimuth: float | None, pose: np.ndarray, skeleton: Skeleton) -> float:
-    return facing(pose, skeleton) + THREE_QUARTER if azimuth is None else azimuth
 
 
 def body_kind(name: str, frame: int, history: int) -> str:
@@ -315,7 +349,7 @@ SPARE = 0.08  # of the height, above and below
 
 
 @style()
-def filmstrip(motion: Motion, frames: int = 5) -> tuple[Figure, np.ndarray]:
+def filmstrip(motion: Motion, frames: int = 5) -> Panels:
     """A clip at a few moments, seen along both horizontal axes; left limbs and right limbs in two colours, right ones dashed.
 
     Nothing is turned: what the file calls up is up, and its height is the file's, in metres. Sideways the root is in the middle.

@@ -3,18 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
-import torch
 from jaxtyping import Float
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 
-from mwlib.plots.look import BAND_NAMES, CYCLE, INK, array, bar_look, canvas, colourbar, limit, style
+from mwlib.plots.axes import Array, Panel, Panels, array, canvas, colourbar, limit, outer, panel, signed
+from mwlib.plots.lines import bars
+from mwlib.plots.look import BAND_NAMES, CYCLE, INK, WIDTH, style
 from mwlib.plots.tables import significant
-
-Array = np.ndarray | torch.Tensor
-DIVERGING = "RdBu_r"  # blue and red differ for every common kind of colour vision; white is zero
 
 
 @style()
@@ -26,7 +23,7 @@ def matrix(
     ylabel: str = "coefficient",
     split: int | None = None,
     unit: str = "",
-) -> tuple[Figure, Axes]:
+) -> Panel:
     """A matrix as a picture, white where it is zero.
 
     Args:
@@ -37,9 +34,8 @@ def matrix(
     values = array(values)
     rows, columns = values.shape
     height = float(np.clip(4.6 * rows / columns, 2.0, 5.0))
-    fig, axes = canvas(height=height + 0.6, width=min(6.4, height * columns / rows + 1.8))
-    ax, most = axes[0, 0], limit(values)
-    image = ax.imshow(values, cmap=DIVERGING, vmin=-most, vmax=most, aspect="auto")
+    fig, ax = panel(height + 0.6, width=min(WIDTH, height * columns / rows + 1.8))
+    image = signed(ax, values)
     if split is not None:
         ax.axhline(split - 0.5, color=INK, linewidth=1)
         for place, word in (((split - 1) / 2, "approximation"), ((split + rows - 1) / 2, "detail")):
@@ -53,7 +49,7 @@ def matrix(
 @style()
 def subbands(
     bands: Mapping[str, Float[Array, "rows columns"]], *, common: bool = False, share: float = 1.0, unit: str = "m"
-) -> tuple[Figure, np.ndarray]:
+) -> Panels:
     """The four sub-bands of one motion: time runs to the right, channels downwards.
 
     Args:
@@ -65,45 +61,35 @@ def subbands(
     Raises:
         KeyError: a band is missing.
     """
-    values = {name: array(bands[name]) for name in BAND_NAMES}
+    values = {name: array(bands[name]) for name in ("aa", "ad", "da", "dd")}
     fig, axes = canvas(2, 2, height=4.2, sharex=True, sharey=True)
     edges = {name: float(np.quantile(np.abs(band), share)) or limit(band) for name, band in values.items()}
-    for ax, name in zip(axes.flat, ("aa", "ad", "da", "dd"), strict=True):
-        edge = max(edges.values()) if common else edges[name]
-        image = ax.imshow(values[name].T, cmap=DIVERGING, vmin=-edge, vmax=edge, aspect="auto")
+    for ax, (name, band) in zip(axes.flat, values.items(), strict=True):
+        image = signed(ax, band.T, max(edges.values()) if common else edges[name])
         ax.set_title(BAND_NAMES[name])
         ax.spines[:].set_visible(True)
         if not common:
             colourbar(image, ax, unit, cut=share < 1)
     if common:
         colourbar(image, list(axes.flat), unit, cut=share < 1)
-    for ax in axes[1]:
-        ax.set_xlabel("row k (time)")
-    for ax in axes[:, 0]:
-        ax.set_ylabel("column d (joints)")
+    outer(axes, "row k (time)", "column d (joints)")
     return fig, axes
 
 
 @style()
-def energy_bars(energies: Mapping[str, float] | Mapping[str, Mapping[str, float]]) -> tuple[Figure, Axes]:
+def energy_bars(energies: Mapping[str, float] | Mapping[str, Mapping[str, float]]) -> Panel:
     """Share of the energy (sum of squares) that each sub-band holds, in percent.
 
     Args:
         energies: band -> energy, or name (of a wavelet, an action ...) -> band -> energy; shares are taken within each name.
     """
     nested = isinstance(next(iter(energies.values())), Mapping)
-    alone = {band: energy for band, energy in energies.items() if not isinstance(energy, Mapping)}
-    series = {name: row for name, row in energies.items() if isinstance(row, Mapping)} if nested else {"": alone}
+    series: Mapping[str, Any] = energies if nested else {"": energies}
     bands = list(next(iter(series.values())))
-    fig, axes = canvas(height=0.7 + 0.24 * len(bands) * (len(series) + 0.7))
-    ax, thick = axes[0, 0], 0.84 / len(series)
-    for row, (name, values) in enumerate(series.items()):
-        total = sum(values.values())
-        shares = [100 * values[band] / total for band in bands]
-        places = np.arange(len(bands)) + (row - (len(series) - 1) / 2) * thick
-        ax.barh(places, shares, 0.88 * thick, label=name, **bar_look(row))
-        for place, share in zip(places, shares, strict=True):
-            ax.annotate(f"{significant(share)} %", (share, place), (4, 0), textcoords="offset points", va="center", size=9)
+    shares = {name: [100 * row[band] / sum(row.values()) for band in bands] for name, row in series.items()}
+    fig, ax = panel(0.7 + 0.24 * len(bands) * (len(series) + 0.7))
+    for place, share in bars(ax, shares, room=0.84, fill=0.88):
+        ax.annotate(f"{significant(share)} %", (share, place), (4, 0), textcoords="offset points", va="center", size=9)
     ax.set(yticks=range(len(bands)), yticklabels=bands, xlabel="share of the energy (%)", xlim=(0, 112))
     ax.invert_yaxis()
     if nested:
@@ -112,9 +98,7 @@ def energy_bars(energies: Mapping[str, float] | Mapping[str, Mapping[str, float]
 
 
 @style()
-def projection_change(
-    analysis: Float[Array, "rows T"], synthesis: Float[Array, "T rows"], *, title: str = ""
-) -> tuple[Figure, np.ndarray]:
+def projection_change(analysis: Float[Array, "rows T"], synthesis: Float[Array, "T rows"], *, title: str = "") -> Panels:
     """Which coefficients change when they go to the motion and back: P = analysis · synthesis, against the identity.
 
     A bar is the Euclidean length of a row of P - I.
@@ -129,8 +113,8 @@ def projection_change(
     changed = change > 1e-9 * max(change.max(), 1.0)
     half = len(change) // 2
     fig, axes = canvas(2, 1, height=3.6, sharex=True, sharey=True)
-    halves = ("approximation", slice(half)), ("detail", slice(half, None))
-    for ax, (name, rows), colour in zip(axes[:, 0], halves, CYCLE[:2], strict=True):
+    halves = ("approximation", slice(half), CYCLE[0]), ("detail", slice(half, None), CYCLE[1])
+    for ax, (name, rows, colour) in zip(axes[:, 0], halves, strict=True):
         ax.bar(np.arange(half), change[rows], color=colour, width=0.8)
         ax.plot(np.flatnonzero(~changed[rows]), np.zeros((~changed[rows]).sum()), "|", color=INK, markersize=4)
         ax.set(title=f"{name}: {changed[rows].sum()} of {half} rows change", ylabel="‖row of P − I‖")

@@ -4,21 +4,22 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from typing import TypeVar
+from typing import Any
 
 import matplotlib.style as mpl_style
-import numpy as np
-import torch
 from cycler import cycler
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
-from matplotlib.layout_engine import ConstrainedLayoutEngine
 
 # Own choice: the hues of petroff10, with the lightness of each spread evenly from 23 to 61 (CIE L*), so that the six survive
 # greyscale printing and the common colour-vision deficiencies, and all keep 3:1 contrast with white.
 CYCLE = ("#004b7b", "#e96e20", "#087b5e", "#6f0044", "#ab5ad9", "#af1e02")
 # Lines of one axes differ in their dashes too: colour alone must never tell them apart.
 DASHES = ("-", (0, (5, 1.2)), (0, (1.2, 1)), (0, (5, 1, 1.2, 1)), (0, (9, 1.5)), (0, (3, 1, 1, 1, 1, 1)))
+Look = Mapping[str, Any]  # what matplotlib's `plot` takes
+LOOKS, AFTER_TRUTH = (  # of lines; and of lines beside a solid one
+    [{"color": colour, "linestyle": dash} for colour, dash in zip(CYCLE, dashes, strict=True)]
+    for dashes in (DASHES, DASHES[1:] + DASHES[:1])
+)
+MANY_LOOKS = LOOKS + AFTER_TRUTH
 HATCHES = ("", "////", "....", "xxxx", "----", "oooo")  # the same for bars
 LEFT, RIGHT = CYCLE[:2]
 PREDICTED = CYCLE[0]
@@ -32,6 +33,7 @@ BAND_NAMES = {
     "ad": "ad: slow (time), rough (joints)",
     "dd": "dd: fast (time), rough (joints)",
 }
+DIVERGING = "RdBu_r"  # blue and red differ for every common kind of colour vision; white is zero
 WIDTH = 6.4  # inches: one notebook column, still legible on a phone
 
 STYLE = {
@@ -82,38 +84,7 @@ def use_style() -> None:
     mpl_style.use(["default", STYLE])
 
 
-def canvas(rows: int = 1, columns: int = 1, *, height: float, width: float = WIDTH, **subplots) -> tuple[Figure, np.ndarray]:
-    """A figure with (rows, columns) axes, unknown to pyplot: nothing is shown twice and nothing has to be closed."""
-    figure = Figure(figsize=(width, height), layout=ConstrainedLayoutEngine(w_pad=0.07, h_pad=0.07))
-    return figure, figure.subplots(rows, columns, squeeze=False, **subplots)
-
-
-def array(values) -> np.ndarray:
-    """Tensor on any device, list or array -> numpy array."""
-    return values.detach().cpu().numpy() if isinstance(values, torch.Tensor) else np.asarray(values)
-
-
-Item = TypeVar("Item")
-
-
-def named(items: Mapping[str, Item] | Item) -> dict[str, Item]:
-    """A lone item becomes a mapping with an empty name, so that one drawing routine serves both."""
-    return dict(items) if isinstance(items, Mapping) else {"": items}
-
-
-def limit(values: np.ndarray) -> float:
-    """The symmetric colour or axis limit that holds all values; never zero."""
-    return float(np.abs(values).max()) or 1.0
-
-
-def bar_look(number: int) -> dict[str, object]:
+def bar_look(number: int) -> dict[str, Any]:
     """Colour and hatch of the bars of a series."""
     look = {"edgecolor": "white", "linewidth": 0}
     return {"color": CYCLE[number % len(CYCLE)], "hatch": HATCHES[number % len(HATCHES)], **look}
-
-
-def colourbar(image, axes: Axes | list[Axes], label: str, *, cut: bool = False) -> None:
-    """A slim colour bar beside the axes; pointed where values run off the scale."""
-    ends = "both" if cut else "neither"
-    bar = image.get_figure().colorbar(image, ax=axes, label=label, extend=ends, pad=0.02, fraction=0.05, aspect=25)
-    bar.outline.set_visible(False)

@@ -22,9 +22,10 @@ from PIL import Image
 from mwlib.body.motion import Motion
 from mwlib.body.skeleton import Skeleton
 from mwlib.files import write_atomic
-from mwlib.plots.bodies import THREE_QUARTER, Array, Board, body_kind, draw_bodies, facing, project, seconds_text
-from mwlib.plots.look import FAINT, OBSERVED, PREDICTED, WIDTH, array, style
-from mwlib.plots.save import described
+from mwlib.plots.axes import array
+from mwlib.plots.bodies import Array, Board, body_kind, camera, draw_bodies, project, seconds_text
+from mwlib.plots.look import FAINT, OBSERVED, PREDICTED, WIDTH, style
+from mwlib.plots.saving import described
 
 Shown = Motion | Num[Array, "..."]
 FLOOR_SHARE = 0.01  # of the frames may reach below the floor
@@ -322,11 +323,11 @@ def loop_of(
 def _drawn(shown: Film, frames: Sequence[int], history: int, azimuth: float | None, width: int) -> Iterator[Image.Image]:
     """Each moment as a picture; what stands still is drawn once."""
     first = next(iter(shown.actors.values()))
-    view = facing(first.positions[0], first.skeleton) + THREE_QUARTER if azimuth is None else azimuth
+    view = camera(first.positions[0], first.skeleton, azimuth)
     bodies = {name: _flat(actor, view) for name, actor in shown.actors.items()}
     board = Board(first.skeleton, [body.points for body in bodies.values()], [""], [*bodies])
     board.fig.set_dpi(width / WIDTH)
-    _lift(board)
+    board.lift(BAR)
     line, text = _timeline(board.fig, history, shown.frames)
     canvas = FigureCanvasAgg(board.fig)
     canvas.draw()
@@ -345,13 +346,6 @@ def _drawn(shown: Film, frames: Sequence[int], history: int, azimuth: float | No
         for artist in artists[2:]:
             artist.remove()
         yield Image.fromarray(np.asarray(canvas.buffer_rgba())[..., :3].copy())
-
-
-def _lift(board: Board) -> None:
-    """Make room below the bodies."""
-    (wide, high), place = board.fig.get_size_inches(), board.ax.get_position()
-    board.fig.set_size_inches(wide, high + BAR)
-    board.ax.set_position((place.x0, BAR / (high + BAR), place.width, place.height * high / (high + BAR)))
 
 
 class _Flat(NamedTuple):

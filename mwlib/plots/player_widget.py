@@ -5,7 +5,7 @@ from __future__ import annotations
 import anywidget
 import traitlets
 
-from mwlib.plots.player import LOAD
+from mwlib.plots.playing import LOAD
 
 # Ten messages a second at most, and none that only repeats what Python said.
 RENDER = """

@@ -35,6 +35,6 @@ def test_points_move_in_a_small_loop():
 
 def test_a_point_has_the_marker_of_the_side_on_which_it_ends():
     paths = np.array([[-0.5, 0.4, 0.9], [-0.8, -1.0, 1.0]])  # the second begins on the right and ends on the left
-    fig = _moment(9, paths, paths[0], np.array([-2.0, 2.0]), np.ones(2), 1.0, 0.0, "y", 480)
+    fig = _moment(9, paths[0], np.ones(2), values=np.array([-2.0, 2.0]), top=1.0, side=paths[-1] > 0, xlabel="y", width=480)
     places = {line.get_marker(): line.get_xdata().tolist() for line in fig.axes[0].lines if line.get_marker() in "o^"}
     assert places == {"o": [-0.5, 0.4], "^": [0.9]}

@@ -15,7 +15,7 @@ import torch
 
 from mwlib import plots
 from mwlib.body.skeleton import CMU, H36M17
-from mwlib.plots import player
+from mwlib.plots import playing
 from mwlib.plots.player_widget import PlayerWidget
 from mwlib.synthetic.motions import synthetic_motions
 
@@ -160,8 +160,8 @@ def test_a_page_needs_nothing_else_and_holds_the_program_once(tmp_path):
     page = Page(text)
     assert not [tag for tag, _ in page.elements if tag in ("img", "link", "iframe", "b")]
     assert not [value for _, attributes in page.elements for name, value in attributes.items() if name in ("src", "href")]
-    program = gzip.decompress(base64.b64decode(player.packed()[1])).decode()
-    assert text.count(player.packed()[1]) == 1 and program == player.BUNDLE.read_text(encoding="utf-8")
+    program = gzip.decompress(base64.b64decode(playing.packed()[1])).decode()
+    assert text.count(playing.packed()[1]) == 1 and program == playing.BUNDLE.read_text(encoding="utf-8")
     assert not re.search(r"https?://", text) and not re.search(r"\b(fetch|import)\(\s*[\"'`]http|XMLHttpRequest\(\)", text)
     ids = [attributes["id"] for _, attributes in page.elements if "id" in attributes]
     assert len(ids) == len(set(ids))  # none: the script looks for a class
@@ -192,19 +192,19 @@ def test_the_widget_takes_all_that_a_page_takes():
     widget = shown.widget()
     assert (widget.frame, widget.playing, widget.speed) == (0, False, 0.5)
     assert {"frame", "playing", "speed", "payload", "bundle", "key"} <= set(widget.keys)
-    assert (widget.key, widget.bundle) == player.packed()
+    assert (widget.key, widget.bundle) == playing.packed()
     assert widget.payload == json.loads(json.dumps(shown.payload))
 
 
 def test_the_bundle_is_built_of_todays_sources():
-    text = player.BUNDLE.read_text(encoding="utf-8")
-    assert text.splitlines()[0] == player.RECORD + player.sources_hash(), "a source has changed: run 'make player'"
+    text = playing.BUNDLE.read_text(encoding="utf-8")
+    assert text.splitlines()[0] == playing.RECORD + playing.sources_hash(), "a source has changed: run 'make player'"
     assert len(text.encode()) < 600_000
-    package = json.loads((player.ASSETS / "package.json").read_text())
-    lock = json.loads((player.ASSETS / "package-lock.json").read_text())
+    package = json.loads((playing.ASSETS / "package.json").read_text())
+    lock = json.loads((playing.ASSETS / "package-lock.json").read_text())
     for name, version in (package["dependencies"] | package["devDependencies"]).items():
         assert re.fullmatch(r"\d+\.\d+\.\d+", version) and lock["packages"][f"node_modules/{name}"]["version"] == version
-    assert "three.js authors" in (player.ASSETS / "LICENSE.three").read_text() and "SPDX-License-Identifier: MIT" in text
+    assert "three.js authors" in (playing.ASSETS / "LICENSE.three").read_text() and "SPDX-License-Identifier: MIT" in text
 
 
 def test_colours_are_those_of_the_other_pictures_and_legible_on_dark_pages():

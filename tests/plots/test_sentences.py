@@ -46,7 +46,7 @@ def test_left_is_left_and_ahead_is_up_the_page(heading, up):
 def test_each_sentence_has_a_panel_of_the_same_scale():
     titles = ["someone turns around to the left", "a person walks forward slowly", "a man waves with the right hand", CAPTION]
     fig, axes = plots.ways({title: [body(2.0 * n, 1.0)] for n, title in enumerate(titles)})
-    shown = [ax for ax in axes.flat if ax.axison]
+    shown = [ax for ax in axes.flat if ax.get_visible()]
     assert axes.shape == (2, 3) and len(shown) == 4
     assert [ax.get_title(loc="left").replace("\n", " ") for ax in shown[:3]] == titles[:3]
     assert shown[3].get_title(loc="left").endswith("…")

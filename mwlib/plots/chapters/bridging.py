@@ -6,27 +6,34 @@ from collections.abc import Mapping, Sequence
 from textwrap import fill
 
 import numpy as np
-import torch
 from jaxtyping import Float
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
-from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+from matplotlib.cm import ScalarMappable
+from matplotlib.colors import LinearSegmentedColormap, Normalize
+from matplotlib.ticker import LogLocator
 
-from mwlib.plots.look import CYCLE, DASHES, FAINT, INK, OBSERVED, PREDICTED, TRUTH, array, canvas, style
+from mwlib.body.skeleton import Skeleton
+from mwlib.plots.axes import Array, Curves, Panel, Panels, array, canvas, legend, outer, panel, tiled
+from mwlib.plots.bodies import AnyMotion, Board, camera, poses, project
+from mwlib.plots.lines import draw, plain
+from mwlib.plots.look import AFTER_TRUTH, CYCLE, DASHES, FAINT, INK, LOOKS, OBSERVED, PREDICTED, TRUTH, Look, style
 
-Array = np.ndarray | torch.Tensor
+MARK = {"marker": "o", "color": TRUTH, "linestyle": "none", "zorder": 5}
+# From light to dark, so that broken bones stand out in greyscale too.
+BREAKING = LinearSegmentedColormap.from_list("breaking", ["#b4b9c1", CYCLE[1], CYCLE[3]])
+BAR = 0.62  # inches for the colour bar and its words
 
 
 @style()
 def bridged_coordinate(
     truth: Float[Array, " T"],
-    baselines: Mapping[str, Float[Array, " T"]],
+    baselines: Curves,
     samples: Float[Array, "S T"] | None = None,
     *,
     fps: float,
     keyframes: Sequence[int] = (0, -1),
     ylabel: str = "position (m)",
-) -> tuple[Figure, Axes]:
+) -> Panel:
     """One coordinate between keyframes: the truth, what fills it in without training, and samples that fan out.
 
     Args:
@@ -40,23 +47,21 @@ def bridged_coordinate(
     Raises:
         ValueError: lengths differ, a keyframe is no frame, or there are more than five baselines.
     """
-    truth, given = array(truth), _given(len(array(truth)), keyframes)
-    if len(baselines) >= len(CYCLE):
-        raise ValueError(f"{len(baselines)} baselines; expected at most {len(CYCLE) - 1}, told apart by colour and dashes")
+    truth, given = array(truth), _given(len(truth), keyframes)
+    for name, values in {**baselines, **({} if samples is None else {"samples": samples})}.items():
+        if array(values).shape[-1] != len(truth):
+            raise ValueError(f"{name}: {array(values).shape[-1]} frames; expected {len(truth)}, as the truth has")
     seconds = np.arange(len(truth)) / fps
-    fig, axes = canvas(height=3.3)
-    ax = axes[0, 0]
+    fig, ax = panel(3.3)
     if samples is not None:
-        many = _as_long(array(samples), truth, "samples")
-        alpha = max(0.25, 1.2 / np.sqrt(len(many)) if len(many) > 1 else 1.0)
-        ax.plot(seconds, many.T, color=PREDICTED, linewidth=1.5, alpha=min(alpha, 0.7))
-        ax.plot([], [], color=PREDICTED, label=f"{len(many)} samples")
-    for (name, values), colour, dashes in zip(baselines.items(), CYCLE[1:], DASHES[1:], strict=False):
-        ax.plot(seconds, _as_long(array(values), truth, name), color=colour, linestyle=dashes, label=name)
+        alpha = max(0.25, 1.2 / np.sqrt(len(samples)))
+        ax.plot(seconds, array(samples).T, color=PREDICTED, linewidth=1.5, alpha=min(alpha, 0.7))
+        ax.plot([], [], color=PREDICTED, label=f"{len(samples)} samples")
+    draw(ax, baselines, seconds, looks=LOOKS[1:], what="baselines")
     ax.plot(seconds, truth, color=TRUTH, linewidth=2.4, label="truth")
-    ax.plot(seconds[given], truth[given], "o", color=TRUTH, markersize=8, label="keyframe", clip_on=False, zorder=5)
+    ax.plot(seconds[given], truth[given], markersize=8, label="keyframe", clip_on=False, **MARK)
     ax.set(xlabel="time (s)", ylabel=ylabel, xlim=(seconds[0], seconds[-1]))
-    fig.legend(loc="outside upper left", ncols=3)
+    legend(ax)
     return fig, ax
 
 
@@ -68,7 +73,7 @@ def seams(
     keyframes: Sequence[int] = (0, -1),
     unit: str = "m",
     log: bool = False,
-) -> tuple[Figure, Axes]:
+) -> Panel:
     """How far each motion goes from frame to frame, ‖x_t+1 - x_t‖: a motion that was pasted to its keyframes pops beside them.
 
     Large marks are the steps that touch a keyframe.
@@ -83,33 +88,27 @@ def seams(
     Raises:
         ValueError: lengths differ, or a keyframe is no frame.
     """
-    motions = {name: array(x) for name, x in rows.items()}
-    frames = _one_length({name: x.shape[-2] for name, x in motions.items()})
+    frames = _one_length({name: x.shape[-2] for name, x in rows.items()})
     given = _given(frames, keyframes)
     touching = np.unique([step for k in given for step in (k - 1, k) if 0 <= step < frames - 1])
     seconds = (np.arange(frames - 1) + 0.5) / fps
-    fig, axes = canvas(height=3.2)
-    ax = axes[0, 0]
+    steps = {
+        name: np.linalg.norm(np.diff(array(x), axis=-2), axis=-1).reshape(-1, frames - 1).mean(0) for name, x in rows.items()
+    }
+    fig, ax = panel(3.2)
     for time in given / fps:
         ax.axvline(time, color=OBSERVED, linewidth=0.8, zorder=0)
-    others = iter(zip(CYCLE, DASHES[1:], strict=False))
-    for name, x in motions.items():
-        steps = np.linalg.norm(np.diff(x, axis=-2), axis=-1).reshape(-1, frames - 1).mean(0)
-        colour, dashes = (TRUTH, "-") if name == "truth" else next(others)
-        ax.plot(seconds, steps, color=colour, linestyle=dashes, label=name)
-        ax.plot(seconds[touching], steps[touching], "o", color=colour, markersize=6)
+    draw(ax, steps, seconds, looks=_looks(rows), marks=dict.fromkeys(steps, touching), dot=6)
     ax.set(xlabel="time (s); vertical lines: keyframes", ylabel=f"step ({unit} per frame)", yscale="log" if log else "linear")
     ax.grid(axis="y")
     if not log:
         ax.set_ylim(bottom=0)
-    fig.legend(loc="outside upper left", ncols=3)
+    legend(ax)
     return fig, ax
 
 
 @style()
-def spectra(
-    rows: Mapping[str, Float[Array, " F"]], *, fps: float, frames: int | None = None, unit: str = "m²"
-) -> tuple[Figure, np.ndarray]:
+def spectra(rows: Curves, *, fps: float, frames: int | None = None, unit: str = "m²") -> Panels:
     """Mean power at each frequency but 0, the mean; with a row called "truth", beneath it the ratio of the others to it.
 
     Args:
@@ -121,30 +120,28 @@ def spectra(
     Raises:
         ValueError: the rows have different lengths, or these frames have other frequencies.
     """
-    powers = {name: array(power) for name, power in rows.items()}
-    count = _one_length({name: len(power) for name, power in powers.items()})
+    powers = {name: array(power)[1:] for name, power in rows.items()}
+    count = _one_length({name: len(power) for name, power in rows.items()})
     frames = 2 * (count - 1) if frames is None else frames
     if frames // 2 + 1 != count:
         raise ValueError(f"{frames} frames have {frames // 2 + 1} frequencies; expected {count}, as the rows have")
     hertz = np.arange(1, count) * fps / frames
-    panels = 2 if "truth" in powers and len(powers) > 1 else 1
-    ratios = {"height_ratios": (3, 2)[:panels]}
-    fig, axes = canvas(panels, 1, height=2.8 + 1.5 * (panels - 1), sharex=True, gridspec_kw=ratios)
-    others = iter(zip(CYCLE * 2, (DASHES[1:] + DASHES[:1]) * 2, strict=True))
-    for name, power in powers.items():
-        colour, dashes = (TRUTH, "-") if name == "truth" else next(others)
-        axes[0, 0].plot(hertz, power[1:], color=colour, linestyle=dashes, label=name)
-        if panels == 2 and name != "truth":
-            axes[1, 0].plot(hertz, power[1:] / powers["truth"][1:], color=colour, linestyle=dashes)
-    axes[0, 0].set(yscale="log", ylabel=f"mean power ({unit})")
-    if panels == 2:
-        axes[1, 0].axhline(1.0, color=TRUTH, linewidth=1.5)
-        axes[1, 0].set(yscale="log", ylabel="ratio to truth")
-        _ratio_axis(axes[1, 0])
+    compared = "truth" in powers and len(powers) > 1
+    ratios = {"height_ratios": (3, 2)[: 1 + compared]}
+    fig, axes = canvas(1 + compared, 1, height=2.8 + 1.5 * compared, sharex=True, gridspec_kw=ratios)
+    top, bottom = axes[0, 0], axes[-1, 0]
+    draw(top, powers, hertz, looks=_looks(rows))
+    top.set(yscale="log", ylabel=f"mean power ({unit})")
+    if compared:
+        truth = powers.pop("truth")
+        draw(bottom, {name: power / truth for name, power in powers.items()}, hertz, looks=_looks(powers), label=None)
+        bottom.axhline(1.0, color=TRUTH, linewidth=1.5)
+        bottom.set(yscale="log", ylabel="ratio to truth")
+        _ratio_axis(bottom)
     for ax in axes[:, 0]:
         ax.grid(axis="y")
-    axes[-1, 0].set(xlabel="frequency (Hz)", xlim=(0, hertz[-1]))
-    fig.legend(loc="outside upper left", ncols=3)
+    bottom.set(xlabel="frequency (Hz)", xlim=(0, hertz[-1]))
+    legend(top)
     return fig, axes[:, 0]
 
 
@@ -156,7 +153,7 @@ def imposed_steps(
     keyframes: Sequence[int] = (0, -1),
     fps: float,
     ylabel: str = "position (m)",
-) -> tuple[Figure, np.ndarray]:
+) -> Panels:
     """One coordinate at a few steps of sampling, noise falling: keyframes are noised as much as what lies between (Fig. 4).
 
     Dots are the values that were imposed at this step, rings the clean keyframes.
@@ -175,23 +172,15 @@ def imposed_steps(
     if len(levels) != len(x) or list(levels) != sorted(levels, reverse=True):
         raise ValueError(f"levels are {[*levels]}; expected {len(x)}, one for each step, falling")
     given, seconds = _given(x.shape[1], keyframes), np.arange(x.shape[1]) / fps
-    columns = min(len(x), 3)
-    rows = -(-len(x) // columns)
-    fig, axes = canvas(rows, columns, height=0.8 + 1.75 * rows, sharex=True, sharey=True)
-    for ax in axes.flat[len(x) :]:
-        ax.set_visible(False)
-    for number, (ax, values, level) in enumerate(zip(axes.flat, x, levels, strict=False)):
+    fig, axes = tiled(len(x), frame=0.8, each=1.75)
+    rings = {"color": INK, "markerfacecolor": "none", "markersize": 10, "clip_on": False}
+    for ax, values, level in zip(axes.flat, x, levels, strict=False):
         ax.plot(seconds, values, color=PREDICTED, linewidth=1.5, label="between, from the network")
         ax.plot(seconds[given], values[given], "o", color=CYCLE[1], markersize=7, label="keyframe at this noise", clip_on=False)
-        rings = {"color": INK, "markerfacecolor": "none", "markersize": 10, "linestyle": "none", "clip_on": False}
-        ax.plot(seconds[given], x[-1, given], marker="o", label="clean keyframe", **rings)
+        ax.plot(seconds[given], x[-1, given], "o", label="clean keyframe", **rings)
         ax.set_title(f"noise {level:.2f}" if level else "clean")
-        ax.tick_params(labelbottom=number + columns >= len(x))
-        if number + columns >= len(x):
-            ax.set_xlabel("time (s)")
-    for ax in axes[:, 0]:
-        ax.set_ylabel(ylabel)
-    fig.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside upper left", ncols=3)
+    outer(axes, "time (s)", ylabel, lowest=True)
+    legend(axes[0, 0])
     return fig, axes
 
 
@@ -203,7 +192,7 @@ def training_view(
     *,
     fps: float,
     unit: str = "m",
-) -> tuple[Figure, np.ndarray]:
+) -> Panels:
     """What training sees of one coordinate of a whole clip (Fig. 3): time on the left, its cosines on the right.
 
     Args:
@@ -213,11 +202,11 @@ def training_view(
         fps: frames per second.
         unit: of x.
     """
-    x, y = array(x), array(y)
+    x = array(x)
     fig, axes = canvas(1 + len(noised), 2, height=0.7 + 1.35 * (1 + len(noised)), sharex="col", sharey="col")
     seconds, hertz = np.arange(len(x)) / fps, np.arange(len(y)) * fps / (2 * len(x))
-    rows = {"": (y, x), **{title: (array(a), array(b)) for title, (a, b) in noised.items()}}
-    for number, ((left, right), (title, (coefficients, values))) in enumerate(zip(axes, rows.items(), strict=True)):
+    for number, ((left, right), (title, pair)) in enumerate(zip(axes, {"": (y, x), **noised}.items(), strict=True)):
+        coefficients, values = map(array, pair)
         if number:
             left.plot(seconds, x, color=OBSERVED, linewidth=1.5, linestyle=DASHES[2])
         left.plot(seconds, values, color=PREDICTED if number else TRUTH)
@@ -230,43 +219,6 @@ def training_view(
     return fig, axes
 
 
-def _ratio_axis(ax: Axes) -> None:
-    """Logarithmic, with plain numbers, and never so near to 1 that chance looks large."""
-    low, high = ax.get_ylim()
-    ax.set_ylim(min(low, 0.4), max(high, 2.5))
-    ax.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if high < 50 * low else (1.0,)))
-    ax.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
-    ax.yaxis.set_minor_formatter(NullFormatter())
-
-
-def _given(frames: int, keyframes: Sequence[int]) -> np.ndarray:
-    if not keyframes or not all(-frames <= k < frames for k in keyframes):
-        raise ValueError(f"keyframes are {[*keyframes]}; expected one or more of {-frames} to {frames - 1}")
-    return np.unique(np.array(keyframes) % frames)
-
-
-def _as_long(values: np.ndarray, truth: np.ndarray, name: str) -> np.ndarray:
-    if values.shape[-1] != len(truth):
-        raise ValueError(f"{name}: {values.shape[-1]} frames; expected {len(truth)}, as the truth has")
-    return values
-
-
-def _one_length(lengths: Mapping[str, int]) -> int:
-    if len(set(lengths.values())) != 1:
-        raise ValueError(f"lengths of the rows are {dict(lengths)}; expected one and the same, of at least one row")
-    return next(iter(lengths.values()))
-
-
-COLUMNS = 3
-MARK = {"marker": "o", "color": TRUTH, "linestyle": "none", "markersize": 5, "zorder": 5}
-MEASURES = {
-    "mean_error": "error of the mean",
-    "mean_error_limit": "error of the mean",
-    "seam": "seam ratio",
-    "spread": "spread ratio",
-}
-
-
 @style()
 def keyframe_samples(
     mean: Float[Array, " T"],
@@ -276,7 +228,7 @@ def keyframe_samples(
     keyframes: Sequence[int],
     ylabel: str = "coordinate",
     lines: int = 12,
-) -> tuple[Figure, np.ndarray]:
+) -> Panels:
     """One panel per scheme: its samples over the true law, mean in black and bands of one and two deviations in grey.
 
     Args:
@@ -287,11 +239,9 @@ def keyframe_samples(
         lines: how many of the samples to draw.
     """
     mean, deviation, at = array(mean), array(deviation), np.asarray(keyframes)
-    frames, rows = np.arange(len(mean)), -(-len(panels) // COLUMNS)
-    fig, axes = canvas(rows, min(COLUMNS, len(panels)), height=0.7 + 1.75 * rows, sharex=True, sharey=True)
-    for ax in axes.ravel()[len(panels) :]:
-        ax.set_axis_off()
-    for ax, (name, samples) in zip(axes.ravel(), panels.items(), strict=False):
+    frames = np.arange(len(mean))
+    fig, axes = tiled(len(panels), frame=0.7, each=1.75)
+    for ax, (name, samples) in zip(axes.flat, panels.items(), strict=False):
         samples = array(samples)
         for times, shade in ((2, FAINT), (1, "#cfd3d8")):
             label = f"true law, ± {times} deviation{'s' * (times > 1)}"
@@ -301,60 +251,83 @@ def keyframe_samples(
         ax.plot(frames, mean, color=TRUTH, linewidth=1.6, label="true mean")
         ax.plot(frames, samples.mean(0), color=CYCLE[1], linestyle=(0, (4, 1.2)), linewidth=2, label="mean of samples")
         ax.plot(at, mean[at], label="keyframe", **MARK)
-        ax.set_title(fill(name, 22))
-        ax.set_xlim(frames[0] - 0.8, frames[-1] + 0.8)
+        ax.set(title=fill(name, 22), xlim=(frames[0] - 0.8, frames[-1] + 0.8))
     reach = 1.4 * float(np.max(np.abs(mean) + 2 * deviation))  # samples that diverge leave the picture
     axes[0, 0].set_ylim(-reach, reach)
-    for ax in axes[:, 0]:
-        ax.set_ylabel(ylabel)
-    for column in axes.T:
-        [ax for ax in column if ax.axison][-1].tick_params(labelbottom=True)
-        [ax for ax in column if ax.axison][-1].set_xlabel("frame")
-    fig.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside upper left", ncols=3)
+    outer(axes, "frame", ylabel, lowest=True)
+    legend(axes[0, 0])
     return fig, axes
 
 
 @style()
-def scheme_errors(
-    rows: Sequence[Mapping[str, object]], measures: Sequence[str] = ("mean_error_limit", "seam", "spread")
-) -> tuple[Figure, np.ndarray]:
-    """One line per scheme and a panel per measure: a dot, and a bar from what the true law gives. Divergence is said in words.
+def broken_bodies(
+    rows: Mapping[str, AnyMotion],
+    skeleton: Skeleton,
+    lengths: Float[Array, " bones"],
+    *,
+    fps: float,
+    frames: int | Sequence[int] = 8,
+    most: float | None = None,
+) -> Panel:
+    """Rows of poses whose bones are coloured, and thickened, by how far they are from their true lengths (Fig. 8).
 
     Args:
-        rows: of `mwlib.inbetweening.gaussian.table`; the first is the true law's, and gives the upright lines.
-        measures: keys of the rows.
+        rows: name -> motion, (T, C) about the root or (T, J+1, 3), metres, all of T frames.
+        skeleton: of all of them.
+        lengths: true lengths in the order of `skeleton.bones`, metres.
+        fps: frames per second; time 0 is the first frame.
+        frames: how many frames, or which.
+        most: error at the end of the colour bar, millimetres; None: that which 1 bone in 50 of those drawn exceeds.
 
     Raises:
-        ValueError: there is no row after the first.
+        ValueError: a motion or the lengths do not fit the skeleton, or the rows have different lengths.
     """
-    truth, *found = rows
-    if not found:
-        raise ValueError("one row; expected the true law's and those of schemes")
-    height = np.arange(len(found))[::-1]
-    fig, axes = canvas(1, len(measures), height=0.9 + 0.24 * len(found), width=7.2, sharey=True)
-    for ax, measure in zip(axes[0], measures, strict=True):
-        _dots(ax, height, [None if row["diverged"] else row[measure] for row in found], truth[measure])
-        ax.set_title(MEASURES[measure])
-        ax.tick_params(axis="y", length=0)
-        ax.spines["left"].set_visible(False)
-        ax.set_xlim(min(0, *ax.get_xlim()), None)
-    axes[0, 0].set_yticks(height, [str(row["scheme"]) for row in found])
-    axes[0, 0].set_ylim(-0.7, len(found) - 0.3)
-    fig.supxlabel("upright line: the true law", fontsize=9, color=OBSERVED)
-    return fig, axes[0]
+    bodies, true = {name: poses(motion, skeleton) for name, motion in rows.items()}, array(lengths)
+    if true.shape != (len(skeleton.bones),) or len({len(body) for body in bodies.values()}) != 1:
+        found = f"lengths of shape {true.shape} and rows of {[len(body) for body in bodies.values()]} frames"
+        raise ValueError(f"{found}; expected ({len(skeleton.bones)},) for {skeleton.name}, and rows of one length")
+    first = next(iter(bodies.values()))
+    shown = np.linspace(0, len(first) - 1, frames).round().astype(int) if isinstance(frames, int) else np.array(frames)
+    shown = shown % len(first)
+    bodies = {name: body[shown] for name, body in bodies.items()}
+    parents, children = np.array(skeleton.bones).T
+    errors = {n: 1000 * np.abs(np.linalg.norm(b[:, children] - b[:, parents], axis=-1) - true) for n, b in bodies.items()}
+    most = most or max(float(np.quantile(np.concatenate([*errors.values()]), 0.98)), 1.0)
+    view = camera(first[0], skeleton)
+    flat = {name: project(body, view) for name, body in bodies.items()}
+    board = Board(skeleton, [*flat.values()], [*bodies], [f"{frame / fps:.2f} s" for frame in shown])
+    for row, name in enumerate(bodies):
+        for column, (points, error) in enumerate(zip(flat[name], errors[name], strict=True)):
+            board.draw_bones(row, column, points, error / most, BREAKING)
+    board.lift(BAR)
+    bar = board.fig.add_axes((0.2, (BAR - 0.12) / board.fig.get_figheight(), 0.6, 0.11 / board.fig.get_figheight()))
+    scale = ScalarMappable(Normalize(0, most), BREAKING)
+    drawn = board.fig.colorbar(scale, cax=bar, orientation="horizontal", extend="max", label="error of the bone's length (mm)")
+    drawn.outline.set_visible(False)
+    return board.fig, board.ax
 
 
-def _dots(ax: Axes, height: np.ndarray, values: Sequence, truth) -> None:
-    """Values as dots with a bar from the truth; None is a word."""
-    ax.axvline(truth, color=TRUTH, linewidth=1.2, zorder=1)
-    for y, value in zip(height, values, strict=True):
-        ax.axhline(y, color=FAINT, linewidth=0.8, zorder=0)
-        if value is None:
-            ax.annotate("diverges", (truth, y), (6, 0), textcoords="offset points", va="center", color=CYCLE[5], fontsize=8)
-            continue
-        ax.plot([truth, value], [y, y], color=CYCLE[0], linewidth=3, alpha=0.3, solid_capstyle="butt")
-        ax.plot(value, y, "o", color=CYCLE[0], markersize=5)
-        away, side = ((-6, 0), "right") if value < truth else ((6, 0), "left")
-        words = {"textcoords": "offset points", "va": "center", "ha": side, "color": INK, "fontsize": 8}
-        ax.annotate(f"{value:.2f}", (value, y), away, **words)
-    ax.margins(x=0.18)
+def _looks(rows: Mapping[str, object]) -> list[Look]:
+    """Colours and dashes for rows; the truth is black and solid, and takes those of nobody."""
+    others = iter(AFTER_TRUTH * 2)
+    return [{"color": TRUTH} if name == "truth" else next(others) for name in rows]
+
+
+def _ratio_axis(ax: Axes) -> None:
+    """Logarithmic, with plain numbers, and never so near to 1 that chance looks large."""
+    low, high = ax.get_ylim()
+    ax.set_ylim(min(low, 0.4), max(high, 2.5))
+    ax.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if high < 50 * low else (1.0,)))
+    plain(ax.yaxis)
+
+
+def _given(frames: int, keyframes: Sequence[int]) -> np.ndarray:
+    if not keyframes or not all(-frames <= k < frames for k in keyframes):
+        raise ValueError(f"keyframes are {[*keyframes]}; expected one or more of {-frames} to {frames - 1}")
+    return np.unique(np.array(keyframes) % frames)
+
+
+def _one_length(lengths: Mapping[str, int]) -> int:
+    if len(set(lengths.values())) != 1:
+        raise ValueError(f"lengths of the rows are {dict(lengths)}; expected one and the same, of at least one row")
+    return next(iter(lengths.values()))

@@ -5,20 +5,16 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-import torch
 from jaxtyping import Float
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
-from matplotlib.ticker import FuncFormatter, NullFormatter
 
-from mwlib.plots.look import CYCLE, DASHES, FAINT, INK, OBSERVED, array, bar_look, canvas, style
-
-Array = np.ndarray | torch.Tensor
-LOOKS = list(zip(CYCLE, DASHES, strict=True))
+from mwlib.plots.axes import Array, Curves, Panel, Panels, array, canvas, legend, panel, rule
+from mwlib.plots.lines import bars, draw, plain
+from mwlib.plots.look import FAINT, INK, LOOKS, OBSERVED, style
 
 
 @style()
-def energy_by_coefficient(rows: Mapping[str, Float[Array, " K"]], *, few: int = 10) -> tuple[Figure, np.ndarray]:
+def energy_by_coefficient(rows: Curves, *, few: int = 10) -> Panels:
     """Where the energy of motions lies (Fig. 4): mean power of each cosine coefficient, and the share of the first ones.
 
     The share of the first `few` stands in the legend. k = 0, the mean over time, is drawn at the left of a broken axis, as the
@@ -31,33 +27,30 @@ def energy_by_coefficient(rows: Mapping[str, Float[Array, " K"]], *, few: int = 
     Raises:
         ValueError: there are more than six rows, or one has no more than `few` coefficients.
     """
-    powers = {name: array(power) for name, power in rows.items()}
-    _at_most(len(powers), "rows")
-    fig, axes = canvas(1, 2, height=3.5)
-    left, right = axes[0]
-    for (name, power), (colour, dashes) in zip(powers.items(), LOOKS, strict=False):
+    powers, shares = {name: array(power) for name, power in rows.items()}, {}
+    for name, power in powers.items():
         if len(power) <= few:
             raise ValueError(f"{name}: {len(power)} coefficients; expected more than few, {few}")
-        share = np.cumsum(power) / power.sum()
-        left.plot(np.arange(1, len(power)), power[1:], color=colour, linestyle=dashes)
-        left.plot(0.6, power[0], "o", color=colour, markersize=5, clip_on=False)
-        label = f"{name}: {100 * share[few - 1]:.0f} %"
-        right.plot(np.arange(1, len(power) + 1), 100 * share, color=colour, linestyle=dashes, label=label)
+        share = 100 * np.cumsum(power) / power.sum()
+        shares[f"{name}: {share[few - 1]:.0f} %"] = share
+    fig, axes = canvas(1, 2, height=3.5)
+    left, right = axes[0]
+    _by_coefficient(left, powers, label=None)
+    for power, look in zip(powers.values(), LOOKS, strict=False):
+        left.plot(0.6, power[0], "o", color=look["color"], clip_on=False)
+    draw(right, shares, start=1)
     left.set(title="mean power", xlabel="coefficient k", xscale="log", yscale="log", xlim=(0.5, None))
     left.axvline(0.77, color=OBSERVED, linewidth=0.8, linestyle=(0, (2, 2)))
     right.set(title="energy in the first K", xlabel="K, number of coefficients", ylabel="%", xscale="log", ylim=(0, 103))
     right.axvline(few, color=OBSERVED, linewidth=0.8)
-    for ax in axes[0]:
-        ax.grid(axis="y")
-        _plain_ticks(ax, (0.6,) if ax is left else (), ("0",) if ax is left else ())
+    _finish(left, {0.6: "0"})
+    _finish(right)
     fig.legend(loc="outside upper left", ncols=2, title=f"share of the first {few}", alignment="left")
     return fig, axes[0]
 
 
 @style()
-def parallel_snr(
-    power: Float[Array, " K"], alpha_bar: Float[Array, " M"], ks: Sequence[int], *, gamma: float = 1.0
-) -> tuple[Figure, Axes]:
+def parallel_snr(power: Float[Array, " K"], alpha_bar: Float[Array, " M"], ks: Sequence[int], *, gamma: float = 1.0) -> Panel:
     """Signal-to-noise ratio of a few coefficients over the diffusion index, in decibel: one curve, at several heights.
 
     A dot marks where a coefficient goes under the threshold.
@@ -71,27 +64,24 @@ def parallel_snr(
     Raises:
         ValueError: more than six coefficients.
     """
-    _at_most(len(ks), "coefficients")
-    power, curve = array(power), array(alpha_bar)
-    fig, axes = canvas(height=3.3)
-    ax = axes[0, 0]
-    ax.axhline(10 * np.log10(gamma), color=INK, linewidth=1.0, label=f"SNR = {gamma:g}")
-    for k, (colour, dashes) in zip(ks, LOOKS, strict=False):
-        ratio = 10 * np.log10(curve * power[k] / (1 - curve))
-        above = np.flatnonzero(ratio >= 10 * np.log10(gamma))
-        label = f"k = {k}"
-        if len(above):
-            ax.plot(above[-1], ratio[above[-1]], "o", color=colour)
+    curve, threshold, ratios, marks = array(alpha_bar), 10 * np.log10(gamma), {}, {}
+    for k in ks:
+        ratio, label = 10 * np.log10(curve * array(power)[k] / (1 - curve)), f"k = {k}"
+        if len(above := np.flatnonzero(ratio >= threshold)):
             label += f", until t = {above[-1]}"
-        ax.plot(ratio, color=colour, linestyle=dashes, label=label)
+            marks[label] = above[-1]
+        ratios[label] = ratio
+    fig, ax = panel(3.3)
+    ax.axhline(threshold, color=INK, linewidth=1.0, label=f"SNR = {gamma:g}")
+    draw(ax, ratios, marks=marks, what="coefficients")
     ax.set(xlabel="diffusion index t", ylabel="signal to noise (dB)", xlim=(0, len(curve) - 1), ylim=(-60, 60))
     ax.grid(axis="y")
-    fig.legend(loc="outside upper left", ncols=3)
+    legend(ax)
     return fig, ax
 
 
 @style()
-def recovery_by_coefficient(rows: Mapping[str, Float[Array, " K"]], *, steps: int) -> tuple[Figure, Axes]:
+def recovery_by_coefficient(rows: Curves, *, steps: int) -> Panel:
     """When each coefficient comes back as t falls: sampling runs from the top of the picture to its bottom.
 
     A dot marks each that comes back before a lower one, by more than a fiftieth of the way.
@@ -103,26 +93,21 @@ def recovery_by_coefficient(rows: Mapping[str, Float[Array, " K"]], *, steps: in
     Raises:
         ValueError: more than six rows.
     """
-    _at_most(len(rows), "rows")
-    fig, axes = canvas(height=3.3)
-    ax = axes[0, 0]
-    for number, ((name, times), (colour, dashes)) in enumerate(zip(rows.items(), LOOKS, strict=False)):
-        times = array(times)[1:]
-        k = np.arange(1, len(times) + 1)
-        ax.plot(k, times, color=colour, linestyle=dashes, label=name, zorder=3 - 0.1 * number)
-        early = np.flatnonzero(times[1:] > np.minimum.accumulate(times)[:-1] + 0.02 * steps) + 1
-        ax.plot(k[early], times[early], "o", color=colour, markersize=5)
+    times = {name: array(row) for name, row in rows.items()}
+    early = {name: np.flatnonzero(t[2:] > np.minimum.accumulate(t[1:])[:-1] + 0.02 * steps) + 1 for name, t in times.items()}
+    fig, ax = panel(3.3)
+    looks = [look | {"zorder": 3 - 0.1 * number} for number, look in enumerate(LOOKS)]
+    _by_coefficient(ax, times, looks=looks, marks=early)
     ax.set(xlabel="coefficient k", ylabel="time t at which SNR = 1", xscale="log", ylim=(0, steps))
     ax.annotate("sampling starts here", (1, 1), (-4, -4), "axes fraction", "offset points", ha="right", va="top", size=9)
     ax.annotate("and ends here", (0, 0), (4, 4), "axes fraction", "offset points", size=9)
-    ax.grid(axis="y")
-    _plain_ticks(ax)
-    fig.legend(loc="outside upper left", ncols=3)
+    _finish(ax)
+    legend(ax)
     return fig, ax
 
 
 @style()
-def known_share(rows: Mapping[str, Float[Array, " K"]]) -> tuple[Figure, Axes]:
+def known_share(rows: Curves) -> Panel:
     """What the best denoiser knows of each coefficient, SNR / (1 + SNR), at several times: a low-pass filter that opens.
 
     Args:
@@ -131,22 +116,17 @@ def known_share(rows: Mapping[str, Float[Array, " K"]]) -> tuple[Figure, Axes]:
     Raises:
         ValueError: more than six rows.
     """
-    _at_most(len(rows), "rows")
-    fig, axes = canvas(height=3.2)
-    ax = axes[0, 0]
-    for (name, share), (colour, dashes) in zip(rows.items(), LOOKS, strict=False):
-        share = array(share)
-        ax.plot(np.arange(1, len(share)), 100 * share[1:], color=colour, linestyle=dashes, label=name)
-    ax.axhline(50, color=OBSERVED, linewidth=0.8)
+    fig, ax = panel(3.2)
+    _by_coefficient(ax, {name: 100 * array(share) for name, share in rows.items()})
+    rule(ax, 50)
     ax.set(xlabel="coefficient k", ylabel="share of $P_k$ that is known (%)", xscale="log", ylim=(0, 102))
-    ax.grid(axis="y")
-    _plain_ticks(ax)
-    fig.legend(loc="outside upper left", ncols=3)
+    _finish(ax)
+    legend(ax)
     return fig, ax
 
 
 @style()
-def kept_power(panels: Mapping[str, Mapping[str, Float[Array, " K"]]]) -> tuple[Figure, np.ndarray]:
+def kept_power(panels: Mapping[str, Curves]) -> Panels:
     """Power of samples over that of the data, by coefficient, a panel for each number of steps and a line for each sampler.
 
     Args:
@@ -155,23 +135,19 @@ def kept_power(panels: Mapping[str, Mapping[str, Float[Array, " K"]]]) -> tuple[
     Raises:
         ValueError: more than six samplers.
     """
-    _at_most(max(len(rows) for rows in panels.values()), "samplers")
     fig, axes = canvas(1, len(panels), height=3.2, sharey=True)
     for ax, (title, rows) in zip(axes[0], panels.items(), strict=True):
         ax.axhline(1, color=INK, linewidth=1.0)
-        for (name, ratio), (colour, dashes) in zip(rows.items(), LOOKS, strict=False):
-            ratio = array(ratio)
-            ax.plot(np.arange(1, len(ratio)), ratio[1:], color=colour, linestyle=dashes, label=name)
+        _by_coefficient(ax, rows, what="samplers")
         ax.set(title=title, xlabel="coefficient k", xscale="log", ylim=(0, 1.08))
-        ax.grid(axis="y")
-        _plain_ticks(ax)
+        _finish(ax)
     axes[0, 0].set_ylabel("power of samples / of data")
-    fig.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside upper left", ncols=2)
+    legend(axes[0, 0], 2)
     return fig, axes[0]
 
 
 @style()
-def coupling_bars(panels: Mapping[str, Mapping[str, Sequence[float]]], noises: Sequence[float]) -> tuple[Figure, np.ndarray]:
+def coupling_bars(panels: Mapping[str, Mapping[str, Sequence[float]]], noises: Sequence[float]) -> Panels:
     """Relative error of a high band, predicted from itself or with the low band's help: a panel for each kind of data.
 
     Args:
@@ -183,32 +159,30 @@ def coupling_bars(panels: Mapping[str, Mapping[str, Sequence[float]]], noises: S
     """
     fig, axes = canvas(1, len(panels), height=3.0, sharey=True)
     for ax, (title, rows) in zip(axes[0], panels.items(), strict=True):
-        thick = 0.8 / len(rows)
-        for number, (name, errors) in enumerate(rows.items()):
+        for name, errors in rows.items():
             if len(errors) != len(noises):
                 raise ValueError(f"{title}, {name}: {len(errors)} errors; expected {len(noises)}, one for each noise")
-            places = np.arange(len(noises)) + (number - (len(rows) - 1) / 2) * thick
-            ax.bar(places, errors, 0.92 * thick, label=name, **bar_look(number))
-            for place, error in zip(places, errors, strict=True):
-                ax.annotate(f"{error:.0f}", (place, error), (0, 2), textcoords="offset points", ha="center", size=9)
+        for place, error in bars(ax, rows, room=0.8, fill=0.92, upright=True):
+            ax.annotate(f"{error:.0f}", (place, error), (0, 2), textcoords="offset points", ha="center", size=9)
         ax.set(title=title, xlabel="deviation of the noise", xticks=range(len(noises)), xticklabels=[f"{s:g}" for s in noises])
         ax.axhline(100, color=FAINT, linewidth=1.5, zorder=0)
         ax.tick_params(axis="x", length=0)
     axes[0, 0].set(ylabel="error of the high band (%)", ylim=(0, 112))
-    fig.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside upper left", ncols=2)
+    legend(axes[0, 0], 2)
     return fig, axes[0]
 
 
-def _plain_ticks(ax: Axes, places: Sequence[float] = (), names: Sequence[str] = ()) -> None:
-    """1, 10, 100 in plain figures on a logarithmic axis of k, and extra ticks with names of their own."""
-    low, high = ax.get_xlim()
+def _by_coefficient(ax: Axes, rows: Curves, **options) -> None:
+    """Rows over k = 1, 2, ..., without what they have at k = 0; options as for `draw`."""
+    draw(ax, {name: array(values)[1:] for name, values in rows.items()}, start=1, **options)
+
+
+def _finish(ax: Axes, extra: Mapping[float, str] | None = None) -> None:
+    """A grid, and 1, 10, 100 in plain figures on the logarithmic axis of k, with extra ticks of other names."""
+    ax.grid(axis="y")
+    (low, high), extra = ax.get_xlim(), extra or {}
     powers = [10.0**e for e in range(4) if low <= 10.0**e <= high]
-    ax.set_xticks([*places, *powers], [*names, *(f"{p:g}" for p in powers)])
-    ax.xaxis.set_minor_formatter(NullFormatter())
+    plain(ax.xaxis)
+    ax.set_xticks([*extra, *powers], [*extra.values(), *(f"{p:g}" for p in powers)])
     if ax.get_yscale() == "linear":
-        ax.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
-
-
-def _at_most(count: int, what: str) -> None:
-    if count > len(LOOKS):
-        raise ValueError(f"{count} {what}; expected at most {len(LOOKS)}, told apart by colour and dashes")
+        ax.yaxis.set_major_formatter("{x:g}")

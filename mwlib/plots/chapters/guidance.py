@@ -8,17 +8,20 @@ from typing import Any
 import numpy as np
 from jaxtyping import Bool, Float
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
+from matplotlib.image import AxesImage
 from matplotlib.ticker import MaxNLocator
 
 from mwlib.body.skeleton import Skeleton
-from mwlib.plots.bodies import THREE_QUARTER, AnyMotion, Array, Board, draw_bodies, facing, poses, project
-from mwlib.plots.coefficients import DIVERGING
-from mwlib.plots.look import CYCLE, DASHES, FAINT, INK, OBSERVED, array, canvas, colourbar, style
+from mwlib.plots.axes import Array, Panel, Panels, array, canvas, colourbar, legend, signed
+from mwlib.plots.bodies import camera, draw_bodies, poses, project
+from mwlib.plots.look import CYCLE, FAINT, INK, LOOKS, OBSERVED, style
+
+HEADS = {"apd": "APD (m)", "ade": "ADE (m)", "fde": "FDE (m)", "mmade": "MMADE (m)", "mmfde": "MMFDE (m)"}
+DASHED = {"linestyle": "--", "linewidth": 0.9}
 
 
 @style()
-def row_support(analysis: Float[Array, "rows T"], *, history: int, split: int) -> tuple[Figure, np.ndarray]:
+def row_support(analysis: Float[Array, "rows T"], *, history: int, split: int) -> Panels:
     """Which frames each row of coefficients sees, approximation and detail side by side; the observed frames are shaded.
 
     Args:
@@ -28,8 +31,9 @@ def row_support(analysis: Float[Array, "rows T"], *, history: int, split: int) -
     """
     analysis = array(analysis)
     fig, axes = canvas(1, 2, height=3.6, sharey=True)
-    for ax, block, name in zip(axes[0], (analysis[:split], analysis[split:]), ("approximation", "detail"), strict=True):
-        ax.axvspan(-0.5, history - 0.5, color=OBSERVED, alpha=0.25, linewidth=0)
+    left, right = axes[0]
+    for ax, block, name in ((left, analysis[:split], "approximation"), (right, analysis[split:], "detail")):
+        _observed(ax, history)
         for row, values in enumerate(block):
             seen = np.flatnonzero(np.abs(values) > 1e-12)
             if not len(seen):  # a short filter beyond the end sees padding only
@@ -38,18 +42,18 @@ def row_support(analysis: Float[Array, "rows T"], *, history: int, split: int) -
             colour = CYCLE[0] if observed else CYCLE[1] if future else INK
             ax.plot([seen[0] - 0.5, seen[-1] + 0.5], [row, row], color=colour, linewidth=2.2, solid_capstyle="butt")
         ax.set(title=name, xlabel="frame", xlim=(-0.5, analysis.shape[1] - 0.5))
-    axes[0, 0].set_ylabel("row of coefficients")
-    axes[0, 0].invert_yaxis()
-    names = ("observed frames only", "future frames only", "both")
-    handles = [axes[0, 0].plot([], [], color=colour, linewidth=3)[0] for colour in (CYCLE[0], CYCLE[1], INK)]
-    fig.legend(handles, names, loc="outside upper left", ncols=3)
+    left.set_ylabel("row of coefficients")
+    left.invert_yaxis()
+    for colour, name in ((CYCLE[0], "observed frames only"), (CYCLE[1], "future frames only"), (INK, "both")):
+        left.plot([], [], color=colour, linewidth=3, label=name)
+    legend(left)
     return fig, axes[0]
 
 
 @style()
 def attention_vectors(
     attention: Float[Array, "rows rows"], *, history_rows: int, mask: Bool[Array, " rows"] | None = None, row: int | None = None
-) -> tuple[Figure, np.ndarray]:
+) -> Panels:
     """Attention vectors of all rows with their mean, and that of one row (the paper's Fig. 12a and b).
 
     Args:
@@ -59,37 +63,35 @@ def attention_vectors(
         row: which row the second panel shows; None = the middle one.
     """
     attention = array(attention)
-    row = len(attention) // 2 if row is None else row
+    middle = len(attention) // 2
+    row = middle if row is None else row
     fig, axes = canvas(2, 1, height=4.6, sharex=True)
     upper, lower = axes[:, 0]
     for ax in (upper, lower):
-        ax.axvspan(-0.5, history_rows - 0.5, color=OBSERVED, alpha=0.25, linewidth=0)
-        ax.axhline(1 / len(attention), color=INK, linewidth=0.9, linestyle="--")
+        _observed(ax, history_rows)
+        ax.axhline(1 / len(attention), color=INK, **DASHED)
         ax.set(ylabel="attention weight", xlim=(-0.5, len(attention) - 0.5))
     upper.plot(attention.T, color=CYCLE[0], linewidth=0.7, alpha=0.25)
-    mean = upper.plot(attention.mean(0), color=CYCLE[1], linewidth=2.2, label="mean over the rows, $A_t/K$")
+    upper.plot(attention.mean(0), color=CYCLE[1], linewidth=2.2, label="mean over the rows, $A_t/K$")
     upper.plot([], [], color=CYCLE[0], linewidth=0.9, label="each row")
     upper.set_ylim(0, 1.15 * float(np.quantile(attention, 0.998)))
     if mask is not None:
         rows = np.flatnonzero(array(mask))
         upper.plot(rows, np.zeros(len(rows)), "s", color=CYCLE[3], markersize=4, clip_on=False, label="rows that TABG noises")
-    lower.plot(attention[row], color=CYCLE[0], label=f"row {row}")
+    lower.plot(attention[row], color=CYCLE[0])
     lower.axvline(row, color=CYCLE[0], linewidth=0.9, linestyle=":")
     lower.set_ylim(bottom=0)
     upper.set_title("(a) every row")
-    lower.set(
-        title=f"(b) row {row}, the middle one" if row == len(attention) // 2 else f"(b) row {row}", xlabel="row of coefficients"
-    )
+    lower.set(title=f"(b) row {row}{', the middle one' * (row == middle)}", xlabel="row of coefficients")
     lower.xaxis.set_major_locator(MaxNLocator(integer=True))
-    fig.legend(handles=[*mean, *[line for line in upper.lines if line not in mean and not line.get_label().startswith("_")]],
-               loc="outside upper left", ncols=3)  # fmt: skip
+    legend(upper)
     return fig, axes[:, 0]
 
 
 @style()
 def attention_over_steps(
     a: Float[Array, "steps rows"], masks: Bool[Array, "steps rows"], ts: Sequence[int], *, history_rows: int
-) -> tuple[Figure, np.ndarray]:
+) -> Panels:
     """Accumulated attention A_t and the mask M_t while the sampler runs; noise at the top.
 
     Args:
@@ -99,20 +101,18 @@ def attention_over_steps(
         history_rows: rows before this one see observed frames only: left of the line.
     """
     fig, axes = canvas(1, 2, height=2.9, sharey=True)
-    pictures = ((array(a), "viridis", "$A_t$"), (array(masks).astype(float), "Greys", "mask $M_t$ (dark = noised)"))
-    for ax, (values, cmap, title) in zip(axes[0], pictures, strict=True):
-        top = float(np.quantile(values, 0.99)) if cmap == "viridis" else 1.4
-        image = ax.imshow(values, cmap=cmap, vmin=0, vmax=top, aspect="auto")
-        ax.axvline(history_rows - 0.5, color="white" if cmap == "viridis" else CYCLE[1], linewidth=1.6, linestyle="--")
+    left, right = axes[0]
+    colourbar(_map(left, array(a)), left, "", cut=True)
+    right.imshow(array(masks).astype(float), cmap="Greys", vmin=0, vmax=1.4, aspect="auto")
+    for ax, colour, title in ((left, "white", "$A_t$"), (right, CYCLE[1], "mask $M_t$ (dark = noised)")):
+        ax.axvline(history_rows - 0.5, color=colour, linewidth=1.6, linestyle="--")
         ax.set(title=title, xlabel="row of coefficients")
-        if cmap == "viridis":
-            colourbar(image, ax, "", cut=True)
-    axes[0, 0].set(ylabel="diffusion index t", yticks=range(len(ts)), yticklabels=[str(t) for t in ts])
+    left.set(ylabel="diffusion index t", yticks=range(len(ts)), yticklabels=[str(t) for t in ts])
     return fig, axes[0]
 
 
 @style()
-def attention_heads(attention: Float[Array, "2 heads rows rows"], *, history_rows: int) -> tuple[Figure, np.ndarray]:
+def attention_heads(attention: Float[Array, "2 heads rows rows"], *, history_rows: int) -> Panels:
     """The maps of every head of the middle two blocks, on one colour scale.
 
     Args:
@@ -123,20 +123,17 @@ def attention_heads(attention: Float[Array, "2 heads rows rows"], *, history_row
     blocks, heads = attention.shape[:2]
     fig, axes = canvas(blocks, heads, height=3.6, sharex=True, sharey=True)
     top = float(np.quantile(attention, 0.99))
-    for block in range(blocks):
-        for head in range(heads):
-            ax = axes[block, head]
-            image = ax.imshow(attention[block, head], cmap="viridis", vmin=0, vmax=top)
-            for line in (ax.axvline, ax.axhline):
-                line(history_rows - 0.5, color=FAINT, linewidth=0.9, linestyle="--")
-            ax.set_title(f"block {'AB'[block]}, head {head}")
+    for (block, head), ax in np.ndenumerate(axes):
+        image = ax.imshow(attention[block, head], vmin=0, vmax=top)
+        _cross(ax, history_rows, color=FAINT, **DASHED)
+        ax.set_title(f"block {'AB'[block]}, head {head}")
     axes[-1, 0].set(xlabel="row looked at", ylabel="row that asks")
-    colourbar(image, list(axes.ravel()), "", cut=True)
+    colourbar(image, list(axes.flat), "", cut=True)
     return fig, axes
 
 
 @style()
-def attention_part(attention: Float[Array, "rows rows"], *, history_rows: int, title: str = "") -> tuple[Figure, Axes]:
+def attention_part(attention: Float[Array, "rows rows"], *, history_rows: int, title: str = "") -> Panel:
     """One map with the attention its rows receive on top of it.
 
     Args:
@@ -147,16 +144,30 @@ def attention_part(attention: Float[Array, "rows rows"], *, history_rows: int, t
     fig, axes = canvas(2, 1, height=4.4, width=4.4, sharex=True, gridspec_kw={"height_ratios": (1, 3)})
     upper, lower = axes[:, 0]
     upper.plot(attention.sum(0), color=CYCLE[0])
-    upper.axhline(1, color=INK, linewidth=0.9, linestyle="--")
+    upper.axhline(1, color=INK, **DASHED)
     upper.set(ylabel="received", title=title, ylim=(0, None))
-    lower.imshow(attention, cmap="viridis", vmin=0, vmax=float(np.quantile(attention, 0.99)), aspect="auto")
-    for line in (lower.axvline, lower.axhline, upper.axvline):
-        line(history_rows - 0.5, color=OBSERVED, linewidth=1.2, linestyle="--")
+    _map(lower, attention)
+    edge = {"color": OBSERVED, "linewidth": 1.2, "linestyle": "--"}
+    _cross(lower, history_rows, **edge)
+    upper.axvline(history_rows - 0.5, **edge)
     lower.set(xlabel="row looked at", ylabel="row that asks")
     return fig, lower
 
 
-HEADS = {"apd": "APD (m)", "ade": "ADE (m)", "fde": "FDE (m)", "mmade": "MMADE (m)", "mmfde": "MMFDE (m)"}
+def _observed(ax: Axes, count: int) -> None:
+    """Shades what lies before this place."""
+    ax.axvspan(-0.5, count - 0.5, color=OBSERVED, alpha=0.25, linewidth=0)
+
+
+def _cross(ax: Axes, place: int, **look: Any) -> None:
+    """Lines before this row and this column."""
+    ax.axvline(place - 0.5, **look)
+    ax.axhline(place - 0.5, **look)
+
+
+def _map(ax: Axes, values: np.ndarray) -> AxesImage:
+    """Weights as a picture; the largest hundredth runs off the scale."""
+    return ax.imshow(values, vmin=0, vmax=float(np.quantile(values, 0.99)), aspect="auto")
 
 
 @style()
@@ -166,7 +177,7 @@ def noised_rows(
     *,
     history_rows: int | None = None,
     columns: int = 60,
-) -> tuple[Figure, np.ndarray]:
+) -> Panels:
     """Noisy coefficients, and versions of them with some rows noised once more; marks at the left show the mask.
 
     Args:
@@ -175,12 +186,11 @@ def noised_rows(
         history_rows: rows before this one see observed frames only: above the dashed line.
         columns: how many of the columns to show, from the first.
     """
-    mask, first = array(mask), array(next(iter(versions.values())))
+    rows, first = np.flatnonzero(array(mask)), array(next(iter(versions.values())))
     edge = float(np.quantile(np.abs(first), 0.99))
     fig, axes = canvas(1, len(versions), height=3.4, sharey=True)
     for ax, (name, values) in zip(axes[0], versions.items(), strict=True):
-        image = ax.imshow(array(values)[:, :columns], cmap=DIVERGING, vmin=-edge, vmax=edge, aspect="auto")
-        rows = np.flatnonzero(mask)
+        image = signed(ax, array(values)[:, :columns], edge)
         ax.plot(np.full(len(rows), -1.8), rows, "s", color=CYCLE[3], markersize=3.5, clip_on=False)
         if history_rows is not None:
             ax.axhline(history_rows - 0.5, color=INK, linewidth=1.2, linestyle="--")
@@ -196,7 +206,7 @@ def arrows(
     panels: Mapping[str, Mapping[str, tuple[Float[Array, " 2"], Float[Array, " 2"]]]],
     line: tuple[Float[Array, " 2"], Float[Array, " 2"]],
     marks: Mapping[str, Float[Array, " 2"]],
-) -> tuple[Figure, np.ndarray]:
+) -> Panels:
     """Arrows in a plane, a panel for each group of them on common axes; every arrow has a colour, dashes and a name.
 
     Args:
@@ -210,9 +220,9 @@ def arrows(
         for name, point in marks.items():
             ax.plot(*array(point), "o", color=OBSERVED, markersize=7, zorder=1)
             ax.annotate(name, array(point), (0, -8), textcoords="offset points", ha="center", va="top", color=INK, fontsize=9)
-        for (name, (start, end)), colour, dashes in zip(found.items(), CYCLE, DASHES, strict=False):
-            ax.plot(*zip(array(start), array(end), strict=True), color=colour, linestyle=dashes, label=name)
-            ax.plot(*array(end), "o", color=colour, markersize=5, markerfacecolor="white", markeredgewidth=1.6, zorder=3)
+        for (name, (start, end)), look in zip(found.items(), LOOKS, strict=False):
+            ax.plot(*zip(array(start), array(end), strict=True), label=name, **look)
+            ax.plot(*array(end), "o", color=look["color"], markerfacecolor="white", markeredgewidth=1.6, zorder=3)
         ax.set(title=title, aspect="equal", xlabel="first coefficient")
         ax.legend(loc="upper center", bbox_to_anchor=(0.5, -0.22), frameon=False)
     axes[0, 0].set_ylabel("second coefficient")
@@ -220,39 +230,9 @@ def arrows(
 
 
 @style()
-def pose_grid(
-    futures: Mapping[tuple[str, str], Float[Array, "S F ..."]],
-    skeleton: Skeleton,
-    *,
-    truth: AnyMotion | None = None,
-    frame: int = -1,
-) -> tuple[Figure, object]:
-    """One moment of several predictions, one place for each pair of settings; the true pose on top in black.
-
-    Args:
-        futures: (row label, column title) -> samples.
-        truth: (F, C) or (F, J+1, 3).
-        frame: which future frame.
-    """
-    labels = list(dict.fromkeys(row for row, _ in futures))
-    titles = list(dict.fromkeys(column for _, column in futures))
-    first = truth if truth is not None else array(next(iter(futures.values())))[0]
-    view = facing(poses(first, skeleton)[frame], skeleton) + THREE_QUARTER
-    flat = {place: project(poses(motion, skeleton)[:, frame], view) for place, motion in futures.items()}
-    true = [] if truth is None else [project(poses(truth, skeleton)[frame], view)[None]]
-    board = Board(skeleton, [*flat.values(), *true], labels, titles)
-    for (row, column), points in flat.items():
-        place = labels.index(row), titles.index(column)
-        board.draw(*place, points, "predicted", alpha=0.6, width=1.1)
-        for points in true:
-            board.draw(*place, points, "truth", width=1.3)
-    return board.fig, board.ax
-
-
-@style()
 def claimed_and_measured(
     found: Sequence[Mapping[str, Any]], metrics: Sequence[str] = ("apd", "ade", "fde"), *, reference: int = 0
-) -> tuple[Figure, np.ndarray]:
+) -> Panels:
     """How far each setting moves each metric from a reference row: as the paper claims, and as measured.
 
     The grey band is the standard error of the reference over test windows. Bars are the deviation over seeds.
@@ -286,7 +266,7 @@ def claimed_and_measured(
         ax.grid(axis="y")
     axes[0, 0].set(yticks=places, yticklabels=[row["name"] for row in found])
     axes[0, 0].invert_yaxis()
-    fig.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside upper right", ncols=2)
+    legend(axes[0, 0], 2, "outside upper right")
     return fig, axes[0]
 
 
@@ -298,10 +278,6 @@ def _three_ticks(low: float, high: float) -> list[float]:
     return [tick for tick in (-step, 0.0, step) if low <= tick <= high]
 
 
-MARK = CYCLE[3]
-COLUMNS = 3
-
-
 @style()
 def controlled_poses(
     cases: Mapping[str, tuple[Float[Array, "S C"], Bool[Array, " C"]]],
@@ -309,7 +285,7 @@ def controlled_poses(
     *,
     truth: Float[Array, " C"],
     last: Float[Array, " C"] | None = None,
-) -> tuple[Figure, np.ndarray]:
+) -> Panels:
     """One panel per case: sampled poses laid over each other, the truth in black, prescribed joints as filled circles.
 
     Args:
@@ -317,13 +293,12 @@ def controlled_poses(
         truth: the true pose, metres.
         last: the last observed pose, drawn in a panel of its own.
     """
-    view = facing(poses(truth, skeleton), skeleton) + THREE_QUARTER
+    view = camera(poses(truth, skeleton), skeleton)
     flat = {name: project(poses(pose, skeleton), view) for name, (pose, _) in cases.items()}
     true = project(poses(truth, skeleton), view)
-    panels = len(cases) + (last is not None)
-    rows = -(-panels // COLUMNS)
-    fig, axes = canvas(rows, COLUMNS, height=2.4 * rows)
-    free = list(axes.ravel())
+    rows = -(-(len(cases) + (last is not None)) // 3)
+    fig, axes = canvas(rows, 3, height=2.4 * rows)
+    free = list(axes.flat)
     for ax in free:
         ax.set_axis_off()
     drawn = [true, *[points.reshape(-1, 2) for points in flat.values()]]
@@ -339,8 +314,8 @@ def controlled_poses(
         draw_bodies(ax, points, skeleton, "predicted", max(0.2, 1 / len(points)), 1.5)
         draw_bodies(ax, true[None], skeleton, "truth", width=1.2)
         joints = 1 + np.flatnonzero(np.asarray(cases[name][1]).reshape(-1, 3).any(1))
-        ax.plot(*true[joints].T, "o", color=MARK, markersize=6, zorder=5)
+        ax.plot(*true[joints].T, "o", color=CYCLE[3], markersize=6, zorder=5)
         ax.set_title(name.replace("_", " "))
-    for ax in axes.ravel():
+    for ax in axes.flat:
         ax.set(xlim=(left, right), ylim=(low, high), aspect="equal")
     return fig, axes

@@ -9,13 +9,12 @@ import torch
 from jaxtyping import Float
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
-from matplotlib.figure import Figure
 
 from mwlib.metrics import prediction as metrics
-from mwlib.plots.look import CYCLE, OBSERVED, PREDICTED, TRUTH, array, canvas, style
+from mwlib.plots.axes import Array, Panels, array, legend, tiled
+from mwlib.plots.look import CYCLE, OBSERVED, PREDICTED, TRUTH, style
 from mwlib.plots.tables import significant
 
-Array = np.ndarray | torch.Tensor
 LINK = CYCLE[1]
 WORDS = {
     "apd": "mean distance between two samples,\neach taken as one long vector",
@@ -42,7 +41,7 @@ PAST = np.stack([np.linspace(-0.55, 0, 6), -0.12 * np.linspace(1, 0, 6) ** 2], a
 @style()
 def metric_picture(
     *names: str, futures: Float[Array, "S F 2"] | None = None, truths: Float[Array, "M F 2"] | None = None
-) -> tuple[Figure, np.ndarray]:
+) -> Panels:
     """What APD, ADE, FDE, MMADE and MMFDE measure: the distances that enter are drawn in orange, the value is computed.
 
     Args:
@@ -59,14 +58,10 @@ def metric_picture(
     futures = FUTURES if futures is None else array(futures)
     truths = TRUTHS if truths is None else array(truths)
     columns = min(len(names), 2)
-    rows = -(-len(names) // columns)
-    fig, axes = canvas(rows, columns, height=2.6 * rows + 0.3, width=3.2 * columns, sharex=True, sharey=True)
-    for ax in axes.flat[len(names) :]:
-        ax.set_visible(False)
+    fig, axes = tiled(len(names), 2, frame=0.3, each=2.6, width=3.2 * columns)
     for ax, name in zip(axes.flat, names, strict=False):
         _picture(ax, name, futures, truths if name.startswith("mm") else truths[:1])
-    handles, labels = axes.flat[len(names) - 1].get_legend_handles_labels()
-    fig.legend(handles, labels, loc="outside lower left", ncols=2 * columns)
+    legend(axes.flat[len(names) - 1], 2 * columns, "outside lower left")
     return fig, axes.ravel()[: len(names)]
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 import pywt
@@ -12,60 +13,52 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
-from mwlib.plots.coefficients import DIVERGING
-from mwlib.plots.look import CYCLE, DASHES, FAINT, INK, OBSERVED, WIDTH, array, canvas, limit, style
+from mwlib.plots.axes import Array, Panel, Panels, array, canvas, legend, limit, outer, panel, rule, signed, tiled
+from mwlib.plots.lines import draw
+from mwlib.plots.look import CYCLE, DASHES, FAINT, INK, OBSERVED, WIDTH, Look, style
 from mwlib.plots.loops import Loop
 from mwlib.plots.tables import significant
 from mwlib.transforms import WaveletTransform
 
-Array = np.ndarray | torch.Tensor
+MARKERS = ("D", "o", "s", "^", "v", "P")
 
 
 @style()
-def filters(wavelet: str) -> tuple[Figure, np.ndarray]:
+def filters(wavelet: str) -> Panels:
     """The four filters of a wavelet, tap by tap; on the left those that analyse, on the right those that rebuild."""
     bank = pywt.Wavelet(wavelet)
-    panels = {
-        "analysis, low-pass": bank.dec_lo,
-        "synthesis, low-pass": bank.rec_lo,
-        "analysis, high-pass": bank.dec_hi,
-        "synthesis, high-pass": bank.rec_hi,
-    }
     fig, axes = canvas(2, 2, height=3.6, sharex=True, sharey=True)
-    for ax, (name, taps), colour in zip(axes.flat, panels.items(), np.repeat(CYCLE[:2], 2), strict=True):
-        taps = np.asarray(taps)
-        _stems(ax, np.arange(len(taps)), taps, colour)
-        ax.margins(y=0.12)
-        ax.set_title(f"{name}: {np.count_nonzero(np.abs(taps) > 1e-12)} of {len(taps)} taps")
-    for ax in axes[1]:
-        ax.set_xlabel("tap")
-        ax.xaxis.set_major_locator(MaxNLocator(integer=True))
+    kinds = {"low-pass": (bank.dec_lo, bank.rec_lo), "high-pass": (bank.dec_hi, bank.rec_hi)}
+    for row, (kind, pair), colour in zip(axes, kinds.items(), CYCLE, strict=False):
+        for ax, use, taps in zip(row, ("analysis", "synthesis"), pair, strict=True):
+            _taps(ax, taps, colour, f"{use}, {kind}", linewidth=1.5)
+            ax.margins(y=0.12)
+    outer(axes, "tap")
     fig.suptitle(wavelet, x=0.01, ha="left", weight="bold")
     return fig, axes
 
 
 @style()
-def scaling_and_wavelet(wavelet: str, level: int = 8) -> tuple[Figure, np.ndarray]:
+def scaling_and_wavelet(wavelet: str, level: int = 8) -> Panels:
     """The scaling function and wavelet that the filters converge to; a biorthogonal family rebuilds with a second pair."""
     *pairs, support = pywt.Wavelet(wavelet).wavefun(level=level)
     rows = ["analysis", "synthesis"] if len(pairs) == 4 else [""]
     fig, axes = canvas(len(rows), 2, height=0.6 + 1.5 * len(rows), sharex=True)
-    for ax, values, column in zip(axes.flat, pairs, [0, 1] * len(rows), strict=True):
-        ax.axhline(0, color=OBSERVED, linewidth=0.8)
-        ax.plot(support, values, color=CYCLE[column])
-    for ax, row in zip(axes[:, 0], rows, strict=True):
-        ax.set_ylabel(row)
-    for ax, title in zip(axes[0], (f"{wavelet}: scaling function φ", f"{wavelet}: wavelet ψ"), strict=True):
-        ax.set_title(title)
-    for ax in axes[-1]:
-        ax.set_xlabel("position (samples)")
+    outer(axes, "position (samples)")
+    for row, name, pair in zip(axes, rows, zip(pairs[::2], pairs[1::2], strict=True), strict=True):
+        for ax, values, colour in zip(row, pair, CYCLE, strict=False):
+            rule(ax)
+            ax.plot(support, values, color=colour)
+        row[0].set_ylabel(name)
+    for ax, title in zip(axes[0], ("scaling function φ", "wavelet ψ"), strict=True):
+        ax.set_title(f"{wavelet}: {title}")
     return fig, axes
 
 
 @style()
 def signal_and_coefficients(
     signal: Float[Array, " T"], wavelet: str, *, mode: str = "zero", fps: float, unit: str = "m"
-) -> tuple[Figure, np.ndarray]:
+) -> Panels:
     """A signal over its approximation and detail coefficients, each standing at the middle of the frames it sees.
 
     Args:
@@ -77,13 +70,13 @@ def signal_and_coefficients(
     signal, bank = array(signal), pywt.Wavelet(wavelet)
     approximation, detail = pywt.dwt(signal, bank, mode)
     fig, axes = canvas(3, 1, height=4.6, sharex=True)
-    panels = ("approximation", approximation, bank.dec_lo, CYCLE[0]), ("detail", detail, bank.dec_hi, CYCLE[1])
     axes[0, 0].plot(np.arange(len(signal)) / fps, signal, color=INK)
-    axes[0, 0].set(title=f"signal: {len(signal)} frames", ylabel=unit)
+    axes[0, 0].set_title(f"signal: {len(signal)} frames")
+    panels = ("approximation", approximation, bank.dec_lo, CYCLE[0]), ("detail", detail, bank.dec_hi, CYCLE[1])
     for ax, (name, values, taps, colour) in zip(axes[1:, 0], panels, strict=True):
-        _stems(ax, _middles(len(values), np.asarray(taps)) / fps, values, colour)
-        ax.set(title=f"{name}: {len(values)} coefficients, largest {np.abs(values).max():.3g} {unit}", ylabel=unit)
-    axes[2, 0].set_xlabel("time (s)")
+        _stems(ax, _middles(len(values), taps) / fps, values, colour, linewidth=1.5)
+        ax.set_title(f"{name}: {len(values)} coefficients, largest {np.abs(values).max():.3g} {unit}")
+    outer(axes, "time (s)", unit)
     return fig, axes[:, 0]
 
 
@@ -94,7 +87,7 @@ def padding_modes(
     modes: Sequence[str] = ("zero", "symmetric", "constant", "periodic", "reflect", "smooth"),
     pad: int = 16,
     unit: str = "m",
-) -> tuple[Figure, np.ndarray]:
+) -> Panels:
     """How each extension mode continues a signal beyond its two ends before it is filtered; what goes far leaves the panel.
 
     Args:
@@ -106,47 +99,26 @@ def padding_modes(
     Raises:
         ValueError: an unknown mode.
     """
-    signal, columns = array(signal), min(len(modes), 3)
-    rows = -(-len(modes) // columns)
-    fig, axes = canvas(rows, columns, height=0.5 + 1.5 * rows, sharex=True, sharey=True)
-    inside = np.arange(len(signal))
-    for ax in axes.flat[len(modes) :]:
-        ax.set_visible(False)
+    signal = array(signal)
+    fig, axes = tiled(len(modes), frame=0.5, each=1.5)
     for ax, mode in zip(axes.flat, modes, strict=False):
         longer = pywt.pad(signal, pad, mode)
         for outside in (slice(0, pad + 1), slice(pad + len(signal) - 1, None)):  # periodization makes an odd length even first
             ax.plot(np.arange(-pad, len(longer) - pad)[outside], longer[outside], color=CYCLE[1], linestyle=(0, (2, 0.8)))
-        ax.plot(inside, signal, color=INK)
+        ax.plot(signal, color=INK)
         ax.axvspan(0, len(signal) - 1, color=FAINT, linewidth=0, zorder=0)
         ax.set_title(mode)
     low, high = min(signal.min(), 0.0), max(signal.max(), 0.0)
     room = 0.7 * ((high - low) or 1.0)
     axes[0, 0].set_ylim(low - room, high + room)
-    for ax in axes[-1]:
-        ax.set_xlabel("frame")
-    for ax in axes[:, 0]:
-        ax.set_ylabel(unit)
+    outer(axes, "frame", unit)
     return fig, axes
-
-
-def _stems(ax: Axes, places: np.ndarray, values: np.ndarray, colour: str) -> None:
-    ax.axhline(0, color=OBSERVED, linewidth=0.8, zorder=1)
-    ax.vlines(places, 0, values, color=colour, linewidth=1.5)
-    ax.plot(places, values, "o", color=colour, markersize=4)
-
-
-def _middles(count: int, taps: np.ndarray) -> np.ndarray:
-    """Frame under the middle of each coefficient's taps, weighted by their squares; c[k] = sum_j taps[j] x[2k+1-j]."""
-    return 2 * np.arange(count) + 1 - np.average(np.arange(len(taps)), weights=taps**2)
-
-
-TILES = {"samples": (16, 1), "Fourier": (1, 16), "short-time Fourier": (4, 4)}  # along time, along frequency
 
 
 @style()
 def same_spectrum(
     signals: Mapping[str, Float[Array, " T"]], wavelet: str, *, fps: float, level: int = 4, most: float = 6.0, unit: str = "m"
-) -> tuple[Figure, np.ndarray]:
+) -> Panels:
     """Signals, each with its Fourier magnitude and its wavelet coefficients as tiles: across, when; upwards, how fast.
 
     Args:
@@ -157,19 +129,19 @@ def same_spectrum(
         most: hertz, up to which the Fourier magnitude is drawn.
         unit: of the values.
     """
-    values = {name: array(signal) for name, signal in signals.items()}
-    tiles = {name: pywt.wavedec(signal, wavelet, "periodization", level) for name, signal in values.items()}
-    dark = max(float(np.abs(part).max()) for parts in tiles.values() for part in parts)
-    fig, axes = canvas(3, len(values), height=5.0, sharey="row")
-    for column, (name, signal) in enumerate(values.items()):
-        top, middle, bottom = axes[:, column]
+    tiles = {name: pywt.wavedec(array(signal), wavelet, "periodization", level) for name, signal in signals.items()}
+    dark = max(limit(part) for parts in tiles.values() for part in parts)
+    fig, axes = canvas(3, len(signals), height=5.0, sharey="row")
+    for (top, middle, bottom), (name, signal) in zip(axes.T, signals.items(), strict=True):
+        signal = array(signal)
         seconds = len(signal) / fps
         top.plot(np.arange(len(signal)) / fps, signal, color=INK)
         top.set(title=name, xlim=(0, seconds), xlabel="time (s)")
-        hertz = np.fft.rfftfreq(len(signal), 1 / fps)
-        middle.plot(hertz, np.abs(np.fft.rfft(signal)) / fps, color=CYCLE[0])
+        middle.plot(np.fft.rfftfreq(len(signal), 1 / fps), np.abs(np.fft.rfft(signal)) / fps, color=CYCLE[0])
         middle.set(xlim=(0, most), xlabel="frequency (Hz)")
-        _tiles(bottom, tiles[name], seconds, dark)
+        for row, part in enumerate(tiles[name]):  # the slowest below; each finer one has twice as many tiles, of half the width
+            edges, look = np.linspace(0, seconds, len(part) + 1), {"edgecolors": FAINT, "linewidth": 0.3}
+            bottom.pcolormesh(edges, [row, row + 1], np.abs(part)[None], cmap="Greys", vmin=0, vmax=dark, **look)
         bottom.set(xlim=(0, seconds), ylim=(0, level + 1), xlabel="time (s)")
     edges = [fps / 2 ** (level + 1 - row) for row in range(level + 1)]
     names = [f"{low:g} to {high:g}" for low, high in zip([0, *edges], edges, strict=False)]
@@ -181,21 +153,16 @@ def same_spectrum(
 
 
 @style()
-def tilings() -> tuple[Figure, np.ndarray]:
+def tilings() -> Panels:
     """What a number of each kind tells: a tile of time (across) and frequency (upwards); all tiles have the same area."""
     fig, axes = canvas(1, 4, height=2.2, sharex=True, sharey=True)
-    for ax, (name, (columns, rows)) in zip(axes[0], TILES.items(), strict=False):
-        for row in range(rows):
-            _grid(ax, np.linspace(0, 1, columns + 1), row / rows, (row + 1) / rows)
-        ax.set_title(name)
-    low = 0.0
-    for columns in (1, 1, 2, 4, 8):
-        high = low + columns / 16
-        _grid(axes[0, 3], np.linspace(0, 1, columns + 1), low, high)
-        low = high
-    axes[0, 3].set_title("wavelets")
-    for ax in axes[0]:
-        ax.set(xlim=(0, 1), ylim=(0, 1), xticks=[], yticks=[], xlabel="time")
+    columns = {"samples": [16], "Fourier": [1] * 16, "short-time Fourier": [4] * 4, "wavelets": [1, 1, 2, 4, 8]}
+    for ax, (name, rows) in zip(axes[0], columns.items(), strict=True):
+        edges = np.cumsum([0, *rows]) / 16
+        for count, low, high in zip(rows, edges, edges[1:], strict=False):
+            ax.vlines(np.linspace(0, 1, count + 1), low, high, color=INK, linewidth=1)
+            ax.hlines([low, high], 0, 1, color=INK, linewidth=1)
+        ax.set(title=name, xlim=(0, 1), ylim=(0, 1), xticks=[], yticks=[], xlabel="time")
         ax.spines[:].set_visible(True)
     axes[0, 0].set_ylabel("frequency")
     return fig, axes[0]
@@ -204,7 +171,7 @@ def tilings() -> tuple[Figure, np.ndarray]:
 @style()
 def responses(
     panels: Mapping[str, tuple[Float[Array, " F"], Float[Array, " F"]]], hertz: Float[Array, " F"], spectrum: Float[Array, " F"]
-) -> tuple[Figure, np.ndarray]:
+) -> Panels:
     """What the two filters of each wavelet let through, over the spectrum of a movement.
 
     Args:
@@ -216,35 +183,30 @@ def responses(
     rows = -(-len(panels) // 2)
     fig, axes = canvas(rows, 2, height=0.7 + 1.6 * rows, sharex=True, sharey=True)
     top = 1.08 * max(float(array(part).max()) for pair in panels.values() for part in pair)
-    for ax, (name, pair) in zip(axes.flat, panels.items(), strict=False):
+    for ax, (name, (low, high)) in zip(axes.flat, panels.items(), strict=False):
         ax.fill_between(hertz, shape * top, color="#c9cdd3", linewidth=0, label="the movement")
-        for part, colour, dashes, label in zip(pair, CYCLE, DASHES, ("|H|, low-pass", "|G|, high-pass"), strict=False):
-            ax.plot(hertz, array(part), color=colour, linestyle=dashes, label=label)
+        draw(ax, {"|H|, low-pass": low, "|G|, high-pass": high}, hertz)
         ax.axvline(hertz[-1] / 2, color=OBSERVED, linewidth=0.8)
         ax.set(title=name, xlim=(0, hertz[-1]), ylim=(0, top))
-    for ax in axes[-1]:
-        ax.set_xlabel("frequency (Hz)")
-    fig.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside upper left", ncols=3)
+    outer(axes, "frequency (Hz)")
+    legend(axes[0, 0])
     return fig, axes
 
 
 @style()
-def cascade(rounds: Sequence[Float[Array, " S"]], *, support: float) -> tuple[Figure, np.ndarray]:
+def cascade(rounds: Sequence[Float[Array, " S"]], *, support: float) -> Panels:
     """The staircase of each round of the cascade algorithm; its stairs are half as wide as those of the round before.
 
     Args:
         rounds: the samples after 0, 1, 2 ... rounds; after j rounds they stand 2^-j apart.
         support: length of the limit, samples of the signal.
     """
-    rows = -(-len(rounds) // 3)
-    fig, axes = canvas(rows, 3, height=0.5 + 1.6 * rows, sharex=True, sharey=True)
+    fig, axes = tiled(len(rounds), frame=0.5, each=1.6)
     for number, (ax, values) in enumerate(zip(axes.flat, rounds, strict=False)):
-        step = 0.5**number
-        ax.axhline(0, color=OBSERVED, linewidth=0.8)
-        ax.stairs(array(values), np.arange(len(values) + 1) * step, color=CYCLE[0], linewidth=1.5)
+        rule(ax)
+        ax.stairs(array(values), np.arange(len(values) + 1) * 0.5**number, color=CYCLE[0], linewidth=1.5)
         ax.set(title=f"round {number}", xlim=(-0.2, support + 0.2))
-    for ax in axes[-1]:
-        ax.set_xlabel("position (samples)")
+    outer(axes, "position (samples)")
     return fig, axes
 
 
@@ -275,44 +237,25 @@ def _slid(longer: np.ndarray, taps: np.ndarray, coefficients: np.ndarray, k: int
     """Coefficient k is made: tap n stands over frame 2k + 1 - n."""
     fig, axes = canvas(3, 1, height=4.2, sharex=True)
     fig.set_dpi(width / WIDTH)
-    frames, pad = np.arange(len(longer)) - len(taps) + 1, len(taps) - 1
-    places = 2 * k + 1 - np.arange(len(taps))
-    nonzero = np.abs(taps) > 1e-12
+    frames, inside = np.arange(len(longer)) - len(taps) + 1, slice(len(taps) - 1, len(longer) - len(taps) + 1)
+    places, nonzero = 2 * k + 1 - np.arange(len(taps)), np.abs(taps) > 1e-12
     top, middle, bottom = axes[:, 0]
     for ax in axes[:, 0]:
         ax.axvspan(places.min() - 0.5, places.max() + 0.5, color="#fbe3d3", linewidth=0, zorder=0)
-        ax.axhline(0, color=OBSERVED, linewidth=0.8)
+        rule(ax)
     top.plot(frames, longer, ".-", color=OBSERVED, linewidth=1)
-    top.plot(frames[pad : len(longer) - pad], longer[pad : len(longer) - pad], ".-", color=INK)
+    top.plot(frames[inside], longer[inside], ".-", color=INK)
     middle.vlines(places[nonzero], 0, taps[nonzero], color=CYCLE[1])
     middle.plot(places[nonzero], taps[nonzero], "o", color=CYCLE[1], markersize=4)
-    centres = 2 * np.arange(len(coefficients)) + 1 - np.average(np.arange(len(taps)), weights=taps**2)
+    centres = _middles(len(coefficients), taps)
     bottom.vlines(centres[: k + 1], 0, coefficients[: k + 1], color=CYCLE[0])
     bottom.plot(centres[k], coefficients[k], "o", color=CYCLE[0])
+    room, edge = 0.15 * np.ptp(taps), 1.15 * limit(coefficients)
+    product = f"their inner product: a[{k}] = {round(float(coefficients[k]), 2) + 0.0:.2f}"
     top.set(title="signal and its extension (grey)", xlim=(frames[0] - 1, frames[-1] + 1))
-    middle.set(
-        title="taps of the filter, reversed", ylim=(min(taps.min(), 0) - 0.15 * np.ptp(taps), taps.max() + 0.15 * np.ptp(taps))
-    )
-    edge = 1.15 * float(np.abs(coefficients).max())
-    bottom.set(
-        title=f"their inner product: a[{k}] = {round(float(coefficients[k]), 2) + 0.0:.2f}", ylim=(-edge, edge), xlabel="frame"
-    )
+    middle.set(title="taps of the filter, reversed", ylim=(min(taps.min(), 0) - room, taps.max() + room))
+    bottom.set(title=product, ylim=(-edge, edge), xlabel="frame")
     return fig
-
-
-def _tiles(ax: Axes, parts: Sequence[np.ndarray], seconds: float, dark: float) -> None:
-    """The slowest part below; each finer one above it has twice as many tiles, of half the width."""
-    for row, part in enumerate(parts):
-        edges = np.linspace(0, seconds, len(part) + 1)
-        ax.pcolormesh(edges, [row, row + 1], np.abs(part)[None], cmap="Greys", vmin=0, vmax=dark, edgecolors=FAINT, linewidth=0.3)
-
-
-def _grid(ax: Axes, edges: np.ndarray, low: float, high: float) -> None:
-    ax.vlines(edges, low, high, color=INK, linewidth=1)
-    ax.hlines([low, high], edges[0], edges[-1], color=INK, linewidth=1)
-
-
-MARKERS = ("D", "o", "s", "^", "v", "P")
 
 
 @style()
@@ -322,7 +265,7 @@ def dots(
     xlabel: str,
     log: bool = False,
     spread: Mapping[str, Mapping[str, float]] | None = None,
-) -> tuple[Figure, Axes]:
+) -> Panel:
     """A row per name and a mark per series, told apart by colour, shape and a small step downwards.
 
     Args:
@@ -332,11 +275,11 @@ def dots(
         spread: series -> name -> half length of a bar through the mark.
     """
     names = list(next(iter(values.values())))
-    fig, axes = canvas(height=1.0 + (0.24 + 0.06 * len(values)) * len(names))
-    ax, step = axes[0, 0], min(0.2, 0.6 / len(values))
+    fig, ax = panel(1.0 + (0.24 + 0.06 * len(values)) * len(names))
+    step = min(0.2, 0.6 / len(values))
     for number, (series, row) in enumerate(values.items()):
         places = np.array([names.index(name) for name in row]) + (number - (len(values) - 1) / 2) * step
-        look = {"color": CYCLE[number % len(CYCLE)], "marker": MARKERS[number % len(MARKERS)], "linestyle": "none"}
+        look: Look = {"color": CYCLE[number % len(CYCLE)], "marker": MARKERS[number % len(MARKERS)], "linestyle": "none"}
         half = [(spread or {}).get(series, {}).get(name, 0.0) for name in row]
         ax.errorbar(list(row.values()), places, xerr=half if any(half) else None, label=series, **look)
     for edge in np.arange(0.5, len(names) - 1):
@@ -349,7 +292,7 @@ def dots(
 
 
 @style()
-def basis_card(wavelet: str, x: Float[Array, "T C"], *, mode: str = "zero") -> tuple[Figure, np.ndarray]:
+def basis_card(wavelet: str, x: Float[Array, "T C"], *, mode: str = "zero") -> Panels:
     """All of one basis: scaling function and wavelet, analysis filters, and what they make of a motion.
 
     Args:
@@ -361,25 +304,20 @@ def basis_card(wavelet: str, x: Float[Array, "T C"], *, mode: str = "zero") -> t
         ValueError: unknown wavelet or mode.
     """
     motion = torch.as_tensor(array(x), dtype=torch.float64)
-    frames, channels = motion.shape
-    transform = WaveletTransform(frames, channels, wavelet, mode)
+    transform = WaveletTransform(motion.shape[0], motion.shape[1], wavelet, mode)
     bank, bands = pywt.Wavelet(wavelet), transform.split(transform(motion))
     fig, axes = canvas(4, 2, height=7.9)
     _functions(axes[0], bank)
-    for ax, taps, colour, name in zip(axes[1], (bank.dec_lo, bank.dec_hi), CYCLE, ("low", "high"), strict=False):
-        ax.vlines(np.arange(len(taps)), 0, taps, color=colour)
-        ax.plot(taps, "o", color=colour, markersize=4)
-        ax.axhline(0, color=OBSERVED, linewidth=0.8, zorder=1)
-        ax.set(title=f"{name}-pass: {np.count_nonzero(np.abs(taps) > 1e-12)} of {len(taps)} taps", xlabel="tap")
-        ax.xaxis.set_major_locator(MaxNLocator(integer=True))
+    for ax, taps, colour, name in zip(axes[1], (bank.dec_lo, bank.dec_hi), CYCLE, ("low-pass", "high-pass"), strict=False):
+        _taps(ax, taps, colour, name)
+        ax.set_xlabel("tap")
     for ax, name in zip(axes[2:].flat, ("aa", "ad", "da", "dd"), strict=True):
         band = bands[name].numpy()
-        ax.imshow(band.T, cmap=DIVERGING, vmin=-limit(band), vmax=limit(band), aspect="auto")
+        signed(ax, band.T)
         ax.set_title(f"{name}: largest {significant(limit(band), 2)} m")
         ax.set_xlabel("row k (time)" if name[0] == "d" else "")
+        ax.set_ylabel("column d (joints)" if name[1] == "a" else "")
         ax.spines[:].set_visible(True)
-    for ax in axes[2:, 0]:
-        ax.set_ylabel("column d (joints)")
     kind = "orthogonal" if bank.orthogonal else "biorthogonal"
     sizes = " × ".join(map(str, motion.shape)), " × ".join(map(str, transform.shape))
     fig.suptitle(f"{wavelet} ({kind}, {bank.symmetry}): {sizes[0]} → {sizes[1]}", x=0.01, ha="left", weight="bold")
@@ -393,5 +331,23 @@ def _functions(axes: np.ndarray, bank: pywt.Wavelet) -> None:
     for column, (ax, title) in enumerate(zip(axes, ("scaling function φ", "wavelet ψ"), strict=True)):
         for values, colour, dashes in zip(functions[column::2], (CYCLE[column], CYCLE[4]), DASHES, strict=False):
             ax.plot(support, values, color=colour, linestyle=dashes)
-        ax.axhline(0, color=OBSERVED, linewidth=0.8, zorder=1)
+        rule(ax, zorder=1)
         ax.set(title=title + note, xlabel="position (samples)")
+
+
+def _taps(ax: Axes, taps: Sequence[float], colour: str, name: str, **look: Any) -> None:
+    """The taps of a filter, and how many of them are not zero."""
+    _stems(ax, np.arange(len(taps)), np.asarray(taps), colour, **look)
+    ax.set_title(f"{name}: {np.count_nonzero(np.abs(taps) > 1e-12)} of {len(taps)} taps")
+    ax.xaxis.set_major_locator(MaxNLocator(integer=True))
+
+
+def _stems(ax: Axes, places: np.ndarray, values: np.ndarray, colour: str, **look: Any) -> None:
+    rule(ax, zorder=1)
+    ax.vlines(places, 0, values, color=colour, **look)
+    ax.plot(places, values, "o", color=colour, markersize=4)
+
+
+def _middles(count: int, taps: Sequence[float] | np.ndarray) -> np.ndarray:
+    """Frame under the middle of each coefficient's taps, weighted by their squares; c[k] = sum_j taps[j] x[2k+1-j]."""
+    return 2 * np.arange(count) + 1 - np.average(np.arange(len(taps)), weights=np.square(taps))

@@ -8,7 +8,7 @@ MUTANTS = [
         ("the-smallest-body-sets-the-scale", "quarter = (len(flat) - 1) // 4", "quarter = 0"),
     ),
     *of(
-        "plots/curves.py", "plots/test_plots.py::test_the_truth_is_black_among_curves",
+        "plots/lines.py", "plots/test_plots.py::test_the_truth_is_black_among_curves",
         ("truth-coloured-as-the-rest", 'if name == "truth" else', 'if name == "" else'),
     ),
     *of(
@@ -16,17 +16,17 @@ MUTANTS = [
         ("ticks-of-changes-are-left-to-matplotlib", "ax.set_xticks(_three_ticks(*ax.get_xlim()))", "pass"),
     ),
     *of(
-        "plots/passages.py", "plots/test_passages.py",
+        "plots/routes.py", "plots/test_passages.py",
         ("way-runs-to-the-left", "onward >= 0 else", "onward < 0 else"),
         ("camera-in-front-of-the-way", "float(np.degrees(angle)) - 90", "float(np.degrees(angle))"),
-        ("bone-errors-in-metres", "1000 * np.abs(", "np.abs("),
     ),
     *of(
         "plots/chapters/bridging.py", "plots/test_bridging.py",
         ("step-at-its-first-frame", "(np.arange(frames - 1) + 0.5) / fps", "np.arange(frames - 1) / fps"),
         ("seam-after-the-keyframe-only", "for step in (k - 1, k) if", "for step in (k,) if"),
         ("cosines-at-twice-their-frequency", "fps / (2 * len(x))", "fps / len(x)"),
-        ("clean-keyframes-of-the-first-step", "x[-1, given], marker", "x[0, given], marker"),
+        ("bone-errors-in-metres", "1000 * np.abs(", "np.abs(", "plots/test_passages.py"),
+        ("clean-keyframes-of-the-first-step", "x[-1, given], \"o\"", "x[0, given], \"o\""),
     ),
     *of(
         "plots/widgets.py", "plots/test_widgets.py",
@@ -40,7 +40,7 @@ MUTANTS = [
         ("given-pose-not-moved-along", "return positions[0] - actor.offset", "return positions[0]"),
     ),
     *of(
-        "plots/player.py", "plots/test_player.py",
+        "plots/playing.py", "plots/test_player.py",
         ("positions-wrap-round", "max(MILLIMETRE, float(np.abs(raised).max()) / LARGEST)", "MILLIMETRE"),
         ("positions-cut-instead-of-rounded", "np.round(raised / unit)", "np.trunc(raised / unit)"),
         ("left-and-right-exchanged", '"l" if joint in skeleton.left else "r"', '"r" if joint in skeleton.left else "l"'),

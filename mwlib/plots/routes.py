@@ -1,4 +1,4 @@
-"""Bodies of in-betweens: along their way through the world, and with bones that are too long or too short."""
+"""Bodies along their way through the world."""
 
 from __future__ import annotations
 
@@ -8,14 +8,13 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float
 from matplotlib.axes import Axes
-from matplotlib.cm import ScalarMappable
-from matplotlib.colors import LinearSegmentedColormap, Normalize
 from matplotlib.figure import Figure
 
 from mwlib.body.motion import Motion
 from mwlib.body.skeleton import Skeleton
-from mwlib.plots.bodies import THREE_QUARTER, AnyMotion, Array, Board, draw_bodies, facing, poses, project
-from mwlib.plots.look import CYCLE, FAINT, INK, OBSERVED, WIDTH, array, named, style
+from mwlib.plots.axes import Panel, named
+from mwlib.plots.bodies import camera, draw_bodies, project
+from mwlib.plots.look import FAINT, INK, OBSERVED, WIDTH, style
 
 SAME = 1e-3  # metres: first poses that differ less are one pose
 GAP = 0.2  # metres along the way from body to body, on average, below which they would pile up
@@ -24,10 +23,6 @@ NAME, TIMES, FOOT = 0.24, 0.22, 0.46  # inches above a row, beneath it, and bene
 TALLEST, HIGHEST = 1.7, 8.4  # inches, of a row's bodies and of the figure
 LABEL = 0.36  # inches that the time beneath a body takes
 CLOSEST, WIDEST = 0.42, 1.1  # metres from body to body where they are spread by time
-
-# From light to dark, so that broken bones stand out in greyscale too.
-BREAKING = LinearSegmentedColormap.from_list("breaking", ["#b4b9c1", CYCLE[1], CYCLE[3]])
-BAR = 0.62  # inches for the colour bar and its words
 
 
 class _Row(NamedTuple):
@@ -50,7 +45,7 @@ class _Row(NamedTuple):
 @style()
 def passages(
     rows: Mapping[str, Motion] | Motion, *, every: int = 5, keyframes: Sequence[int] = (0, -1), spread: bool | None = None
-) -> tuple[Figure, Axes]:
+) -> Panel:
     """Motions in the world, a row each: bodies every few frames along the way, one scale and a floor for all rows.
 
     The camera stands beside the way, where the most of it is seen; rows that begin with the same pose share it. Keyframes are
@@ -116,7 +111,7 @@ def _flatten(
     gaps = [np.ptp(m.positions[frames[n], 0, :2] @ along) / max(len(frames[n]) - 1, 1) for n, m in motions.items()]
     spread = bool(np.mean(gaps) < GAP) if spread is None else spread
     first = next(iter(motions.values()))
-    view = facing(start, first.skeleton) + THREE_QUARTER if spread else float(np.degrees(angle)) - 90
+    view = camera(start, first.skeleton) if spread else float(np.degrees(angle)) - 90
     rows = {}
     for name, motion in motions.items():
         places = motion.positions - floor
@@ -144,7 +139,7 @@ def _stretched(row: _Row, gap: float) -> _Row:
     return row._replace(bodies=bodies)
 
 
-def _sheet(rows: dict[str, _Row]) -> tuple[Figure, Axes]:
+def _sheet(rows: dict[str, _Row]) -> Panel:
     """All rows on one axes in metres, under each other."""
     room = WIDTH - 2 * SIDE
     lows = [min(row.bodies[..., 1].min(), row.path[:, 1].min() if not row.spread else 0.0) for row in rows.values()]
@@ -212,59 +207,3 @@ def _foot(ax: Axes, scale: float, spread: Sequence[bool], keyframes: bool) -> No
     if not all(spread):
         ax.plot([right - 1.0, right], [height] * 2, color=INK, linewidth=2.0)
         ax.text(right - 0.5, height + 0.03 / scale, "1 m", ha="center", va="bottom", size=9)
-
-
-@style()
-def broken_bodies(
-    rows: Mapping[str, AnyMotion],
-    skeleton: Skeleton,
-    lengths: Float[Array, " bones"],
-    *,
-    fps: float,
-    frames: int | Sequence[int] = 8,
-    most: float | None = None,
-) -> tuple[Figure, Axes]:
-    """Rows of poses whose bones are coloured, and thickened, by how far they are from their true lengths (Fig. 8).
-
-    Args:
-        rows: name -> motion, (T, C) about the root or (T, J+1, 3), metres, all of T frames.
-        skeleton: of all of them.
-        lengths: true lengths in the order of `skeleton.bones`, metres.
-        fps: frames per second; time 0 is the first frame.
-        frames: how many frames, or which.
-        most: error at the end of the colour bar, millimetres; None: that which 1 bone in 50 of those drawn exceeds.
-
-    Raises:
-        ValueError: a motion or the lengths do not fit the skeleton, or the rows have different lengths.
-    """
-    bodies, true = {name: poses(motion, skeleton) for name, motion in rows.items()}, array(lengths)
-    if true.shape != (len(skeleton.bones),) or len({len(body) for body in bodies.values()}) != 1:
-        found = f"lengths of shape {true.shape} and rows of {[len(body) for body in bodies.values()]} frames"
-        raise ValueError(f"{found}; expected ({len(skeleton.bones)},) for {skeleton.name}, and rows of one length")
-    first = next(iter(bodies.values()))
-    shown = np.linspace(0, len(first) - 1, frames).round().astype(int) if isinstance(frames, int) else np.array(frames)
-    shown = shown % len(first)
-    bones = np.array(skeleton.bones)
-    segments = {name: body[shown][:, bones] for name, body in bodies.items()}
-    errors = {n: 1000 * np.abs(np.linalg.norm(s[:, :, 1] - s[:, :, 0], axis=-1) - true) for n, s in segments.items()}
-    most = most or max(float(np.quantile(np.concatenate([*errors.values()]), 0.98)), 1.0)
-    view = facing(first[0], skeleton) + THREE_QUARTER
-    flat = {name: project(body[shown], view) for name, body in bodies.items()}
-    board = Board(skeleton, [*flat.values()], [*bodies], [f"{frame / fps:.2f} s" for frame in shown])
-    for row, name in enumerate(bodies):
-        for column, (points, error) in enumerate(zip(flat[name], errors[name], strict=True)):
-            board.draw_bones(row, column, points, error / most, BREAKING)
-    _colour_bar(board, most)
-    return board.fig, board.ax
-
-
-def _colour_bar(board: Board, most: float) -> None:
-    """Makes the sheet higher, and puts the bar at its foot."""
-    width, height = board.fig.get_size_inches()
-    whole, place = height + BAR, board.ax.get_position()
-    board.ax.set_position((place.x0, BAR / whole, place.width, place.height * height / whole))
-    board.fig.set_size_inches(width, whole)
-    bar = board.fig.add_axes((0.2, (BAR - 0.12) / whole, 0.6, 0.11 / whole))
-    scale = ScalarMappable(Normalize(0, most), BREAKING)
-    drawn = board.fig.colorbar(scale, cax=bar, orientation="horizontal", extend="max", label="error of the bone's length (mm)")
-    drawn.outline.set_visible(False)

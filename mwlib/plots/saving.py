@@ -17,7 +17,8 @@ from matplotlib.figure import Figure
 from PIL import Image
 
 from mwlib.files import write_together
-from mwlib.plots.look import array, style
+from mwlib.plots.axes import array
+from mwlib.plots.look import style
 
 # Without dates and version strings the same picture gives the same bytes.
 METADATA = {"png": {"Software": None}, "pdf": {"CreationDate": None, "Creator": None, "Producer": None}}
@@ -158,6 +159,10 @@ def described(alt: str) -> str:
 
 
 def _render(fig: Figure, kind: str, dpi: float) -> bytes:
+    """The content of a file. The layout is solved once for all of a figure's files, which takes as long as drawing it."""
+    if layout := fig.get_layout_engine():
+        layout.execute(fig)
+        fig.set_layout_engine(None)  # also matplotlib's default, as the style has it: no further engine
     buffer = io.BytesIO()
     fig.savefig(buffer, format=kind, dpi=dpi, metadata=METADATA[kind])
     return buffer.getvalue()

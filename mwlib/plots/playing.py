@@ -19,10 +19,10 @@ from jaxtyping import Float
 from mwlib.body.skeleton import Skeleton
 from mwlib.files import write_atomic
 from mwlib.hashing import sha256
-from mwlib.plots.bodies import COLOURS, ELEVATION, THREE_QUARTER, facing
+from mwlib.plots.bodies import COLOURS, ELEVATION, camera
 from mwlib.plots.look import CYCLE
 from mwlib.plots.loops import Actor, Film, Loop, Shown, film, loop_of, placed_pose
-from mwlib.plots.save import described
+from mwlib.plots.saving import described
 
 if TYPE_CHECKING:
     from mwlib.plots.player_widget import PlayerWidget
@@ -241,7 +241,7 @@ def player(
         "alt": described(alt) if alt is not None else _counted(shown, history), "fps": shown.fps, "frames": shown.frames,
         "history": history, "layout": layout, "speed": speed, "loop": loop, "autoplay": autoplay, "height": height,
         "follow": _wanders(shown) if follow is None else follow, "elevation": ELEVATION, "colours": THEMES,
-        "azimuth": facing(first.positions[0], first.skeleton) + THREE_QUARTER if azimuth is None else azimuth,
+        "azimuth": camera(first.positions[0], first.skeleton, azimuth),
         "bodies": [_body(name, actor, shown) for name, actor in shown.actors.items()],
         "keyframes": sorted(marks), "ghosts": _ghosts(shown, marks, keyframes),
     }  # fmt: skip

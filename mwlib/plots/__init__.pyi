@@ -1,0 +1,71 @@
+from .bodies import end_poses, filmstrip, overlay_futures, pose_grid, storyboard
+from .chapters.bridging import bridged_coordinate, broken_bodies, imposed_steps, keyframe_samples, seams, spectra, training_view
+from .chapters.diagrams import bridging_overview, free_overview, overview, tabg_diagram
+from .chapters.diffusion import (
+    band_snr,
+    ddim_path,
+    density_map,
+    histograms,
+    loss_curves,
+    noising,
+    particles,
+    sampling_paths,
+    schedules,
+)  # fmt: skip
+from .chapters.frequencies import (
+    coupling_bars,
+    energy_by_coefficient,
+    kept_power,
+    known_share,
+    parallel_snr,
+    recovery_by_coefficient,
+)  # fmt: skip
+from .chapters.guidance import (
+    arrows,
+    attention_heads,
+    attention_over_steps,
+    attention_part,
+    attention_vectors,
+    claimed_and_measured,
+    controlled_poses,
+    noised_rows,
+    row_support,
+)  # fmt: skip
+from .chapters.metrics import metric_picture
+from .chapters.phase import error_by_size, phase_circles, windows_and_sinusoids
+from .chapters.sentences import emerging_way, ways
+from .chapters.wavelets import (
+    basis_card,
+    cascade,
+    dots,
+    filters,
+    padding_modes,
+    responses,
+    same_spectrum,
+    scaling_and_wavelet,
+    signal_and_coefficients,
+    sliding_filter,
+    tilings,
+)  # fmt: skip
+from .coefficients import energy_bars, matrix, projection_change, subbands
+from .lines import bars_per_action, curves, predicted_curves, trajectories
+from .look import CYCLE, STYLE, style, use_style
+from .loops import Loop, loop
+from .playing import Player, player
+from .routes import passages
+from .saving import save, save_table, show
+from .tables import Table, results_table, significant
+
+__all__ = [
+    "CYCLE", "Loop", "Player", "STYLE", "Table", "arrows", "attention_heads", "attention_over_steps", "attention_part",
+    "attention_vectors", "band_snr", "bars_per_action", "basis_card", "bridged_coordinate", "bridging_overview",
+    "broken_bodies", "cascade", "claimed_and_measured", "controlled_poses", "coupling_bars", "curves", "ddim_path",
+    "density_map", "dots", "emerging_way", "end_poses", "energy_bars", "energy_by_coefficient", "error_by_size", "filmstrip",
+    "filters", "free_overview", "histograms", "imposed_steps", "kept_power", "keyframe_samples", "known_share", "loop",
+    "loss_curves", "matrix", "metric_picture", "noised_rows", "noising", "overlay_futures", "overview", "padding_modes",
+    "parallel_snr", "particles", "passages", "phase_circles", "player", "pose_grid", "predicted_curves", "projection_change",
+    "recovery_by_coefficient", "responses", "results_table", "row_support", "same_spectrum", "sampling_paths", "save",
+    "save_table", "scaling_and_wavelet", "schedules", "seams", "show", "signal_and_coefficients", "significant",
+    "sliding_filter", "spectra", "storyboard", "style", "subbands", "tabg_diagram", "tilings", "training_view",
+    "trajectories", "use_style", "ways", "windows_and_sinusoids",
+]  # fmt: skip

@@ -1,0 +1,209 @@
+"""Lines, fans and bars of numbers."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float
+from matplotlib.axes import Axes
+from matplotlib.axis import Axis
+from matplotlib.ticker import FuncFormatter, NullFormatter
+
+from mwlib.plots.axes import Array, Curves, Panel, Panels, array, canvas, legend, panel
+from mwlib.plots.look import AFTER_TRUTH, FAINT, INK, LOOKS, MANY_LOOKS, OBSERVED, TRUTH, Look, bar_look, style
+
+
+def draw(
+    ax: Axes,
+    rows: Curves,
+    x: Sequence[float] | Float[Array, " n"] | None = None,
+    *,
+    looks: Sequence[Look] = LOOKS,
+    start: int = 0,
+    marks: Mapping[str, int | np.ndarray] | None = None,
+    dot: float = 5,
+    what: str = "rows",
+    **common: Any,
+) -> None:
+    """Rows of numbers as lines with names, told apart by colour and dashes.
+
+    Args:
+        rows: name -> values; where they are fewer than x they belong to its end.
+        x: places; None counts from `start`.
+        looks: of one row after the other.
+        marks: name -> numbers of the values that get a dot.
+        dot: size of a dot, points.
+        what: what an error calls the rows.
+        common: what all lines have in common.
+
+    Raises:
+        ValueError: there are more rows than looks.
+    """
+    if len(rows) > len(looks):
+        raise ValueError(f"{len(rows)} {what}; expected at most {len(looks)}, told apart by colour and dashes")
+    marks = marks or {}
+    for (name, values), look in zip(rows.items(), looks, strict=False):
+        values = array(values)
+        places = np.arange(start, start + len(values)) if x is None else array(x)[-len(values) :]
+        ax.plot(places, values, **{"label": name, **look, **common})
+        if name in marks:
+            marked = np.atleast_1d(marks[name])
+            ax.plot(places[marked], values[marked], "o", color=look["color"], markersize=dot)
+
+
+@style()
+def curves(
+    lines: Curves,
+    x: Sequence[float] | Float[Array, " n"] | None = None,
+    *,
+    xlabel: str,
+    ylabel: str,
+    log: str = "",
+    height: float = 3.0,
+    **options: Any,
+) -> Panel:
+    """Several functions of one variable, told apart by colour and dashes.
+
+    Args:
+        lines: name -> values at x; one called "truth" is black and solid.
+        x: where; None counts from 0.
+        xlabel, ylabel: what, and its unit.
+        log: axes with a logarithmic scale: "", "x", "y" or "xy".
+        height: of the picture, inches.
+        options: as `draw` takes them: `marks` for dots on lines, `start` of the count, ...
+
+    Raises:
+        ValueError: there are more lines than can be told apart.
+    """
+    fig, ax = panel(height)
+    looks = [{"color": INK} if name == "truth" else look for name, look in zip(lines, MANY_LOOKS, strict=False)]
+    draw(ax, lines, x, looks=looks, **options)
+    ax.set(xlabel=xlabel, ylabel=ylabel, xscale="log" if "x" in log else "linear", yscale="log" if "y" in log else "linear")
+    ax.grid(axis="y")
+    legend(ax)
+    return fig, ax
+
+
+@style()
+def trajectories(
+    truth: Float[Array, " T"],
+    futures: Mapping[str, Float[Array, "_ F"]] | Float[Array, "S F"],
+    *,
+    fps: float,
+    ylabel: str = "position (m)",
+    fan: bool = True,
+) -> Panel:
+    """One coordinate over time: observed grey, truth black dashed, many futures as a fan or as thin lines.
+
+    Args:
+        truth: observed and true future frames, T = H + F.
+        futures: (S, F) samples, or name of a method -> (S, F).
+        fps: frames per second; time 0 is the last observed frame.
+        ylabel: what the coordinate is.
+        fan: median and the middle 50 and 90 % of the samples; False draws every sample.
+    """
+    futures = dict(futures) if isinstance(futures, Mapping) else {"predicted": futures}
+    truth = array(truth)
+    history = len(truth) - next(iter(futures.values())).shape[1]
+    time = (np.arange(len(truth)) - (history - 1)) / fps
+    fig, ax = panel(3.0)
+    for (name, samples), look in zip(futures.items(), LOOKS, strict=False):
+        (_fan if fan else _threads)(ax, time[history:], array(samples), name, look)
+    ax.plot(time[:history], truth[:history], color=OBSERVED, linewidth=2.4, label="observed")
+    ax.plot(time[history - 1 :], truth[history - 1 :], color=TRUTH, linestyle=(0, (3, 1)), label="truth")
+    ax.axvline(0, color=OBSERVED, linewidth=0.8)
+    shades = "; shaded: the middle 50 and 90 % of the samples" if fan else ""
+    ax.set(xlabel=f"time (s){shades}", ylabel=ylabel, xlim=(time[0], time[-1]))
+    for handle in legend(ax, 4 if len(futures) < 3 else 3).legend_handles:
+        if handle is not None:
+            handle.set_alpha(1)
+    return fig, ax
+
+
+def _fan(ax: Axes, time: np.ndarray, samples: np.ndarray, name: str, look: Look) -> None:
+    for share in (0.9, 0.5) if len(samples) > 1 else ():
+        low, high = np.quantile(samples, [(1 - share) / 2, (1 + share) / 2], axis=0)
+        ax.fill_between(time, low, high, color=look["color"], alpha=0.2, linewidth=0)
+    ax.plot(time, np.median(samples, axis=0), label=name, **look)
+
+
+def _threads(ax: Axes, time: np.ndarray, samples: np.ndarray, name: str, look: Look) -> None:
+    first, *_ = ax.plot(time, samples.T, linewidth=1.5, alpha=max(0.25, 1 / len(samples)), **look)
+    first.set_label(name)
+
+
+@style()
+def predicted_curves(rows: Mapping[str, Curves], *, fps: float, history: int, unit: str = "m") -> Panels:
+    """One coordinate and its velocity, a row per window: the truth, and what each method predicts of it.
+
+    Args:
+        rows: title -> name -> values; "truth" has T frames, every prediction the last T-H of them.
+        fps: frames per second.
+        history: observed frames H; time 0 is the last of them.
+        unit: of the values.
+    """
+    fig, axes = canvas(len(rows), 2, height=0.7 + 2.1 * len(rows), sharex=True)
+    for (left, right), (title, lines) in zip(axes, rows.items(), strict=True):
+        lines = {name: array(values) for name, values in lines.items()}
+        truth = lines.pop("truth")
+        seconds = (np.arange(len(truth)) - (history - 1)) / fps
+        for ax, change in ((left, lambda x: x), (right, lambda x: np.diff(x) * fps)):
+            ax.axvspan(seconds[0], 0, color=FAINT, linewidth=0, zorder=0)
+            draw(ax, {"truth": change(truth)}, seconds, looks=[{"color": INK, "linewidth": 2.2}])
+            draw(ax, {name: change(values) for name, values in lines.items()}, seconds, looks=AFTER_TRUTH)
+        left.set(title=title, ylabel=f"position ({unit})")
+        right.set_ylabel(f"velocity ({unit}/s)")
+    for ax in axes[-1]:
+        ax.set_xlabel("time (s); shaded: observed")
+    legend(axes[0, 0], 4)
+    return fig, axes
+
+
+def bars(
+    ax: Axes, series: Mapping[str, Sequence[float]], *, room: float, fill: float, upright: bool = False
+) -> list[tuple[float, float]]:
+    """Groups of bars, one in each group for every series.
+
+    Args:
+        series: name -> lengths; NaN leaves a gap.
+        room: that a group takes, of the distance from group to group.
+        fill: that a bar takes, of its own room.
+        upright: bars rise from the x axis; otherwise they lie.
+
+    Returns:
+        Place and length of each bar.
+    """
+    drawn = []
+    thick = room / len(series)
+    for number, (name, lengths) in enumerate(series.items()):
+        places = np.arange(len(lengths)) + (number - (len(series) - 1) / 2) * thick
+        (ax.bar if upright else ax.barh)(places, lengths, fill * thick, label=name, **bar_look(number))
+        drawn += zip(places, lengths, strict=True)
+    return drawn
+
+
+@style()
+def bars_per_action(values: Mapping[str, Mapping[str, float]], *, xlabel: str) -> Panel:
+    """One metric for every action, a bar per method; actions in the order of the first method's mapping.
+
+    Args:
+        values: method -> action -> value; an action that a method lacks has no bar.
+        xlabel: the metric and its unit.
+    """
+    actions = list(next(iter(values.values())))
+    fig, ax = panel(0.9 + len(actions) * (0.11 * len(values) + 0.12))
+    series = {method: [scores.get(action, np.nan) for action in actions] for method, scores in values.items()}
+    bars(ax, series, room=0.82, fill=0.9)
+    ax.set(yticks=range(len(actions)), yticklabels=actions, xlabel=xlabel, ylim=(len(actions) - 0.5, -0.5))
+    ax.grid(axis="x")
+    if len(values) > 1:
+        legend(ax)
+    return fig, ax
+
+
+def plain(axis: Axis) -> None:
+    """Plain figures at the ticks of a logarithmic axis, 0.1 and 100, and none between them."""
+    axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    axis.set_minor_formatter(NullFormatter())
