@@ -16,7 +16,7 @@ from mwlib.course.notebooks import EXPERIMENT, LONGEST, course, source_hash, wri
 from mwlib.course.manifest import MANIFEST
 from mwlib.experiments import read_grids, system
 from mwlib.experiments.grids import grids_file, row_config, row_parameters
-from mwlib.experiments.origins import data_fingerprint
+from mwlib.data.sources import data_fingerprint
 from mwlib.hashing import file_hash, package_hash
 from mwlib.settings import parse_changes
 

@@ -59,6 +59,7 @@ def package_hash(package: Path = PACKAGE, modules: Collection[str] | None = None
     return sha256(parts)
 
 
+@cache
 def code_behind(module: str) -> dict[str, str]:
     """`code_hash` of a module and of all that it imports, at first or second hand, from mwlib or from its own package.
 

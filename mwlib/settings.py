@@ -8,6 +8,8 @@ import math
 import types
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, fields, replace
+from functools import cache
+from itertools import chain
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal, Self, TypeVar, get_args, get_origin, get_type_hints
 
@@ -55,7 +57,7 @@ class Settings:
     def __post_init__(self) -> None:
         for group, kind in self.groups().items():
             part = getattr(self, group)
-            for name, hint in get_type_hints(kind, include_extras=True).items():
+            for name, hint in _hints(kind).items():
                 object.__setattr__(part, name, checked(name, getattr(part, name), hint))
         self.check()
 
@@ -65,8 +67,7 @@ class Settings:
     @classmethod
     def groups(cls) -> dict[str, type]:
         """Group name -> its dataclass."""
-        hints = get_type_hints(cls)
-        return {item.name: hints[item.name] for item in fields(cls)}  # pyright: ignore[reportArgumentType]  (as in override)
+        return {item.name: _hints(cls)[item.name] for item in fields(cls)}  # pyright: ignore[reportArgumentType]  (as in override)
 
     @classmethod
     def owners(cls) -> dict[str, str]:
@@ -76,8 +77,8 @@ class Settings:
     @classmethod
     def advanced(cls) -> set[str]:
         """Names of the fields that are marked `Advanced`."""
-        hints = [get_type_hints(kind, include_extras=True) for kind in cls.groups().values()]
-        return {name for group in hints for name, hint in group.items() if ADVANCED in get_args(hint)}
+        hints = [*chain.from_iterable(_hints(kind).items() for kind in cls.groups().values())]
+        return {name for name, hint in hints if ADVANCED in get_args(hint)}
 
     @classmethod
     def preset(cls, name: str, **changes: Any) -> Self:
@@ -167,6 +168,12 @@ class Settings:
             return cls().override(**{k: v for group in tree.values() for k, v in (group or {}).items()})
         except (TypeError, ValueError) as error:
             raise ValueError(f"{_place(source)}: {error}") from None
+
+
+@cache
+def _hints(kind: type) -> dict[str, Any]:
+    """Types of a dataclass's fields, with their marks."""
+    return get_type_hints(kind, include_extras=True)
 
 
 def read_tree(source: str | Path) -> dict[str, Any]:

@@ -31,7 +31,6 @@ NOT_YET = set(
     mwlib.course.outputs
     mwlib.data.sources
     mwlib.experiments.grid_options
-    mwlib.experiments.origins
     mwlib.experiments.page
     mwlib.experiments.shipped
     mwlib.inbetweening.baselines

@@ -24,7 +24,7 @@ from papermill.exceptions import PapermillExecutionError
 
 from mwlib.course.manifest import FILES
 from mwlib.course.notebooks import EXPERIMENT, TIMEOUT, ParameterError, read_notebook, read_parameters, resolve, source_hash, tags
-from mwlib.experiments import store
+from mwlib.experiments import results
 from mwlib.experiments.grids import Grid, row_parameters
 from mwlib.files import write_atomic, write_together
 from mwlib.hashing import digest, file_hash, package_hash
@@ -157,12 +157,12 @@ def run_notebook(
         raise ParameterError(f"{notebook}: the parameters cell has no 'out'; expected 'out: str = \"\"  # where results go'")
     if given.get("out"):
         raise ParameterError(f"out is given as a parameter, {given['out']!r}; say --out, the folder for all that a run leaves")
-    digest = store.parameters_hash(values)
+    digest = results.parameters_hash(values)
     folder = (out or home() / "build" / "runs" / f"{notebook.stem}-{digest}").resolve()
     folder.mkdir(parents=True, exist_ok=True)
     _forget(folder, notebook.stem)
     before = kept / f"{notebook.stem}-{digest}" if kept else None
-    if before and store.result_of(before).get("depends", {}).get("surroundings") == surroundings():
+    if before and results.result_of(before).get("depends", {}).get("surroundings") == surroundings():
         if not outdated(before, tree, digest):
             return _copied(before, folder, page)
     _execute(notebook, tree, values, folder, timeout, page)
@@ -183,15 +183,15 @@ def _execute(
             language="python", progress_bar=False, start_timeout=120, execution_timeout=timeout, extra_arguments=QUIET,
         )  # fmt: skip
         _check(folder / EXECUTED)
-        if store.read_result(folder, store.parameters_hash(values), "finished") is None:
-            raise NotDone(f"{store.RESULT} is missing, half-written or of other parameters than {values}")
-        result = store.result_of(folder)
+        if results.read_result(folder, results.parameters_hash(values), "finished") is None:
+            raise NotDone(f"{results.RESULT} is missing, half-written or of other parameters than {values}")
+        result = results.result_of(folder)
         depends["mwlib"] = package_hash(modules=result["depends"].get("modules"))
         whole = result | {"status": "ok", "depends": result["depends"] | depends}
         pages = {folder / PAGE: _page(folder / EXECUTED)} if page else {}
-        write_together({**pages, folder / store.RESULT: json.dumps(whole, indent=1)})
+        write_together({**pages, folder / results.RESULT: json.dumps(whole, indent=1)})
     except Exception as error:
-        (folder / store.RESULT).unlink(missing_ok=True)
+        (folder / results.RESULT).unlink(missing_ok=True)
         if page and (folder / EXECUTED).is_file():
             write_atomic(folder / PAGE, _page(folder / EXECUTED))
         raise NotDone(f"{notebook.stem}: {_reason(error, folder)}\n(see {folder / EXECUTED})") from error
@@ -199,9 +199,9 @@ def _execute(
 
 def _copied(source: Path, target: Path, page: bool = False) -> Path:
     """Copy what a run left, its result last; with its page, made if it has none."""
-    with store.locked(source.with_suffix(".lock")), store.locked(target.with_suffix(".lock")):
-        (target / store.RESULT).unlink(missing_ok=True)
-        files = sorted((file for file in source.rglob("*") if file.is_file()), key=lambda file: file.name == store.RESULT)
+    with results.locked(source.with_suffix(".lock")), results.locked(target.with_suffix(".lock")):
+        (target / results.RESULT).unlink(missing_ok=True)
+        files = sorted((file for file in source.rglob("*") if file.is_file()), key=lambda file: file.name == results.RESULT)
         for file in files:
             write_atomic(target / file.relative_to(source), file.read_bytes())
     if page and not (target / PAGE).exists():
@@ -223,11 +223,11 @@ def outdated(
         wanted: hash of the parameters that the result should be of; None = any.
         fingerprint: data source -> hash of its files of today; None = `data_fingerprint`.
     """
-    result = store.result_of(folder)
+    result = results.result_of(folder)
     if result.get("status") != "ok":
         return "not finished"
     if fingerprint is None:
-        from mwlib.experiments.origins import data_fingerprint as fingerprint  # imports torch, which a new run does without
+        from mwlib.data.sources import data_fingerprint as fingerprint  # imports torch, which a new run does without
 
     depends = result["depends"]
     data = depends.get("data", {})
@@ -276,7 +276,7 @@ def run_experiment(
 
 def _forget(folder: Path, notebook: str) -> None:
     """Remove what an earlier run of a notebook left: its result, its pages, and the pictures and tables that bear its name."""
-    for name in (store.RESULT, EXECUTED, PAGE):
+    for name in (results.RESULT, EXECUTED, PAGE):
         (folder / name).unlink(missing_ok=True)
     for sidecar in folder.glob("*.json"):
         try:

@@ -24,9 +24,9 @@ from nbconvert.filters.markdown import markdown2html
 from mwlib.course.execute import PAGE, outdated
 from mwlib.course.manifest import MANIFEST, Exhibit, read_manifest
 from mwlib.course.notebooks import exhibits_kept, from_text, read_notebook, read_parameters, resolve
+from mwlib.data.sources import data_fingerprint
 from mwlib.experiments.grids import read_grids
-from mwlib.experiments.origins import data_fingerprint
-from mwlib.experiments.store import parameters_hash
+from mwlib.experiments.results import parameters_hash
 from mwlib.files import write_atomic
 from mwlib.plots import significant
 

@@ -2,18 +2,24 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Annotated, Literal, NamedTuple
 
 import numpy as np
 
 from mwlib.body.motion import Motion
-from mwlib.data.load import load_motions
-from mwlib.data.meaning import UNITS
+from mwlib.data.collections import named_source
+from mwlib.data.load import READERS, find_source, load_motions
+from mwlib.data.meaning import LEVELS_UP, UNITS
+from mwlib.data.untrusted import bare_suffix
 from mwlib.data.windows import Bodies, prepare
-from mwlib.hashing import sha256
+from mwlib.hashing import file_hash, sha256
 from mwlib.settings import NotNegative, OneOf, Positive
+
+HINTS = ("clips.csv", "skeleton.json")  # read along with motions that lie beside or below them
 
 
 @dataclass(frozen=True)
@@ -109,3 +115,33 @@ def _contents(motions: Sequence[Motion]) -> Iterator[bytes | str]:
         s = m.skeleton
         yield f"{m.subject}/{m.action}/{m.fps}/{m.up}/{s.joints}/{s.parents}/{s.left}/{s.right}"
         yield np.ascontiguousarray(m.positions, dtype=np.float32).tobytes()
+
+
+def data_fingerprint(source: str) -> str:
+    """Sixteen hex digits over the files behind a data source: their names, sizes and contents.
+
+    They change with every file that `load_motions` may read: added, removed, renamed or edited; not with one that is touched.
+    Data that are no files, like the built-in motions, have the hash of none: they come from the library's own sources.
+
+    Args:
+        source: as `load_motions` takes it.
+    """
+    files = _files(named_source(source)[0])
+    return sha256(f"{name}\0{file.stat().st_size}\0{file_hash(file)}\n" for name, file in files)[:16]
+
+
+def _files(source: str | Path) -> Iterator[tuple[str, Path]]:
+    """The files that reading a source may open, by their place relative to it."""
+    try:
+        path = find_source(source) if source != "synthetic" else None
+    except FileNotFoundError:
+        return
+    if path is None:
+        return
+    if path.is_dir():
+        inside = [Path(folder, name) for folder, _, names in os.walk(path) for name in names if not name.startswith(".")]
+        found = [file for file in inside if bare_suffix(file) in (*READERS, ".asf") or file.name in HINTS]
+    else:
+        found = [path, *(file for file in path.parent.iterdir() if bare_suffix(file) == ".asf")]
+    found += [folder / name for folder in path.absolute().parents[:LEVELS_UP] for name in HINTS]
+    yield from sorted((os.path.relpath(file, path), file) for file in found if file.is_file())

@@ -1,6 +1,5 @@
 from .grids import Grid, read_grids
-from .results import get_result
-from .runs import get_model, get_run, load_run, train_run
+from .runs import get_model, get_result, get_run, load_run, train_run
 from .sampling import generate, inbetween
 from .systems import register, system, system_of
 from .tables import committed, committed_pairs, lines, measure

@@ -13,7 +13,8 @@ import torch
 from mwlib import plots
 from mwlib.data.collections import acknowledgement
 from mwlib.data.load import load_motions
-from mwlib.experiments.origins import data_fingerprint, models_used
+from mwlib.data.sources import data_fingerprint
+from mwlib.experiments.results import models_used
 from mwlib.experiments.runs import load_run
 from mwlib.inbetweening import lafan1
 from mwlib.inbetweening.bridge import Bridge

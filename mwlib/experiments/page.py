@@ -11,8 +11,8 @@ from typing import Any
 from matplotlib.figure import Figure
 
 from mwlib.data.collections import acknowledgement
-from mwlib.experiments.origins import data_fingerprint, models_used
-from mwlib.experiments.store import RESULT, parameters_hash, write_result
+from mwlib.data.sources import data_fingerprint
+from mwlib.experiments.results import RESULT, models_used, of_older_code, parameters_hash, write_result
 from mwlib.plots.saving import as_csv, marked, origin, save, save_table, show
 from mwlib.plots.tables import results_table
 from mwlib.version import __version__
@@ -143,7 +143,7 @@ class Page:
         json.dumps(dict(metrics))
         if self._folder:
             used = {"models": dict(models_used), "modules": sorted(name for name in sys.modules if name.split(".")[0] == "mwlib")}
-            write_result(self._folder, metrics, self._hash, self._depends | used, "finished")
+            write_result(self._folder, metrics, self._hash, self._depends | used | of_older_code(), "finished")
             self._finished = True
 
     def _open(self, what: str) -> None:
@@ -154,7 +154,7 @@ class Page:
 
     def _admit(self, kind: str, stem: str, data: Any, provenance: Mapping[str, object] | None) -> dict[str, object]:
         """Check a stem with what is to be saved under it, and return its provenance."""
-        about = {**self.provenance, **(provenance or {})}
+        about = {**self.provenance, **of_older_code(), **(provenance or {})}
         origin(kind, stem, about)
         as_csv(data)
         if self._folder and stem in self._stems:

@@ -1,80 +1,107 @@
-"""One experiment: a configuration in, its metrics out; done once, found again by hash."""
+"""Result files: what a run found and what that depends on, proof that it is whole, and the lock of whoever makes it."""
 
 from __future__ import annotations
 
 import json
-import time
+import os
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
-import torch
+from filelock import FileLock, Timeout
 
-from mwlib.experiments.origins import machine, models_used
-from mwlib.experiments.runs import get_model, get_run, models_behind
-from mwlib.experiments.store import locked, read_result, runs_folder
-from mwlib.experiments.systems import Data, system_of
 from mwlib.files import write_json
-from mwlib.hashing import digest, file_hash, package_hash
-from mwlib.settings import Settings
-from mwlib.training import MODEL
-from mwlib.version import __version__
+from mwlib.hashing import digest
+from mwlib.paths import home
+
+RESULT = "metrics.json"
+Status = Literal["ok", "finished"]
+
+# What this process has taken from runs and results, which a notebook's page names, as a notebook is a process of its own:
+models_used: dict[str, str] = {}  # name of a run -> SHA-256 of its model
+older_code: set[str] = set()  # modules that were others when something of this was made
 
 
-def result_file(cfg: Settings, data: Data) -> Path:
-    """Where the result of this configuration on these data is kept."""
-    models = models_behind(cfg, "built_on") + models_behind(cfg, "judged_by")
-    key = "-".join([cfg.hash(), *data.fingerprints(), __version__, *([digest(models)] if models else [])])
-    return runs_folder() / "results" / f"{key}.json"
+def runs_folder() -> Path:
+    """Where training runs are kept: MWLIB_RUNS, else `runs` in the course or checkout around the working folder, else in it."""
+    return Path(os.environ["MWLIB_RUNS"]) if "MWLIB_RUNS" in os.environ else home() / "runs"
 
 
-def get_result(cfg: Settings, data: Data | None = None, progress: bool = False) -> dict[str, Any]:
-    """Metrics of one configuration: its model is trained if missing, its test data are scored if missing.
+def accepts_older_code() -> bool:
+    """Whether runs and results of other code are taken: MWLIB_ACCEPT_OLDER_CODE, which ``--accept-older-code`` sets to 1."""
+    return os.environ.get("MWLIB_ACCEPT_OLDER_CODE", "") not in ("", "0")
 
-    Seeds are part of the configuration (`seed` of the training, `sampling_seed`). Two processes that ask for the same
-    result compute it once. A GPU is used where there is one.
+
+def of_older_code() -> dict[str, list[str]]:
+    """What to say beside whatever this process makes: the modules that are others now, if it took anything of older code."""
+    return {"older_code": sorted(older_code)} if older_code else {}
+
+
+def write_result(folder: Path, metrics: Mapping[str, Any], key: str, depends: Mapping[str, Any], status: Status = "ok") -> Path:
+    """Write what a run found: the last thing it does, atomic.
 
     Args:
-        cfg: configuration of any system.
-        data: what the system's `load_data` gives, if already loaded.
-        progress: show bars on stderr.
+        folder: the run's.
+        metrics: what it found; JSON values.
+        key: hash of its parameters or settings, under which `read_result` knows it.
+        depends: hashes of everything that the metrics depend on.
+        status: "ok" declares it done; a notebook's page can only say "finished", as it does not see whether every cell ran.
+    """
+    tree = {"status": status, "hash": key, "depends": dict(depends), "metrics": dict(metrics)}
+    write_json(folder / RESULT, tree)
+    return folder / RESULT
+
+
+def read_result(folder: Path, key: str, status: Status = "ok") -> dict[str, Any] | None:
+    """The metrics of a run with this hash and status; None if they are missing, half-written or of other parameters."""
+    result = result_of(folder)
+    return result["metrics"] if (result.get("status"), result.get("hash")) == (status, key) else None
+
+
+def result_of(folder: Path) -> dict[str, Any]:
+    """All that a result says: status, hash, depends, metrics; empty if it is missing, half-written or none."""
+    return read_tree(folder / RESULT, metrics=dict, depends=dict)
+
+
+def read_tree(file: Path, **needed: type) -> dict[str, Any]:
+    """A mapping from a JSON file; empty if it is missing, half-written or lacks an entry of the kinds that are needed."""
+    try:
+        tree = json.loads(file.read_text(encoding="utf-8"))
+    except (FileNotFoundError, NotADirectoryError, ValueError):
+        return {}
+    return tree if isinstance(tree, dict) and all(isinstance(tree.get(name), kind) for name, kind in needed.items()) else {}
+
+
+def parameters_hash(parameters: Mapping[str, Any]) -> str:
+    """Eight hex digits over a notebook's parameters; `out`, the place of the results, does not count."""
+    return digest({name: value for name, value in parameters.items() if name != "out"})
+
+
+@contextmanager
+def locked(file: Path, patience: float = -1) -> Iterator[bool]:
+    """One process at a time, the others wait; the lock dies with its holder, however it dies.
+
+    It is for making something: whoever finds it finished reads it without the lock, and needs no leave to write.
+
+    Args:
+        file: the lock.
+        patience: seconds to wait; -1 = for ever.
 
     Returns:
-        What the system's `evaluate` gives: "mean" and "standard_error" by metric, "windows", and more; "seconds" of the
-        sampling; "training" with loss and seconds of the run, None where no model was needed; "depends", hashes of settings,
-        data, the library's sources and (by the name of its run) the model. A file that is no result is measured again.
+        Whether the lock is held; False only when patience ran out.
+
+    Raises:
+        PermissionError: the folder cannot be written to.
     """
-    data = data or system_of(cfg).load_data(cfg)
-    file = result_file(cfg, data)
-    found = _read(file)
-    if found is None:
-        with locked(file.with_suffix(".lock")):
-            found = _read(file)
-            if found is None:
-                found = json.loads(json.dumps(_measure(cfg, data, progress)))
-                write_json(file, found)
-    models_used.update(found.get("depends", {}).get("models", {}))
-    return found
-
-
-def _read(file: Path) -> dict[str, Any] | None:
+    file.parent.mkdir(parents=True, exist_ok=True)
+    lock = FileLock(file)
     try:
-        found = json.loads(file.read_text(encoding="utf-8"))
-    except (FileNotFoundError, ValueError):
-        return None
-    return found if isinstance(found, dict) and "mean" in found else None
-
-
-def _measure(cfg: Settings, data: Data, progress: bool) -> dict[str, Any]:
-    outcome: dict[str, Any] = {"training": None, "models": {}}
-
-    def model() -> Any:
-        run = get_run(cfg, data, progress)
-        outcome["training"], outcome["models"] = read_result(run, cfg.training_hash()), {run.name: file_hash(run / MODEL)}
-        outcome["started"] = time.monotonic()
-        return get_model(cfg, data).to("cuda" if torch.cuda.is_available() else "cpu")
-
-    outcome["started"] = time.monotonic()
-    found = system_of(cfg).evaluate(cfg, model, data, progress)
-    seconds = round(time.monotonic() - outcome["started"], 1)
-    depends = {"settings": cfg.hash(), "data": list(data.fingerprints()), "mwlib": package_hash(), "models": outcome["models"]}
-    return {**found, "seconds": seconds, "training": outcome["training"], "machine": machine(), "depends": depends}
+        lock.acquire(timeout=patience)
+    except Timeout:
+        yield False
+        return
+    try:
+        yield True
+    finally:
+        lock.release()

@@ -1,42 +1,178 @@
-"""Training runs: a folder each, found again by the hash of its settings and the fingerprint of its data."""
+"""Runs and their results: trained or measured once, and found again by settings, data and the code behind them."""
 
 from __future__ import annotations
 
+import json
+import logging
 import os
+import platform
 import sys
-from collections.abc import Iterator
+import time
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import nullcontext
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
+import torch
 from accelerate.state import PartialState
 from accelerate.utils import broadcast_object_list
 from tqdm import tqdm
 
-from mwlib.experiments.origins import machine, models_used
-from mwlib.experiments.store import locked, read_result, runs_folder, write_result
-from mwlib.experiments.systems import Data, read_config, system_of
-from mwlib.files import sweep, write_atomic
-from mwlib.hashing import digest, file_hash, package_hash
+from mwlib.experiments.results import (
+    accepts_older_code,
+    locked,
+    models_used,
+    older_code,
+    read_result,
+    read_tree,
+    result_of,
+    runs_folder,
+    write_result,
+)
+from mwlib.experiments.systems import Data, code_of, read_config, system_of
+from mwlib.files import sweep, write_json, write_together
+from mwlib.hashing import digest, file_hash
 from mwlib.paths import CONFIG, run_folder, shipped
 from mwlib.settings import Settings
-from mwlib.training import MODEL, TrainingStep, read_model, read_outcome, train
-from mwlib.version import __version__
+from mwlib.training import CHECKPOINT, MODEL, TrainingStep, read_model, read_outcome, train
 
+CODE = "code.json"  # in a run's folder: hashes of the modules that its training began with
 PATIENCE = 60.0  # seconds after which waiting processes tell each other that they still wait, lest their connection expires
+MOST_NAMES = 5  # modules that a message names
+
+log = logging.getLogger(__name__)
 
 
-def run_path(cfg: Settings, data: Data) -> Path:
-    """Folder of the training run with this configuration, these data, these models behind it and this version of mwlib."""
-    key = digest([cfg.training_hash(), __version__, *models_behind(cfg, "built_on")])
-    return runs_folder() / f"{key}-{data.fingerprints()[0]}"
+class Run:
+    """A configuration on its data: where its training and its result are kept, and what they depend on.
 
+    Names of folder and file hold hashes of settings, data, other trained models that stand behind them, and code: every module
+    that the system imports. So nothing is found again that today's code would not make.
 
-def models_behind(cfg: Settings, role: Literal["built_on", "judged_by"]) -> list[str]:
-    """SHA-256 of the other trained models that a training is built on, or that its results are judged by; see `System`."""
-    names = getattr(system_of(cfg), role, lambda _: [])(cfg)
-    files = [Path(name) if Path(name).is_file() else (run_folder(name) or Path(name)) / MODEL for name in names]
-    return [file_hash(file) for file in files if file.exists()]
+    Args:
+        cfg: configuration of any system.
+        data: what the system's `load_data` gives, if already loaded.
+
+    Attributes:
+        folder: of the training.
+        file: of the result.
+        code: hash of each module behind the system, see `code_behind`.
+    """
+
+    def __init__(self, cfg: Settings, data: Data | None = None) -> None:
+        self.cfg, self.system, self.key = cfg, system_of(cfg), cfg.training_hash()
+        self.data = self.system.load_data(cfg) if data is None else data
+        self.code = code_of(self.system)
+        self.training, self.test = self.data.fingerprints()
+        built_on, judged_by = (_models(getattr(self.system, role, lambda _: [])(cfg)) for role in ("built_on", "judged_by"))
+        code, others = digest(self.code), [digest(built_on + judged_by)] if built_on + judged_by else []
+        self.folder = runs_folder() / f"{digest([self.key, *built_on])}-{self.training}-{code}"
+        self.file = runs_folder() / "results" / f"{'-'.join([cfg.hash(), self.training, self.test, *others, code])}.json"
+
+    def changed(self, depends: Mapping[str, Any]) -> list[str]:
+        """The modules that are others today than when something was made that says what it depends on."""
+        before = depends.get("code", self.code)
+        others = {name for name in before | self.code if before.get(name) != self.code.get(name)}
+        return sorted(others | {*depends.get("older_code", ())})
+
+    def train(self, progress: bool = False) -> Path:
+        """The folder of the finished training; what is missing of it is done.
+
+        Of the processes that ``accelerate launch`` started the first holds the lock for all, and tells them what it found.
+        """
+        if self._state(mine=False) != "done" and not (self.folder / CHECKPOINT).exists():
+            self.folder = self._place(self.folder, "training")
+        said = _agreed(self._state(mine=False))
+        while said == "wait":
+            with locked(self.folder / ".lock", PATIENCE) if _rank() == 0 else nullcontext(True) as mine:
+                said = _agreed(self._state(mine))
+                if said == "train":
+                    self._train_to_end(progress)
+                    _agreed("done")  # nobody goes on before the result is written
+        older_code.update(self.changed(result_of(self.folder)["depends"]))
+        return self.folder
+
+    def _state(self, mine: bool) -> str:
+        """ "done", or what there is to do: "train" for the holder of the lock, "wait" for others."""
+        done = read_result(self.folder, self.key) is not None
+        return "done" if done else "train" if mine else "wait"
+
+    def _place(self, own: Path, doing: str) -> Path:
+        """Its own place for something that is missing there; or, if that is wanted, the newest that other code left.
+
+        If there is such a one, a sentence on stderr says which modules are others now.
+        """
+        same = own.parent.glob(own.name.replace(digest(self.code), "????????"))
+        others = {place: made for place in same if place != own and (made := _made_with(place))}
+        if not others:
+            return own
+        newest = max(others, key=lambda place: place.stat().st_mtime)
+        names = self.changed(others[newest])
+        told = ", ".join(names[:MOST_NAMES]) + f" and {len(names) - MOST_NAMES} more" * (len(names) > MOST_NAMES)
+        if accepts_older_code():
+            log.warning("%s is taken although the code has changed since: %s", newest.name, told)
+            return newest
+        log.warning(
+            "%s anew, as the code has changed since %s was made: %s (--accept-older-code takes it)", doing, newest.name, told
+        )
+        return own
+
+    def _train_to_end(self, progress: bool) -> None:
+        hidden = not progress or _rank() > 0
+        if _rank() == 0:
+            sweep(self.folder)
+        with tqdm(total=self.cfg.get("train_steps"), desc="training", disable=hidden, file=sys.stderr) as bar:
+            for last in train_run(self.cfg, self.data, self.folder):
+                bar.update(last.step - bar.n)
+                if last.step % 20 == 0:
+                    bar.set_postfix(loss=f"{last.loss:.4f}", lr=f"{last.lr:.2e}")
+        if _rank() == 0:
+            depends = {"settings": self.key, "data": self.training, "model": file_hash(self.folder / MODEL)}
+            depends |= self._marked(read_tree(self.folder / CODE))
+            write_result(self.folder, read_outcome(self.folder) | {"machine": machine()}, self.key, depends)
+
+    def _marked(self, code: Mapping[str, str]) -> dict[str, Any]:
+        """The code that something was made with, and the modules that are others now."""
+        changed = self.changed({"code": code})
+        return {"code": dict(code), **({"older_code": changed} if changed else {})}
+
+    def model(self, progress: bool = False) -> Any:
+        """The trained model; it samples as the configuration says."""
+        return _opened(self.cfg, self.train(progress))
+
+    def result(self, file: Path) -> dict[str, Any] | None:
+        """What a file says, if it is a result that may be taken: made by today's code, or older code is accepted."""
+        found = read_tree(file, mean=dict)
+        changed = self.changed(found.get("depends", {}))
+        if not found or changed and not accepts_older_code():
+            return None
+        if changed:
+            found["depends"]["older_code"] = changed
+        models_used.update(found.get("depends", {}).get("models", {}))
+        older_code.update(changed)
+        return found
+
+    def measure(self, progress: bool = False) -> dict[str, Any]:
+        """The result, made now and written to its file."""
+        depends = {"settings": self.cfg.hash(), "data": [self.training, self.test], "code": self.code, "models": {}}
+        found: dict[str, Any] = {"training": None}
+        started = time.monotonic()
+
+        def model() -> Any:
+            nonlocal started
+            opened = self.model(progress)
+            of_run = result_of(self.folder)
+            found["training"], depends["models"] = of_run["metrics"], {self.folder.name: of_run["depends"]["model"]}
+            if changed := self.changed(of_run["depends"]):
+                depends["older_code"] = changed
+            started = time.monotonic()
+            return opened.to("cuda" if torch.cuda.is_available() else "cpu")
+
+        measured = self.system.evaluate(self.cfg, model, self.data, progress)
+        seconds = round(time.monotonic() - started, 1)
+        found = {**measured, "seconds": seconds, **found, "machine": machine(), "depends": depends}
+        write_json(self.file, found)
+        return json.loads(json.dumps(found))
 
 
 def get_run(cfg: Settings, data: Data | None = None, progress: bool = False) -> Path:
@@ -50,33 +186,46 @@ def get_run(cfg: Settings, data: Data | None = None, progress: bool = False) -> 
         data: what the system's `load_data` gives, if already loaded.
         progress: show a bar on stderr.
     """
-    data = data or system_of(cfg).load_data(cfg)
-    folder = run_path(cfg, data)
-    said = _agreed(_state(cfg, folder, mine=False))
-    while said == "wait":
-        # of the processes that `accelerate launch` started, the first holds the lock for all, and tells them what it found
-        with locked(folder / ".lock", PATIENCE) if _rank() == 0 else nullcontext(True) as mine:
-            said = _agreed(_state(cfg, folder, mine))
-            if said == "train":
-                _train_to_end(cfg, data, folder, progress)
-                _agreed("done")  # nobody goes on before the result is written
-    return folder
+    return Run(cfg, data).train(progress)
 
 
-def _state(cfg: Settings, folder: Path, mine: bool) -> str:
-    """ "done", or what there is to do: "train" for the holder of the lock, "wait" for others."""
-    done = read_result(folder, cfg.training_hash()) is not None
-    return "done" if done else "train" if mine else "wait"
+def get_model(cfg: Settings, data: Data | None = None, progress: bool = False) -> Any:
+    """The trained model of a configuration, trained once if missing; it samples as `cfg` says.
+
+    Configurations that differ in sampling only share a run, and the run's own file knows the one that trained it.
+
+    Args:
+        cfg, data, progress: as in `get_run`.
+    """
+    return Run(cfg, data).model(progress)
 
 
-def _agreed(said: str) -> str:
-    """What the first of several processes says; alone, what this one says."""
-    if int(os.environ.get("WORLD_SIZE", "1")) == 1:
-        return said
-    PartialState()  # joins the processes
-    words = [said]
-    broadcast_object_list(words)
-    return words[0]
+def get_result(cfg: Settings, data: Data | None = None, progress: bool = False) -> dict[str, Any]:
+    """Metrics of one configuration: its model is trained if missing, its test data are scored if missing.
+
+    Seeds are part of the configuration (`seed` of the training, `sampling_seed`). Two processes that ask for the same
+    result compute it once. A GPU is used where there is one. What the code gave before it changed is measured again, unless
+    `accepts_older_code`.
+
+    Args:
+        cfg: configuration of any system.
+        data: what the system's `load_data` gives, if already loaded.
+        progress: show bars on stderr.
+
+    Returns:
+        What the system's `evaluate` gives: "mean" and "standard_error" by metric, "windows", and more; "seconds" of the
+        sampling; "training" with loss and seconds of the run, None where no model was needed; "depends", hashes of settings,
+        data, each module of the code and (by the name of its run) the model, and under "older_code" the modules that are others
+        now. A file that is no result is measured again.
+    """
+    run = Run(cfg, data)
+    if (found := run.result(run.file)) is None:
+        place = run._place(run.file, "measuring")
+        if place != run.file and (found := run.result(place)) is not None:
+            return found
+        with locked(run.file.with_suffix(".lock")):
+            found = run.result(run.file) or run.measure(progress)
+    return found
 
 
 def train_run(cfg: Settings, data: Data, folder: Path) -> Iterator[TrainingStep]:
@@ -92,35 +241,8 @@ def train_run(cfg: Settings, data: Data, folder: Path) -> Iterator[TrainingStep]
     """
     system, settings = system_of(cfg), cfg.get_group("training")
     if not (folder / CONFIG).exists():
-        write_atomic(folder / CONFIG, cfg.to_yaml())
+        write_together({folder / CODE: json.dumps(code_of(system), indent=1), folder / CONFIG: cfg.to_yaml()})
     yield from train(lambda learnt: system.make_objective(cfg, data, learnt), settings, folder, cfg.training_hash())
-
-
-def _train_to_end(cfg: Settings, data: Data, folder: Path, progress: bool) -> None:
-    hidden = not progress or _rank() > 0
-    if _rank() == 0:
-        sweep(folder)
-    with tqdm(total=cfg.get("train_steps"), desc="training", disable=hidden, file=sys.stderr) as bar:
-        for last in train_run(cfg, data, folder):
-            bar.update(last.step - bar.n)
-            if last.step % 20 == 0:
-                bar.set_postfix(loss=f"{last.loss:.4f}", lr=f"{last.lr:.2e}")
-    if _rank() == 0:
-        depends = {"settings": cfg.training_hash(), "data": data.fingerprints()[0], "mwlib": package_hash()}
-        model = {"model": file_hash(folder / MODEL)}
-        outcome = read_outcome(folder) | {"machine": machine()}
-        write_result(folder, outcome, cfg.training_hash(), depends | model)
-
-
-def get_model(cfg: Settings, data: Data | None = None, progress: bool = False) -> Any:
-    """The trained model of a configuration, trained once if missing; it samples as `cfg` says.
-
-    Configurations that differ in sampling only share a run, and the run's own file knows the one that trained it.
-
-    Args:
-        cfg, data, progress: as in `get_run`.
-    """
-    return _opened(cfg, get_run(cfg, data, progress))
 
 
 def load_run(folder: str | Path) -> Any:
@@ -148,6 +270,36 @@ def _opened(cfg: Settings, folder: Path) -> Any:
     parts = read_model(folder)
     models_used[folder.name] = file_hash(folder / MODEL)
     return system_of(cfg).open_model(cfg, *parts)
+
+
+def _models(names: Sequence[str]) -> list[str]:
+    """SHA-256 of other trained models, named as `System` says; of those that are there."""
+    files = [Path(name) if Path(name).is_file() else (run_folder(name) or Path(name)) / MODEL for name in names]
+    return [file_hash(file) for file in files if file.exists()]
+
+
+def _made_with(place: Path) -> dict[str, Any] | None:
+    """What a result, or a run that is finished or was stopped, depends on; None of what is neither."""
+    if place.suffix == ".json":
+        return read_tree(place, mean=dict, depends=dict).get("depends")
+    begun = {"code": read_tree(place / CODE)} if (place / CHECKPOINT).exists() and (place / CODE).exists() else None
+    return result_of(place).get("depends", begun)
+
+
+def machine() -> dict[str, str]:
+    """What numbers are computed on: processor or graphics card, and torch's version."""
+    device = torch.cuda.get_device_name() if torch.cuda.is_available() else f"{platform.machine()} CPU"
+    return {"device": device, "torch": torch.__version__.split("+")[0]}
+
+
+def _agreed(said: str) -> str:
+    """What the first of several processes says; alone, what this one says."""
+    if int(os.environ.get("WORLD_SIZE", "1")) == 1:
+        return said
+    PartialState()  # joins the processes
+    words = [said]
+    broadcast_object_list(words)
+    return words[0]
 
 
 def _rank() -> int:

@@ -9,12 +9,12 @@ from pathlib import Path
 from typing import Any
 
 from mwlib.data.collections import acknowledgement
-from mwlib.experiments.results import get_result
-from mwlib.experiments.runs import get_run
-from mwlib.experiments.store import read_result
+from mwlib.experiments.results import of_older_code, read_result
+from mwlib.experiments.runs import get_result, get_run
 from mwlib.experiments.systems import system, system_of
 from mwlib.experiments.tables import details
 from mwlib.files import write_together
+from mwlib.hashing import digest
 from mwlib.paths import CONFIG
 from mwlib.settings import Settings
 from mwlib.training import MODEL
@@ -84,7 +84,8 @@ def ship(cfg: Settings, folder: Path, title: str, command: str, progress: bool =
     metrics: dict[str, Any] = {name: _kept(result) for name, result in found.items()}
     metrics["training"] = read_result(run, cfg.training_hash())
     metrics["about"] = {
-        "settings": cfg.hash(), "data": list(data.fingerprints()), "mwlib": __version__, "measured on": found["model"]["machine"]
+        "settings": cfg.hash(), "data": list(data.fingerprints()), "mwlib": __version__, "measured on": found["model"]["machine"],
+        "code": digest(found["model"]["depends"]["code"]), **of_older_code(),
     }  # fmt: skip
     text = card(title, command, cfg, metrics)
     write_together({folder / CONFIG: cfg.to_yaml(), folder / CARD: text, folder / METRICS: json.dumps(metrics, indent=1)})

@@ -7,6 +7,7 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
+from mwlib.hashing import code_behind
 from mwlib.settings import Settings, read_tree
 
 if TYPE_CHECKING:  # names of types alone: listing the systems waits for no torch
@@ -103,6 +104,11 @@ def system(name: str) -> System:
 def system_of(cfg: Settings) -> System:
     """The system that a configuration belongs to."""
     return system(cfg.system)
+
+
+def code_of(system: System) -> dict[str, str]:
+    """The hash of each module behind a system: of all that its module imports, see `code_behind`."""
+    return code_behind(getattr(system, "__name__", system.Config.__module__))
 
 
 def read_config(file: Path) -> Settings:

@@ -13,8 +13,9 @@ import numpy as np
 
 from mwlib.data.collections import acknowledgement
 from mwlib.experiments.grids import Grid, changes, row_config
-from mwlib.experiments.results import get_result
+from mwlib.experiments.runs import get_result
 from mwlib.experiments.systems import Data, System, system
+from mwlib.hashing import digest
 from mwlib.metrics import Column, clustered_error
 from mwlib.paths import course_folder
 from mwlib.settings import Settings
@@ -70,6 +71,8 @@ def _over_seeds(results: Sequence[dict[str, Any]], metrics: Mapping[str, Column]
         "seconds": sum(r["seconds"] for r in results),
         "training_seconds": sum((r.get("training") or {"seconds": 0.0})["seconds"] for r in results),
         "machines": sorted({" with torch ".join(r["machine"].values()) for r in results if "machine" in r}),
+        "code": sorted({digest(r["depends"]["code"]) for r in results if "code" in r.get("depends", {})}),
+        "older_code": sorted({name for r in results for name in r.get("depends", {}).get("older_code", ())}),
         "actions": results[0].get("actions", {}),
     }
 
@@ -222,6 +225,11 @@ def committed_motion(stem: str, name: str = "truth", folder: Path | None = None)
     return np.array([[float(row[place]) for place in places] for row in rows], dtype=np.float32)
 
 
+def _union(found: Sequence[dict[str, Any]], entry: str) -> list[str]:
+    """What the rows have under an entry, each once."""
+    return sorted({name for row in found for name in row[entry]})
+
+
 def provenance(grid: Grid, cfg: Settings, found: Sequence[dict[str, Any]], given: Collection[str] = ()) -> dict[str, Any]:
     """What a reader must know to trust the numbers of a grid."""
     budget, data = grid.budget(cfg), cfg.get("data")
@@ -236,5 +244,6 @@ def provenance(grid: Grid, cfg: Settings, found: Sequence[dict[str, Any]], given
         "standard_error_over_clips": {row["name"]: row["standard_error"] for row in found},
         "seconds_of_sampling": {row["name"]: row["seconds"] for row in found},
         "seconds_of_training": {row["name"]: row["training_seconds"] for row in found},
-        "mwlib": __version__, "machines": sorted({name for row in found for name in row["machines"]}),
+        "mwlib": __version__, **{name: _union(found, name) for name in ("machines", "code")},
+        **({"older_code": older} if (older := _union(found, "older_code")) else {}),
     } | acknowledgement(data)  # fmt: skip

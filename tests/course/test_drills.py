@@ -19,8 +19,8 @@ from mwlib.course import execute
 from mwlib.course.execute import NotDone, run_notebook
 from mwlib.course.manifest import FILES
 from mwlib.course.notebooks import ParameterError, source_hash
-from mwlib.experiments import store
-from mwlib.experiments.origins import data_fingerprint
+from mwlib.data.sources import data_fingerprint
+from mwlib.experiments import results
 from mwlib.files import write_together
 from mwlib.hashing import package_hash
 from tests.forked import started
@@ -38,8 +38,8 @@ def test_a_run_that_gets_to_its_end_is_done(tmp_path):
     stored = notebook.read_bytes()
     out = run_notebook(notebook, tmp_path / "out", {"level": 3, "lr": 1})
     expected = {"preset": "tiny", "data": "", "level": 3, "lr": 1.0, "names": ["haar", "db2"]}
-    assert store.read_result(out, store.parameters_hash(expected)) == {"answer": 4.0}
-    assert store.read_result(out, store.parameters_hash({**expected, "level": 2})) is None
+    assert results.read_result(out, results.parameters_hash(expected)) == {"answer": 4.0}
+    assert results.read_result(out, results.parameters_hash({**expected, "level": 2})) is None
     assert {"notebook.ipynb", "notebook.html"} <= {path.name for path in out.iterdir()}
     assert notebook.read_bytes() == stored
 
@@ -105,7 +105,7 @@ def test_the_result_and_its_page_appear_together_or_not_at_all(tmp_path, monkeyp
     monkeypatch.setattr(execute.papermill, "execute_notebook", pretend)
     monkeypatch.setattr(execute, "_page", lambda executed: "<html>")
     out = run_notebook(save(runnable(), tmp_path), tmp_path / "out", {})
-    result = store.result_of(out)
+    result = results.result_of(out)
     expected = {"notebook": source_hash(runnable()), "mwlib": package_hash(), "surroundings": execute.surroundings()}
     assert result["status"] == "ok" and result["depends"] == DEPENDS | expected
     assert (out / "notebook.html").read_text() == "<html>"
@@ -128,7 +128,9 @@ def test_an_execution_is_kept_for_whoever_asks_for_the_same(tmp_path, monkeypatc
     first = run_notebook(notebook, tmp_path / "first", {}, kept=kept, page=False)
     (tmp_path / "second" / "deep").mkdir(parents=True)
     second = run_notebook(notebook, tmp_path / "second", {}, kept=kept)
-    assert len(asked) == 1 and store.result_of(second) == store.result_of(first) and store.result_of(first)["status"] == "ok"
+    assert (
+        len(asked) == 1 and results.result_of(second) == results.result_of(first) and results.result_of(first)["status"] == "ok"
+    )
     assert {path.name for path in second.iterdir()} - {path.name for path in first.iterdir()} == {"notebook.html", "deep"}
     run_notebook(notebook, tmp_path / "second", {"level": 3}, kept=kept)
     run_notebook(save(runnable("1"), tmp_path), tmp_path / "second", {}, kept=kept)
@@ -145,8 +147,8 @@ def pretend(notebook: str, executed: str, values: dict, **_) -> None:
     for number, cell in enumerate(tree.cells, 1):
         cell.execution_count = number
     nbformat.write(tree, executed)
-    kept = {"status": "finished", "hash": store.parameters_hash(values), "depends": DEPENDS, "metrics": {}}
-    (folder / store.RESULT).write_text(json.dumps(kept))
+    kept = {"status": "finished", "hash": results.parameters_hash(values), "depends": DEPENDS, "metrics": {}}
+    (folder / results.RESULT).write_text(json.dumps(kept))
 
 
 def test_sigterm_leaves_no_result(tmp_path):

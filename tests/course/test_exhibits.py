@@ -13,8 +13,8 @@ import yaml
 from mwlib.course.exhibits import write_index
 from mwlib.course.manifest import FILES, read_manifest
 from mwlib.course.notebooks import course, exhibits_kept, source_hash
-from mwlib.experiments.origins import data_fingerprint
-from mwlib.experiments.store import parameters_hash, write_result
+from mwlib.data.sources import data_fingerprint
+from mwlib.experiments.results import parameters_hash, write_result
 from mwlib.files import write_atomic
 from mwlib.hashing import package_hash
 from tests.sample_notebooks import bare, save

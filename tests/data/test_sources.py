@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import os
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,7 +13,7 @@ from mwlib import Motion
 from mwlib.body.skeleton import CMU, H36M17
 from mwlib.data import sources
 from mwlib.data.collections import acknowledgement
-from mwlib.data.sources import SourceConfig, Split, fingerprint, split_motions
+from mwlib.data.sources import SourceConfig, Split, data_fingerprint, fingerprint, split_motions
 from mwlib.data.windows import Bodies, prepare, windows
 from mwlib.prediction.config import Config
 from mwlib.synthetic.motions import synthetic_motions
@@ -164,3 +166,66 @@ def test_clips_are_made_ready_as_the_system_wants_them(monkeypatch):
     assert not np.array_equal(split_motions(given).train[0].positions, split.train[0].positions)
     with pytest.raises(ValueError, match="has fps"):
         split_motions(given, lambda motions, fps: [replace(m, fps=fps + i) for i, m in enumerate(motions)])
+
+
+@pytest.fixture
+def data(tmp_path) -> Path:
+    """A folder of files in two levels, below another."""
+    folder = tmp_path / "all" / "data"
+    for name in ("a.bvh", "deep/b.amc", "deep/b.asf", "clips.csv"):
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        (folder / name).write_text(name)
+    return folder
+
+
+def swap(one: Path, other: Path) -> None:
+    text = one.read_text()
+    one.write_text(other.read_text())
+    other.write_text(text)
+
+
+CHANGES = {
+    "edited": lambda folder: (folder / "a.bvh").write_text("A.bvh"),
+    "edited at the same time": lambda folder: ((folder / "a.bvh").write_text("A.bvh"), os.utime(folder / "a.bvh", (1, 1))),
+    "added": lambda folder: (folder / "deep" / "c.npz.xz").write_text(""),
+    "removed": lambda folder: (folder / "a.bvh").unlink(),
+    "renamed": lambda folder: (folder / "a.bvh").rename(folder / "b.bvh"),
+    "moved": lambda folder: (folder / "a.bvh").rename(folder / "deep" / "a.bvh"),
+    "swapped": lambda folder: swap(folder / "a.bvh", folder / "deep" / "b.amc"),
+    "skeleton": lambda folder: (folder / "deep" / "b.asf").write_text("other"),
+    "hints": lambda folder: (folder / "clips.csv").write_text("other"),
+    "hints above": lambda folder: (folder.parent / "clips.csv").write_text("new"),
+}
+NO_CHANGES = {
+    "nothing": lambda folder: None,
+    "touched": lambda folder: os.utime(folder / "a.bvh", (1, 1)),
+    "written again": lambda folder: (folder / "a.bvh").write_text("a.bvh"),
+    "other files": lambda folder: (folder / "notes.md").write_text("x"),
+    "hidden": lambda folder: (folder / ".a.bvh").write_text("x"),
+    "pipe": lambda folder: os.mkfifo(folder / "pipe.bvh"),
+    "broken link": lambda folder: (folder / "link.bvh").symlink_to("nowhere"),
+}
+
+
+@pytest.mark.parametrize("name", [*CHANGES, *NO_CHANGES])
+def test_the_fingerprint_of_data_follows_their_files(data, name):
+    before = data_fingerprint(str(data))
+    {**CHANGES, **NO_CHANGES}[name](data)
+    assert (data_fingerprint(str(data)) != before) == (name in CHANGES)
+
+
+def test_a_single_file_counts_with_its_skeleton_and_hints_only(data):
+    file = str(data / "deep" / "b.amc")
+    before = data_fingerprint(file)
+    (data / "a.bvh").unlink()
+    assert data_fingerprint(file) == before
+    (data / "deep" / "b.asf").write_text("other")
+    after = data_fingerprint(file)
+    (data / "clips.csv").unlink()
+    assert len({before, after, data_fingerprint(file)}) == 3
+
+
+def test_data_are_found_where_loading_finds_them(data, monkeypatch):
+    monkeypatch.setenv("MWLIB_DATA", str(data.parent))
+    assert data_fingerprint("data") == data_fingerprint(str(data)) != data_fingerprint("nowhere")
+    assert data_fingerprint("synthetic") == data_fingerprint("tiny") == data_fingerprint("nowhere")

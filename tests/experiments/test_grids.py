@@ -12,8 +12,9 @@ import yaml
 from mwlib import plots
 from mwlib.__main__ import main
 from mwlib.course.notebooks import course
-from mwlib.experiments import committed, committed_pairs, lines, measure, read_grids, results, tables
+from mwlib.experiments import committed, committed_pairs, lines, measure, read_grids, tables
 from mwlib.experiments.grids import changes, row_config
+from mwlib.experiments.runs import Run
 from mwlib.experiments.systems import system
 from mwlib.paths import course_folder
 from mwlib.prediction.config import Config
@@ -125,7 +126,7 @@ def test_a_grid_is_measured_once(tmp_path, monkeypatch):
     found = measure(grid, cfg)
     assert [row["name"] for row in found] == ["haar", "db2", "db3"] and all(row["seeds"] == 2 for row in found)
     assert all(row["seed_deviation"]["ade"] > 0 and row["windows"] == 3 for row in found)
-    monkeypatch.setattr(results, "_measure", lambda *_: pytest.fail("measured again"))
+    monkeypatch.setattr(Run, "measure", lambda *_: pytest.fail("measured again"))
     assert measure(grid, cfg) == found
     column = {"ade": METRICS["ade"]}
     line, second, _ = lines(found, column, errors=True, first="basis")

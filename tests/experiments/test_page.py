@@ -11,10 +11,10 @@ import pytest
 import torch
 
 from mwlib import __version__
+from mwlib.data.sources import data_fingerprint
 from mwlib.experiments import page as page_module
-from mwlib.experiments.origins import data_fingerprint
 from mwlib.experiments.page import Page
-from mwlib.experiments.store import RESULT, parameters_hash, read_result, result_of
+from mwlib.experiments.results import RESULT, parameters_hash, read_result, result_of
 from mwlib.prediction.config import Config
 
 PARAMETERS = {"preset": "tiny", "data": "", "seed": 3}

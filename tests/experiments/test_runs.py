@@ -1,4 +1,4 @@
-"""The run contract: hashes, atomic results, one training for many askers, and goings-on after a kill at a bad moment."""
+"""Runs and results: what they depend on, atomic results, one training for many askers, goings-on after a kill."""
 
 from __future__ import annotations
 
@@ -8,13 +8,23 @@ import shutil
 import socket
 import subprocess
 import sys
+import threading
 import time
 from pathlib import Path
+from typing import NamedTuple
 
 import pytest
+from filelock import FileLock
 
-from mwlib.experiments import get_model, get_result, get_run, load_run, runs, store, train_run
+from mwlib.experiments import get_model, get_result, get_run, load_run, results, runs, system_of, train_run
+from mwlib.experiments.results import locked, models_used, read_result, result_of, write_result
+from mwlib.experiments.runs import CODE, Run
+from mwlib.experiments.systems import code_of
 from mwlib.files import write_atomic
+from mwlib.hashing import file_hash
+from mwlib.paths import CONFIG
+from mwlib.prediction.config import Config
+from mwlib.text_to_motion.config import Config as SentencesConfig
 from mwlib.training import CHECKPOINT, CURVES, MODEL
 from tests.sample_settings import small, two_people
 
@@ -22,19 +32,19 @@ ROOT = Path(__file__).parents[2]
 
 
 def test_results_are_believed_only_when_whole(tmp_path):
-    assert store.read_result(tmp_path, "abc") is None
-    store.write_result(tmp_path, {"ade": 0.5}, "abc", {})
-    assert store.read_result(tmp_path, "abc") == {"ade": 0.5} and store.read_result(tmp_path, "abd") is None
-    text = (tmp_path / store.RESULT).read_text()
+    assert read_result(tmp_path, "abc") is None
+    write_result(tmp_path, {"ade": 0.5}, "abc", {})
+    assert read_result(tmp_path, "abc") == {"ade": 0.5} and read_result(tmp_path, "abd") is None
+    text = (tmp_path / results.RESULT).read_text()
     for broken in (text[:-5], "[]", json.dumps({"status": "running", "hash": "abc"}), ""):
-        write_atomic(tmp_path / store.RESULT, broken)
-        assert store.read_result(tmp_path, "abc") is None
+        write_atomic(tmp_path / results.RESULT, broken)
+        assert read_result(tmp_path, "abc") is None
 
 
 def test_the_hash_of_a_notebooks_parameters_leaves_out_where_results_go():
     parameters = {"preset": "tiny", "level": 2}
-    assert store.parameters_hash(parameters) == store.parameters_hash({"level": 2, "preset": "tiny", "out": "build/01"})
-    assert store.parameters_hash(parameters) != store.parameters_hash(parameters | {"level": 3})
+    assert results.parameters_hash(parameters) == results.parameters_hash({"level": 2, "preset": "tiny", "out": "build/01"})
+    assert results.parameters_hash(parameters) != results.parameters_hash(parameters | {"level": 3})
 
 
 ASK = """
@@ -56,10 +66,10 @@ def test_two_processes_train_a_run_once(tmp_path):
 
 def test_runs_folder_follows_the_environment(monkeypatch, tmp_path):
     monkeypatch.setenv("MWLIB_RUNS", str(tmp_path))
-    assert store.runs_folder() == tmp_path
+    assert results.runs_folder() == tmp_path
     monkeypatch.delenv("MWLIB_RUNS")
     monkeypatch.chdir(tmp_path)
-    assert store.runs_folder() == tmp_path / "runs"
+    assert results.runs_folder() == tmp_path / "runs"
 
 
 def test_a_predictor_samples_as_its_configuration_says(monkeypatch, tmp_path):
@@ -79,11 +89,11 @@ def test_a_kill_between_the_last_checkpoint_and_the_result_costs_nothing(monkeyp
     cfg, data = small(), two_people()
     data = data._replace(test=data.validation)
     folder = get_run(cfg, data)
-    whole = json.loads((folder / store.RESULT).read_text())
-    (folder / store.RESULT).unlink()
+    whole = json.loads((folder / results.RESULT).read_text())
+    (folder / results.RESULT).unlink()
     kept = {name: (folder / name).stat().st_mtime_ns for name in (MODEL, CHECKPOINT)}
     assert get_run(cfg, data) == folder
-    assert json.loads((folder / store.RESULT).read_text()) == whole and whole["metrics"]["loss"] > 0
+    assert json.loads((folder / results.RESULT).read_text()) == whole and whole["metrics"]["loss"] > 0
     assert kept == {name: (folder / name).stat().st_mtime_ns for name in kept}
     training = get_result(cfg.override(test_windows=3), data)["training"]
     assert training == whole["metrics"] and training["steps"] == cfg.training.train_steps
@@ -92,12 +102,12 @@ def test_a_kill_between_the_last_checkpoint_and_the_result_costs_nothing(monkeyp
 def test_a_stopped_training_gives_the_result_of_one_that_was_not(monkeypatch, tmp_path):
     monkeypatch.setenv("MWLIB_RUNS", str(tmp_path))
     cfg, data = small(), two_people()
-    whole = store.read_result(get_run(cfg, data), cfg.training_hash())
+    whole = read_result(get_run(cfg, data), cfg.training_hash())
     monkeypatch.setenv("MWLIB_RUNS", str(tmp_path / "other"))
-    for step in train_run(cfg, data, runs.run_path(cfg, data)):
+    for step in train_run(cfg, data, Run(cfg, data).folder):
         if step.step == 7:
             break
-    again = store.read_result(get_run(cfg, data), cfg.training_hash())
+    again = read_result(get_run(cfg, data), cfg.training_hash())
     assert whole is not None and again is not None
     assert {k: v for k, v in again.items() if k != "seconds"} == {k: v for k, v in whole.items() if k != "seconds"}
     texts = [(file.parent / CURVES).read_text() for file in tmp_path.rglob(MODEL)]
@@ -150,9 +160,9 @@ def test_several_processes_do_not_hang_when_another_finishes_their_run(monkeypat
     monkeypatch.setenv("MWLIB_RUNS", str(tmp_path / "elsewhere"))
     made = get_run(cfg, data)
     monkeypatch.setenv("MWLIB_RUNS", str(tmp_path / "runs"))
-    folder = runs.run_path(cfg, data)
+    folder = Run(cfg, data).folder
     world = {**os.environ, "MASTER_ADDR": "127.0.0.1", "MASTER_PORT": str(free_port()), "WORLD_SIZE": "2", "OMP_NUM_THREADS": "1"}
-    with store.locked(folder / ".lock"):
+    with locked(folder / ".lock"):
         ranks = [
             subprocess.Popen(
                 [sys.executable, "-c", ONE_OF_TWO], cwd=ROOT, stdout=subprocess.PIPE, text=True,
@@ -170,3 +180,219 @@ def free_port() -> int:
     with socket.socket() as listener:
         listener.bind(("127.0.0.1", 0))
         return listener.getsockname()[1]
+
+
+def test_runs_and_results_name_settings_data_library_and_model(monkeypatch, tmp_path):
+    monkeypatch.setenv("MWLIB_RUNS", str(tmp_path))
+    models_used.clear()
+    cfg, data = small(test_windows=3), two_people()._replace(test=two_people().validation)
+    found = get_result(cfg, data)
+    folder, code = Run(cfg, data).folder, code_of(system_of(cfg))
+    model = file_hash(folder / MODEL)
+    training, testing = data.fingerprints()
+    assert result_of(folder)["depends"] == {
+        "settings": cfg.training_hash(), "data": training, "code": code, "model": model
+    }  # fmt: skip
+    expected = {"settings": cfg.hash(), "data": [training, testing], "code": code, "models": {folder.name: model}}
+    assert found["depends"] == expected and models_used == {folder.name: model}
+    for ask in (lambda: get_result(cfg, data), lambda: get_model(cfg, data), lambda: load_run(folder)):
+        models_used.clear()
+        ask()
+        assert models_used == {folder.name: model}, "a page names the models of its process, however they were had"
+
+
+@pytest.mark.parametrize("broken", ["", '{"mean": {', "[]", "{}"])
+def test_a_broken_result_is_measured_again(monkeypatch, tmp_path, broken):
+    monkeypatch.setenv("MWLIB_RUNS", str(tmp_path))
+    cfg, data = small(method="zero_velocity", test_windows=3), two_people()._replace(test=two_people().validation)
+    file = Run(cfg, data).file
+    file.parent.mkdir()
+    file.write_text(broken)
+    assert get_result(cfg, data)["windows"] == 3 and json.loads(file.read_text())["windows"] == 3
+
+
+class Given(NamedTuple):
+    """Data that only have names."""
+
+    def fingerprints(self):
+        return "a", "b"
+
+
+def test_another_model_behind_a_run_makes_it_another_run(monkeypatch, tmp_path):
+    monkeypatch.setenv("MWLIB_RUNS", str(tmp_path))
+    for name in ("critic", "evaluator", "start"):
+        (tmp_path / name).mkdir()
+        (tmp_path / name / CONFIG).write_text("system: matching")
+        (tmp_path / name / MODEL).write_bytes(b"first")
+    behind = {name: str(tmp_path / name) for name in ("critic", "evaluator", "start")}
+    cfg = SentencesConfig.preset("tiny", semantic_weight=0.5, **behind)
+
+    def places(changed=cfg):
+        return Run(changed, Given()).folder, Run(changed, Given()).file
+
+    found = places()
+    plain = places(cfg.override(start="", semantic_weight=0.0))
+    for name, trains in (("critic", True), ("start", True), ("evaluator", False)):
+        (tmp_path / name / MODEL).write_bytes(b"second")
+        run, result = places()
+        assert (run != found[0]) == trains and result != found[1], name
+        assert places(cfg.override(start="", semantic_weight=0.0))[0] == plain[0], "which no other model stands behind"
+        (tmp_path / name / MODEL).write_bytes(b"first")
+    assert places() == found
+
+
+HOLD = """
+import sys, time
+from pathlib import Path
+from mwlib.experiments.results import locked
+with locked(Path(sys.argv[1])):
+    print("held", flush=True)
+    time.sleep(300)
+"""
+
+
+def test_the_second_waits_until_the_first_is_dead(tmp_path):
+    file = tmp_path / "runs" / ".lock"
+    reached = threading.Event()
+
+    def ask() -> None:
+        with locked(file):
+            reached.set()
+
+    with subprocess.Popen([sys.executable, "-c", HOLD, str(file)], cwd=ROOT, stdout=subprocess.PIPE, text=True) as holder:
+        assert holder.stdout is not None and holder.stdout.readline() == "held\n"
+        waiting = threading.Thread(target=ask, daemon=True)
+        waiting.start()
+        assert not reached.wait(0.5)
+        holder.kill()  # no chance to tidy up
+    assert reached.wait(30)
+    waiting.join()
+
+
+def test_a_lock_is_free_again_after_an_error(tmp_path):
+    with pytest.raises(ZeroDivisionError), locked(tmp_path / "lock"):
+        raise ZeroDivisionError
+    with FileLock(tmp_path / "lock", timeout=0):
+        pass
+
+
+def test_what_is_finished_is_read_without_a_lock(tmp_path, monkeypatch):
+    """Shared results may be read-only: nothing is written beside them, not even a lock."""
+    monkeypatch.setenv("MWLIB_RUNS", str(tmp_path))
+    cfg = Config.preset("tiny")
+    data = system_of(cfg).load_data(cfg)
+    file = Run(cfg, data).file
+    file.parent.mkdir()
+    file.write_text(json.dumps({"mean": {"ade": 0.5}}))
+    run = Run(cfg, data).folder
+    write_result(run, {}, cfg.training_hash(), {})
+    before = sorted(tmp_path.rglob("*"))
+    monkeypatch.setattr(runs, "locked", lambda file: pytest.fail(f"{file} was locked"))
+    assert get_result(cfg, data) == {"mean": {"ade": 0.5}} and get_run(cfg, data) == run
+    assert sorted(tmp_path.rglob("*")) == before
+
+
+IN_A_COPY = """
+import json, os, sys
+from pathlib import Path
+import accelerate, filelock, pywt, scipy.linalg, torch
+torch.set_num_threads(1)
+copy = Path(sys.argv[1])
+sys.path.insert(0, str(copy))
+
+def measured(**accepting):
+    if os.fork() == 0:
+        os.environ.update(accepting)
+        from mwlib.experiments import get_result
+        from tests.sample_settings import small, two_people
+        found = get_result(small(test_windows=3), two_people()._replace(test=two_people().validation))
+        print(json.dumps([found["mean"]["ade"], found["depends"].get("older_code", [])]), flush=True)
+        os._exit(0)
+    assert os.wait()[1] == 0
+
+def append(file, text):
+    with (copy / "mwlib" / file).open("a") as source:
+        source.write(text)
+
+measured()
+append("diffusion/samplers.py", "\\n# a comment\\n")
+append("plots/look.py", "\\nANOTHER = 1\\n")
+measured()
+append("diffusion/samplers.py", "\\n_ddim = ddim\\ndef ddim(*given, **options):\\n    for step in _ddim(*given, **options):"
+       "\\n        yield step._replace(y=2 * step.y)\\n")
+measured(MWLIB_ACCEPT_OLDER_CODE="1")
+measured()
+"""
+
+
+def test_another_sampler_gives_another_number(tmp_path):
+    """Code that a system imports counts, comments and pictures do not; what older code made is taken where that is asked for."""
+    shutil.copytree(ROOT / "mwlib", tmp_path / "mwlib", ignore=shutil.ignore_patterns("__pycache__", "_material", "models"))
+    environment = {**os.environ, "MWLIB_RUNS": str(tmp_path / "runs"), "OMP_NUM_THREADS": "1", "PYTHONPATH": str(ROOT)}
+    answer = subprocess.run(
+        [sys.executable, "-c", IN_A_COPY, str(tmp_path)], cwd=tmp_path, env=environment, capture_output=True, text=True
+    )
+    assert answer.returncode == 0, answer.stderr
+    (first, _), same, accepted, (other, marks) = map(json.loads, answer.stdout.splitlines())
+    assert same == [first, []] and accepted == [first, ["mwlib.diffusion.samplers"]]
+    assert other != first and marks == []
+    said = [line for line in answer.stderr.splitlines() if "the code has changed" in line]
+    assert len(said) == 3 and all("mwlib.diffusion.samplers" in line for line in said)
+    assert "is taken although" in said[0] and said[1].startswith("measuring anew") and said[2].startswith("training anew")
+    assert len(list((tmp_path / "runs" / "results").glob("*.json"))) == len(list((tmp_path / "runs").glob("*/model*"))) == 2
+
+
+@pytest.fixture
+def code(monkeypatch, tmp_path) -> dict[str, str]:
+    """The code behind every system, to be changed; nothing made so far is of older code."""
+    monkeypatch.setenv("MWLIB_RUNS", str(tmp_path))
+    monkeypatch.setattr(results, "older_code", set()), monkeypatch.setattr(runs, "older_code", results.older_code)
+    code = {"mwlib.files": "1", "mwlib.body.motion": "1"}
+    monkeypatch.setattr(runs, "code_of", lambda system: dict(code))
+    return code
+
+
+def changed(code: dict[str, str]) -> dict[str, str]:
+    """Another module, one less, and one more."""
+    del code["mwlib.body.motion"]
+    code |= {"mwlib.files": "2", "mwlib.body.rig": "1"}
+    return code
+
+
+OTHERS = ["mwlib.body.motion", "mwlib.body.rig", "mwlib.files"]
+
+
+def test_a_run_of_older_code_is_taken_where_that_is_asked_for(code, monkeypatch, caplog):
+    cfg, data = small(test_windows=3), two_people()._replace(test=two_people().validation)
+    run = get_run(cfg, data)
+    assert result_of(run)["depends"]["code"] == json.loads((run / CODE).read_text()) == code and not caplog.messages
+    changed(code)
+    monkeypatch.setenv("MWLIB_ACCEPT_OLDER_CODE", "1")
+    assert get_run(cfg, data) == run and results.of_older_code() == {"older_code": OTHERS}
+    assert caplog.messages == [f"{run.name} is taken although the code has changed since: {', '.join(OTHERS)}"]
+    found = get_result(cfg, data)
+    assert found["depends"]["older_code"] == OTHERS and found["depends"]["code"] == code
+    assert list(found["depends"]["models"]) == [run.name]
+    assert get_result(cfg, data) == found
+    monkeypatch.setenv("MWLIB_ACCEPT_OLDER_CODE", "0")
+    caplog.clear()
+    again = get_result(cfg, data)
+    assert "older_code" not in again["depends"] and list(again["depends"]["models"]) == [Run(cfg, data).folder.name] != [run.name]
+    assert caplog.messages[-1] == (
+        f"training anew, as the code has changed since {run.name} was made: {', '.join(OTHERS)} (--accept-older-code takes it)"
+    )
+
+
+def test_a_training_that_older_code_began_goes_on(code, monkeypatch, caplog):
+    cfg, data = small(), two_people()
+    run = Run(cfg, data).folder
+    for step in train_run(cfg, data, run):
+        if step.step == 7:
+            break
+    before = dict(code)
+    code |= {f"mwlib.module_{number}": "1" for number in range(9)}
+    monkeypatch.setenv("MWLIB_ACCEPT_OLDER_CODE", "1")
+    assert get_run(cfg, data) == run and result_of(run)["metrics"]["steps"] == cfg.training.train_steps
+    depends = result_of(run)["depends"]
+    assert depends["code"] == before and depends["older_code"] == sorted({*code} - {*before})
+    assert caplog.messages[0].endswith("mwlib.module_4 and 4 more")

@@ -14,9 +14,8 @@ import torch
 from mwlib import MotionFormatError
 from mwlib.data.captioned import one_caption_each
 from mwlib.data.formats.humanml import HUMANML3D, KIT, TaggedCaption
-from mwlib.experiments import get_result
-from mwlib.experiments.results import result_file
-from mwlib.experiments.runs import models_behind
+from mwlib.experiments import get_result, system_of
+from mwlib.experiments.runs import Run, _models
 from mwlib.matching.clips import KINDS, PARTS, TaggedVocabulary
 from mwlib.matching.evaluators import FILES, open_matcher, open_published, published_files
 from mwlib.networks.matching import published_weights
@@ -146,11 +145,12 @@ def test_captions_without_parts_of_speech_are_refused(published):
 def test_results_depend_on_every_file_of_it(published, collection, monkeypatch, tmp_path):
     monkeypatch.setenv("MWLIB_RUNS", str(tmp_path / "runs"))
     cfg, parts = scored(published, collection, critic=str(published.folder), semantic_weight=1.0)
-    assert len(models_behind(cfg, "judged_by")) == len(models_behind(cfg, "built_on")) == len(FILES) == 6
-    places = {result_file(cfg, parts)}
+    system = system_of(cfg)
+    assert len(_models(system.judged_by(cfg))) == len(_models(system.built_on(cfg))) == len(FILES) == 6
+    places = {Run(cfg, parts).file}
     for file in published_files(published.folder).values():
         file.write_bytes(file.read_bytes() + b"x")
-        places.add(result_file(cfg, parts))
+        places.add(Run(cfg, parts).file)
     assert len(places) == 7
 
 

@@ -8,7 +8,7 @@ import pytest
 import torch
 
 from mwlib.experiments import get_run, load_run, train_run
-from mwlib.experiments.store import RESULT, read_result
+from mwlib.experiments.results import RESULT, read_result
 from mwlib.paths import CONFIG
 from mwlib.prediction.objective import PredictionObjective
 from mwlib.training import CHECKPOINT, MODEL, PREVIOUS, train

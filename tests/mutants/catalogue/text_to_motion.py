@@ -4,7 +4,7 @@ from tests.mutants.mutant import of
 
 MUTANTS = [
     *of(
-        "text_to_motion/system.py", "experiments/test_origins.py",
+        "text_to_motion/system.py", "experiments/test_runs.py::test_another_model_behind_a_run_makes_it_another_run",
         ("critic-without-a-hash", "+ critic", "+ []"),
         ("evaluator-without-a-hash", "return stands_on(cfg.sampling.evaluator)", "return []"),
     ),
