@@ -16,8 +16,7 @@ from mwlib.experiments import get_run, lafan1_commands
 from mwlib.inbetweening import lafan1
 from mwlib.inbetweening.lafan1 import published
 from mwlib.inbetweening.windows import ready
-from tests.inbetweening.sample import small
-from tests.inbetweening.sample_lafan1 import TASK, small_set
+from tests.inbetweening.sample import TASK, small, small_set
 
 COMMITTED = Path(__file__).parents[2] / "figures" / "lafan1" / "benchmark.csv"
 

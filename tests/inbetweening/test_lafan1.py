@@ -37,8 +37,7 @@ from mwlib.inbetweening.lafan1 import (
 )  # fmt: skip
 from mwlib.inbetweening.objective import InbetweeningObjective
 from mwlib.inbetweening.windows import Clips, make_space, ready
-from tests.inbetweening.sample import shaken, small
-from tests.inbetweening.sample_lafan1 import TASK, clip, small_set
+from tests.inbetweening.sample import TASK, clip, shaken, small, small_set
 
 
 @pytest.fixture(scope="module")

@@ -1,18 +1,25 @@
-"""In-betweening as the experiments see it: trained once, found again, scored, with places and with rotations."""
+"""In-betweening as a system: trained once, found again; the truth has no error, every column has its number."""
 
 from __future__ import annotations
+
+import math
 
 import numpy as np
 import pytest
 import torch
 
+from mwlib.body.skeleton import BANDAI21, CMU, H36M17, HUMANEVA15, HUMANML22, LAFAN1, Skeleton
 from mwlib.data.formats.bvh_writing import write_bvh
 from mwlib.experiments import get_model, get_result, get_run, load_run, system
 from mwlib.inbetweening import system as module
+from mwlib.inbetweening.baselines import PACES, between
 from mwlib.inbetweening.bridge import Bridge
+from mwlib.inbetweening.losses import feet
+from mwlib.inbetweening.system import DETAILS, METRICS, Score, evaluate, make_fill
+from mwlib.inbetweening.windows import Clips, make_space
 from mwlib.synthetic.motions import synthetic_motions
 from mwlib.training import MODEL
-from tests.inbetweening.sample import data_of, lafan_motion, small, windows_for
+from tests.inbetweening.sample import data_of, lafan_motion, small, untrained, windows_for
 
 
 @pytest.mark.parametrize("state", ["positions", "rotations"])
@@ -61,3 +68,118 @@ def test_positions_alone_are_refused_where_rotations_are_asked_for(monkeypatch):
     cfg = small(state="rotations", validation_subjects=(), test_subjects=())
     with pytest.raises(ValueError, match="has positions only; expected rotations, .*state=positions"):
         module.make_objective(cfg, module.load_data(cfg), {})
+
+
+STATES = ("positions", "rotations")
+
+
+def nobody():
+    raise AssertionError("a baseline asks for no model")
+
+
+def score(**changes) -> dict:
+    cfg = small(**changes)
+    return evaluate(cfg, nobody, data_of(cfg))
+
+
+@pytest.mark.parametrize("state", STATES)
+def test_the_truth_has_no_error(state):
+    found = score(state=state, method="truth")["mean"]
+    for name in ("l2p", "l2p_best", "npss", "ade", "ade_mean", "keyframe_error", "bone_error", *["l2q"][: state == "rotations"]):
+        assert found[name] == pytest.approx(0, abs=1e-5), name
+    assert found["nearer"] > 0.9 and 0.5 < found["seam"] < 2 and found["speed"] > 0.1 and math.isnan(found["apd"])
+
+
+@pytest.mark.parametrize("state", STATES)
+@pytest.mark.parametrize("method", [*PACES, "gaussian"])
+def test_baselines_need_no_model_and_meet_the_keyframes(state, method):
+    found = score(state=state, method=method)
+    assert found["mean"]["keyframe_error"] == pytest.approx(0, abs=1e-5) and found["mean"]["l2p"] > 0.01
+    if (method, state) == ("interpolation", "positions"):
+        assert found["mean"]["nearer"] == 0  # than itself
+    if state == "rotations":
+        assert found["mean"]["bone_error"] < 1e-5
+
+
+@pytest.mark.parametrize("state", STATES)
+def test_every_column_has_a_number_for_every_window(state):
+    bridge = untrained(state=state)
+    cfg = small(state=state, test_windows=5)
+    found = evaluate(cfg, lambda: bridge, data_of(cfg))
+    names = {*METRICS, *DETAILS} - ({"l2q"} if state == "positions" else set())
+    assert set(found["mean"]) == names and set(found["values"]) == set(found["standard_error"]) == names - {"npss"}
+    assert found["windows"] == 5 == len(found["clips"]) and {len(v) for v in found["values"].values()} == {5}
+    assert found["mean"]["ade"] <= found["mean"]["ade_mean"] and found["mean"]["l2p_best"] <= found["mean"]["l2p"]
+    assert all(math.isfinite(found["mean"][name]) for name in names - {"skate"})
+    assert found["mean"]["apd"] > 0 and found["mean"]["keyframe_error"] == 0
+
+
+@pytest.mark.parametrize("method", ["truth", "interpolation", "hermite", "gaussian", "diffusion"])
+def test_with_a_past_what_is_between_is_scored_alone(method):
+    """All numbers are those of the same windows without their past; but the keyframe error is of all that is given."""
+    cfg, bridge = small(state="rotations", past=4, method=method), untrained(state="rotations", past=4)
+    data = data_of(cfg)
+    if method == "diffusion":
+        found = evaluate(cfg, lambda: bridge, data)["mean"]
+        assert found["keyframe_error"] == 0 and found["l2p"] > 0.1
+        return
+    assert evaluate(cfg, nobody, data)["mean"]["keyframe_error"] == pytest.approx(0, abs=1e-5)
+    space = make_space(data.train, "rotations")
+    whole = Clips(data.test, space).windows(11, 8, past=4)
+    late = Clips(data.test, space).at(whole.clip, whole.start + 3, 8)
+    deviation = Score.of(data, space, 11, 4).deviation
+    one, other = Score(space, deviation, 4), Score(space, deviation)
+    fill = make_fill(cfg, lambda: bridge, data, space)
+    x = fill(whole, [*range(len(whole.x))])
+    assert x.shape[2] == 11
+    first, second = one(x, whole), other(x[:, :, 3:], late)
+    for name in first:
+        torch.testing.assert_close(first[name], second[name], atol=1e-4, rtol=1e-4, equal_nan=True)
+    assert one.npss.value() == pytest.approx(other.npss.value(), abs=1e-5)
+    x = x.clone()
+    x[:, :, 1] += 0.5
+    assert one(x, whole)["keyframe_error"].min() > 0.1 and other(x[:, :, 3:], late)["keyframe_error"].max() < 1e-5
+
+
+def test_scores_do_not_depend_on_how_many_are_scored_together(monkeypatch):
+    whole = score(method="hermite")
+    monkeypatch.setattr("mwlib.inbetweening.system.CHUNK", 3)
+    parts = score(method="hermite")
+    assert parts["clips"] == whole["clips"]
+    for name, value in whole["mean"].items():
+        assert parts["mean"][name] == pytest.approx(value, rel=1e-4, abs=1e-6, nan_ok=True), name
+
+
+def test_zero_velocity_is_worst_and_jumps_at_the_end_alone():
+    zero, straight = (score(method=m) for m in ("zero_velocity", "interpolation"))
+    assert zero["mean"]["l2p"] > straight["mean"]["l2p"] and math.isnan(zero["mean"]["seam"])
+    assert straight["mean"]["seam"] == pytest.approx(1, abs=1e-4) and straight["mean"]["jerk"] < 1e-2
+
+
+def test_statistics_are_those_of_the_training_people_about_their_roots():
+    cfg = small()
+    split = data_of(cfg)
+    space = make_space(split.train, "positions")
+    made = Score.of(split, space, 8)
+    assert torch.equal(made.deviation, Score.of(split._replace(test=[]), space, 8).deviation)
+    seen = Clips(split.train, space).windows(8, 20)
+    places = space.positions(seen.x, seen.offsets)
+    places = places - torch.cat([places[:, :, :1, :2].mean(1, keepdim=True), torch.zeros(len(places), 1, 1, 1)], dim=-1)
+    torch.testing.assert_close(made.deviation, places.flatten(2).flatten(0, 1).std(0, correction=0).clamp_min(1e-4))
+    x = Clips(split.test, space).windows(8, 8)
+    line = between(space, x.x, "interpolation")[:, None]
+    p, g = (space.positions(v, x.offsets).flatten(-2)[:, 1:-1] for v in (line[:, 0], x.x))
+    expected = ((p - g) / made.deviation).norm(dim=-1).mean(-1)
+    torch.testing.assert_close(made(line, x)["l2p"], expected, atol=1e-4, rtol=1e-4)
+
+
+@pytest.mark.parametrize(
+    "skeleton, names",
+    [
+        (LAFAN1, {"LeftToe", "RightToe"}), (CMU, {"left_toes", "right_toes"}), (BANDAI21, {"Toes_L", "Toes_R"}),
+        (H36M17, {"left_foot", "right_foot"}), (HUMANML22, {"left_foot", "right_foot"}),
+        (HUMANEVA15, {"left_ankle", "right_ankle"}), (Skeleton("arm", ("a", "b"), (-1, 0)), set()),
+    ],
+)  # fmt: skip
+def test_feet_are_what_touches_the_floor(skeleton, names):
+    assert {skeleton.joints[i] for i in feet(skeleton)} == names

@@ -91,7 +91,7 @@ MUTANTS = [
          "inbetweening/test_bridge.py::test_keyframes_are_there_to_the_bit_and_nothing_else_is_looked_at"),
     ),
     *of(
-        "inbetweening/system.py", "inbetweening/test_evaluation.py",
+        "inbetweening/system.py", "inbetweening/test_system.py",
         ("signs-left-to-the-network", "(continued(turns[..., 1:-1, :, :], start) for", "(turns[..., 1:-1, :, :] for",
          "inbetweening/test_lafan1.py"),
         ("only-the-first-keyframe-met", "keyframes=(*range(self.past), -1)", "keyframes=(0, -1)"),
@@ -99,11 +99,11 @@ MUTANTS = [
          "x, windows.x[:, None], p, g"),
     ),
     *of(
-        "inbetweening/bridge.py", "inbetweening/test_motions.py",
+        "inbetweening/bridge.py", "inbetweening/test_bridge.py",
         ("past-of-frames-left-out", "mask[[n - numbers[0] + lead for n in numbers]] = True", "mask[:lead] = False"),
         ("past-half-as-long-at-another-rate", "motion.fps / bridge.space.bodies.fps - 1e-6", "1"),
         ("leaves-from-the-first-pose", "motion.cut(max(len(motion) - 1 - steps, 0), len(motion))", "motion.cut(0, steps + 1)",
-         "inbetweening/test_motions.py::test_it_leaves_the_last_pose_and_arrives_at_the_first"),
+         "inbetweening/test_bridge.py::test_it_leaves_the_last_pose_and_arrives_at_the_first"),
     ),
     *of(
         "inbetweening/baselines.py", "inbetweening/test_baselines.py",
