@@ -1,4 +1,4 @@
-"""Which joints of another skeleton stand for which of Human3.6M's 17 and of HumanML3D's 22."""
+"""Joints of other skeletons that stand for Human3.6M's 17 and for HumanML3D's 22."""
 
 from __future__ import annotations
 
@@ -69,7 +69,7 @@ SCHEMES = (
 
 
 def to_h36m17(skeleton: Skeleton) -> list[int] | None:
-    """Which joints stand for H36M17's, in its order; None if no way is known.
+    """The joints that stand for H36M17's, in its order; None if no way is known.
 
     Known skeletons go by themselves, CMU's tree under the names of any of its three publications by tree and names.
 

@@ -77,7 +77,7 @@ def fit_rig(motion: Motion, offsets: Float[np.ndarray, "joints 3"] | None = None
 
 
 def distance(rig: Rig, motion: Motion) -> FitError:
-    """How far a rig's joints stand from a motion's positions."""
+    """Distance of a rig's joints from a motion's positions."""
     away = np.linalg.norm(rig.positions() - motion.positions, axis=-1)
     return FitError(float(away.mean()), float(away.max()))
 

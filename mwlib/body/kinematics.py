@@ -154,7 +154,7 @@ def _rows(parents: tuple[int, ...]) -> list[list[int]]:
 
 
 def _depths(parents: tuple[int, ...]) -> list[int]:
-    """How many bones lie between the root and each joint."""
+    """Bones between the root and each joint."""
     depth = [0]
     for parent in parents[1:]:
         depth.append(depth[parent] + 1)
@@ -172,7 +172,7 @@ def turn_heading(x: Float[Tensor, "*lead F C"], angle: Float[Tensor, "*lead"], u
 
 
 def heading(pose: Float[Tensor, "*lead C"], skeleton: Skeleton, up: str = "z") -> Float[Tensor, "*lead"]:
-    """Where a body's left is: the angle of the line from the right hip to the left one, seen from above; radians.
+    """The heading of a body: the angle of the line from the right hip to the left one, seen from above; radians.
 
     ``turn_heading(x, -heading(pose, skeleton))`` puts the left hip of `pose` straight along the first horizontal axis. Hips
     are the pair of sides nearest the root.

@@ -1,4 +1,4 @@
-"""Motion: joint positions in metres over time, with the rotations behind them where known, and what one does with them."""
+"""Motions: joint positions in metres over time, with the rotations behind them where known."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Rig: the rotations behind a motion, kept so that forward kinematics gives its positions and a file can be written again."""
+"""Rigs: the rotations behind a motion, from which forward kinematics gives its positions."""
 
 from __future__ import annotations
 

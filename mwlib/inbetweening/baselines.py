@@ -1,4 +1,4 @@
-"""What fills the frames between two poses without any training."""
+"""Baselines of in-betweening that no training needs: paces along straight lines, and a Gaussian process."""
 
 from __future__ import annotations
 

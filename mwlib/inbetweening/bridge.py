@@ -228,6 +228,6 @@ def _of_frames(
 
 
 def _short(found: int, bridge: Bridge) -> str:
-    """What is wrong with a past that is too short."""
+    """The message on a past that is too short."""
     fps, past = bridge.space.bodies.fps, bridge.cfg.task.past
     return f"{found} frames at {fps:g} Hz up to the first keyframe; expected at least {past}, the past that the model was given"

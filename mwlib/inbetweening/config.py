@@ -10,7 +10,7 @@ from mwlib.data.sources import SourceConfig
 from mwlib.diffusion.config import DiffusionConfig, KeyframeConfig
 from mwlib.diffusion.process import ddim_indices
 from mwlib.inbetweening.losses import Diversity, Smoothness
-from mwlib.settings import BelowOne, Count, Natural, NotNegative, Positive, Settings
+from mwlib.settings import Advanced, BelowOne, Count, Natural, NotNegative, Positive, Settings
 from mwlib.training.config import TrainingConfig
 
 # Own choice, by measurement: the network sees the keyframes, and says how a motion departs from interpolation.
@@ -70,7 +70,7 @@ Method = Literal["diffusion", "zero_velocity", "interpolation", "hermite", "mini
 
 @dataclass(frozen=True)
 class TaskConfig:
-    """What is given and what is asked for."""
+    """The task: frames that are given, and frames that are asked for."""
 
     past: Count = 1  # frames given before those between; the last of them is the first keyframe
     between: Count = 30  # N, frames between the two keyframes
@@ -111,14 +111,14 @@ class ModelConfig:
     departure_scale: Literal["longest", "each"] = "longest"  # of departures: that of the longest windows, or of each length
     condition_on_keyframes: bool = False  # whether the network sees the keyframes, or the sampler alone
     output: Literal["direct", "wiener"] = "direct"  # what `prediction` says; or what the best linear denoiser misses
-    more_keyframes: Natural = 0  # with condition_on_keyframes: train on up to so many more, anywhere between
+    more_keyframes: Advanced[Natural] = 0  # with condition_on_keyframes: train on up to so many more, anywhere between
     coast: NotNegative = 0.0  # frames in which the interpolation forgets the velocity of the past; 0: it is a straight line
     width: Count = 512  # of the network
     layers: Count = 8  # blocks, an even number
     heads: Count = 8  # of the attention
     feedforward: Count = 1024  # hidden width of the feed-forward layers
     dropout: BelowOne = 0.2  # in feed-forward and style layers
-    attention_dropout: BelowOne = 0.0  # on attention weights; on the CPU anything but 0 is slow
+    attention_dropout: Advanced[BelowOne] = 0.0  # on attention weights; on the CPU anything but 0 is slow
 
 
 @dataclass(frozen=True)
@@ -128,10 +128,10 @@ class ObjectiveConfig:
     level_weight: Literal["uniform", "snr", "unit"] = "uniform"  # "snr": signal over noise, bounded; "unit": Wiener's share
     diversity_weight: NotNegative = 0.0  # lambda_d
     diversity: Diversity = "distance"  # how alike samples are, see diversity_loss
-    diversity_scale: Positive = 10.0  # metres², of "exponential"
+    diversity_scale: Advanced[Positive] = 10.0  # metres², of "exponential"
     draws: Count = 2  # M, noise draws of each window that are compared
     smoothness_weight: NotNegative = 0.0  # lambda_s
-    smoothness: Smoothness = "step"  # see smoothness_loss
+    smoothness: Advanced[Smoothness] = "step"  # see smoothness_loss
     length_weight: NotNegative = 0.0  # lambda_l, of bone lengths
     angle_weight: NotNegative = 0.0  # lambda_a, of angles between bones
     contact_weight: NotNegative = 0.0  # of the speed of feet where the truth's stand, see contact_loss

@@ -183,7 +183,7 @@ def measure(bridge: GaussianBridge, x: Float[Tensor, "S T"]) -> dict[str, float]
 
 
 def exact(bridge: GaussianBridge) -> dict[str, float]:
-    """What `measure` gives for endless samples of the true law: a step is Gaussian, the mean of its size a folded normal's."""
+    """The measures of endless samples of the true law: a step is Gaussian, the mean of its size a folded normal's."""
     mean, covariance = bridge.law()
     step = mean.diff()
     variance = covariance.diff(dim=0).diff(dim=1).diagonal().clamp_min(0)

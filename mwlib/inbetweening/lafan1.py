@@ -1,4 +1,4 @@
-"""The LaFAN1 benchmark of in-betweening: its windows, statistics, errors and baselines, and what was published.
+"""The LaFAN1 benchmark of in-betweening: windows, statistics, errors, baselines, published numbers.
 
 Source: Harvey et al., Robust Motion In-betweening, ACM Transactions on Graphics 39(4), 2020, and the code that they published
 with the data; where the two leave something open the code decides. Units: metres. The benchmark's code works in centimetres;
@@ -281,7 +281,7 @@ def model_table(
 
 
 def _given(benchmark: Benchmark, x: Float[Tensor, "N S F C"]) -> Fill:
-    """What fills the windows by states that are there already, perhaps of the last frames of the past alone."""
+    """A filling with states that are there already, perhaps of the last frames of the past alone."""
 
     def fill(seen: PlacedWindows, ids: list[int]) -> Tensor:
         before = seen.x[:, None, : seen.x.shape[1] - x.shape[2]].expand(-1, x.shape[1], -1, -1)
@@ -317,7 +317,7 @@ def check_model(cfg: Config, space: Space) -> None:
 
 
 def is_complete(benchmark: Benchmark) -> bool:
-    """Whether these are all test windows and all clips, so that numbers may be compared with published ones."""
+    """True for all test windows of all clips, whose numbers alone may be compared with published ones."""
     return len(benchmark) == ALL_WINDOWS and benchmark.clips == ALL_CLIPS
 
 
@@ -335,13 +335,13 @@ def published() -> list[dict[str, Any]]:
 
 
 def misses(rows: Sequence[Mapping[str, Any]]) -> list[str]:
-    """Where the baselines' errors are not the published digits; only of all windows that means anything.
+    """Errors of the baselines that differ from the published digits, as sentences; of all windows alone they mean anything.
 
     Args:
         rows: from `table`.
 
     Returns:
-        A sentence for each error that is off by more than `TOLERANCE`; none if all digits are met.
+        One for each error that is off by more than `TOLERANCE`; none if all digits are met.
     """
     expected = {(row["method"], row["N"]): row for row in published() if row["method"] in BASELINES}
     found = []

@@ -1,4 +1,4 @@
-"""The losses beside that of diffusion, on clean estimates in time: diversity, smoothness, bone length, bone angle, contacts.
+"""Losses on clean estimates of motions: diversity, smoothness, bone length, bone angle, contacts.
 
 Source: FreqDiffusionBridge, Sec. 3.3, of the first four. Its formulae are lost from the text that we have; what is ambiguous is
 a named option. That of contacts is MDM's (Tevet et al. 2023).
@@ -23,7 +23,7 @@ STANDING = 0.2  # m/s up to which a low foot of the truth stands; MDM: a centime
 
 
 def diversity_loss(samples: Float[Tensor, "*lead M F C"], kind: Diversity, scale: float = 1.0) -> Float[Tensor, "*lead"]:
-    """How alike the M samples of a clip are.
+    """Likeness of the M samples of a clip.
 
     Args:
         samples: at least two.
@@ -51,7 +51,7 @@ def diversity_loss(samples: Float[Tensor, "*lead M F C"], kind: Diversity, scale
 def smoothness_loss(
     x: Float[Tensor, "*lead F C"], truth: Float[Tensor, "*lead F C"] | None, kind: Smoothness
 ) -> Float[Tensor, "*lead"]:
-    """How a motion changes from frame to frame; mean over frames of the squared length.
+    """Change of a motion from frame to frame: mean over frames of its squared length.
 
     Args:
         x: any numbers over time.
@@ -131,7 +131,7 @@ def bone_angle_loss(
 def contact_loss(
     positions: Float[Tensor, "*lead T joints 3"], truth: Float[Tensor, "*#lead T joints 3"], feet: Sequence[int], fps: float
 ) -> Float[Tensor, "*lead"]:
-    """How fast feet are where the truth's stand: mean over steps and feet of the squared speed, 0 elsewhere, m²/s².
+    """Speed of feet where the truth's stand: mean over steps and feet of its square, 0 elsewhere, m²/s².
 
     Source: MDM (Tevet et al. 2023), Eq. 4, in metres per second. Own choice: the truth's foot stands if it is slow, as there,
     and also low, as in `foot_skate`; the floor is at the truth's lowest foot.

@@ -13,7 +13,7 @@ BESIDE = 3  # numbers of a token beside the interpolation: mask, frequency, leng
 
 
 class KeyframeNetwork(nn.Module):
-    """What the network says of noised tokens.
+    """A network on noised tokens.
 
     Source: FreqDiffusionBridge, Sec. 3.2, tells of linear layers, self-attention over the tokens and an embedding of the step
     that is added; HumanMAC's network, which does this and has skips and a learned place for each token, stands in. Own choice:

@@ -1,4 +1,4 @@
-"""What FreqDiffusionBridge trains: the loss of diffusion and others, on random windows from keyframe to keyframe."""
+"""The training objective of FreqDiffusionBridge: the loss of diffusion and losses on bodies, on random windows."""
 
 from __future__ import annotations
 

@@ -1,8 +1,9 @@
-"""Windows as what is diffused: normalised, perhaps as a departure from interpolation, and in cosines or frames."""
+"""The diffused form of windows: normalised, perhaps as a departure from interpolation, in cosines, sines or frames."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 
 import numpy as np
 import torch
@@ -21,8 +22,9 @@ FINEST = 1e-3  # the same for steps from frame to frame, and for departures in s
 STATISTICS = ("mean", "deviation", "departure", "power", "velocity")
 
 
+@dataclass(eq=False)
 class Representation:
-    """What is diffused, for motions of up to T frames from the first to the last keyframe.
+    """The diffused form of motions of up to T frames from the first to the last keyframe.
 
     Frames before the first keyframe are part of the conditioning: the steps from each to the next, in every token. Own choice:
     they are not diffused, so that a past costs no tokens, and what is diffused still vanishes at both ends.
@@ -37,20 +39,16 @@ class Representation:
         velocity: size of the steps of the past, per channel; None without a past.
     """
 
-    def __init__(
-        self,
-        model: ModelConfig,
-        frames: int,
-        mean: Tensor,
-        deviation: Tensor,
-        departure: Tensor,
-        power: Tensor | None = None,
-        velocity: Tensor | None = None,
-    ) -> None:
-        self.model, self.frames = model, frames
-        self.mean, self.deviation, self.departure, self.velocity = mean, deviation, departure, velocity
+    model: ModelConfig
+    frames: int
+    mean: Tensor
+    deviation: Tensor
+    departure: Tensor
+    power: Tensor
+    velocity: Tensor | None = None
+
+    def __post_init__(self) -> None:
         self._transforms: dict[int, Transform] = {}
-        self.power = torch.ones(self.transform(frames).shape) if power is None else power
 
     @classmethod
     def fit(cls, model: ModelConfig, frames: int, x: Float[Tensor, "N T C"], past: int = 1, fewest: int = 0) -> Representation:
@@ -65,8 +63,8 @@ class Representation:
         before, x = x[:, : past - 1], x[:, past - 1 :]
         steps = torch.cat([before, x[:, :1]], dim=1).diff(dim=1).flatten(0, 1)
         velocity = steps.square().mean(0).sqrt().clamp_min(FINEST) if past > 1 else None
-        flat = x.flatten(0, 1)
-        fitted = cls(model, frames, flat.mean(0), flat.std(0).clamp_min(LEAST), torch.ones(x.shape[-1]), velocity=velocity)
+        flat, one = x.flatten(0, 1), torch.ones(x.shape[-1])  # in place of what is fitted below
+        fitted = cls(model, frames, flat.mean(0), flat.std(0).clamp_min(LEAST), one, one, velocity)
         left = x - fitted.interpolation(x, before, given(x.shape[1]))
         fitted.departure = left[:, 1:-1].flatten(0, 1).square().mean(0).sqrt().clamp_min(LEAST)
         if model.departure_scale == "each":
@@ -82,7 +80,7 @@ class Representation:
         return left.square().mean((0, 1)).sqrt().clamp_min(FINEST) * share**0.5
 
     def _departure(self, frames: int) -> Float[Tensor, " C"]:
-        """What departures are divided by in windows of so many frames."""
+        """The divisor of departures in windows of so many frames."""
         return self.departure if self.departure.ndim == 1 else self.departure[frames - self.frames - 1]
 
     @classmethod
@@ -139,7 +137,7 @@ class Representation:
     def conditioning(
         self, line: Float[Tensor, "*lead T C"], before: Float[Tensor, "*lead P C"], mask: Bool[Tensor, "*lead T"]
     ) -> Float[Tensor, "*lead rows conditioning"]:
-        """What the network sees beside noised tokens: interpolation and mask in tokens; each token's frequency and the length,
+        """The network's input beside noised tokens: interpolation and mask in tokens; each token's frequency and the length,
         of the most; and in every token all steps of the past.
         """
         frames = line.shape[-2]

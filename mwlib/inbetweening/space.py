@@ -1,4 +1,4 @@
-"""What the numbers of a state mean: places of joints, or the root's place and rotations; and where a window is looked at from.
+"""States of a body: places of joints, or the root's place and rotations; and the frame that a window is seen from.
 
 A state is a row of vectors of three numbers. The first is the root's place, metres. A body that is carried elsewhere changes
 only this one; a body that turns about the up-axis turns the first `turned` of them.
@@ -28,7 +28,7 @@ STIFF = 1e-3  # half a turn in radians up to which a joint counts as not turning
 
 
 class Placement(NamedTuple):
-    """Where windows stand in the world: the heading of a frame, radians, and its root's place on the floor, metres."""
+    """The place of windows in the world: the heading of a frame, radians, and its root's place on the floor, metres."""
 
     angle: Float[Tensor, "*lead"]
     origin: Float[Tensor, "*lead 2"]
@@ -55,7 +55,7 @@ class Space(ABC):
 
     @abstractmethod
     def offsets(self, motion: Motion) -> Float[Tensor, "rig 3"]:
-        """What else makes a body of a state: the offsets of its rig, metres; of places nothing, (0, 3)."""
+        """Offsets of the rig, metres, which make a body of a state; a state of places needs none, (0, 3)."""
 
     @abstractmethod
     def positions(self, x: Float[Tensor, "*lead T C"], offsets: Float[Tensor, "*#lead rig 3"]) -> Float[Tensor, "*lead T J 3"]:
@@ -82,7 +82,7 @@ class Space(ABC):
         return x
 
     def placement(self, x: Float[Tensor, "*lead T C"], offsets: Float[Tensor, "*#lead rig 3"], frame: int = 0) -> Placement:
-        """Where a window stands, by one of its frames. Source: own choice, as of the two given poses one suffices for it."""
+        """The place of a window, by one of its frames. Source: own choice, as one of the two given poses suffices for it."""
         a, b, _ = horizontal(UP)
         joints = self.positions(x[..., frame : frame + 1, :], offsets)[..., 0, :, :]
         relative = (joints[..., 1:, :] - joints[..., :1, :]).flatten(-2)

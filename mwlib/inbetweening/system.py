@@ -78,7 +78,7 @@ def load_data(cfg: Config) -> Split:
 
 
 def make_fill(cfg: Config, get_model: Callable[[], Bridge], split: Split, space: Space) -> Fill:
-    """What `method` names: the trained model, asked for only here, or a baseline, which sees the two ends of the gap alone."""
+    """The filling that `method` names: a trained model's, asked for only here, or a baseline's, which sees both ends alone."""
     method, lead = cfg.sampling.method, cfg.task.past - 1
     if method == "diffusion":
         model = get_model()
@@ -93,7 +93,7 @@ def make_fill(cfg: Config, get_model: Callable[[], Bridge], split: Split, space:
 
 
 def after(lead: int, fill: Callable[[Tensor], Tensor]) -> Fill:
-    """What fills the frames after the first `lead`, one sample of each window."""
+    """A filling of the frames after the first `lead`, one sample of each window."""
     return lambda windows, ids: torch.cat([windows.x[:, :lead], fill(windows.x[:, lead:])], dim=1)[:, None]
 
 

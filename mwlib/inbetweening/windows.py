@@ -91,7 +91,7 @@ class Clips(JoinedClips):
         """Refuse clips none of which is longer than so many frames.
 
         Raises:
-            ValueError: as it says.
+            ValueError: the message says how long the longest is, and what to change.
         """
         parts, remedy = ", the keyframes and what lies between", "longer clips, fewer frames between or a smaller fps would do"
         self.require(frames, parts=parts, remedy=remedy)

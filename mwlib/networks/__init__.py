@@ -1,4 +1,4 @@
-"""Networks."""
+"""Denoisers of all systems, and encoders of sentences."""
 
 from mwlib.networks.mdm import MDM
 from mwlib.networks.text import ClipText, EncodedText, HashedNgrams, TextEncoder, WordTransformer, vocabulary_of, words_of

@@ -1,4 +1,4 @@
-"""Networks that put sentences and motions into one space, as Guo et al. 2022 built them, at any width.
+"""Encoders of sentences and motions into one space, as Guo et al. 2022 built them, at any width.
 
 A movement encoder makes one code of every 4 frames; a motion encoder reads the codes; a sentence encoder reads words. Their
 embeddings are not normalised. Modules and parameters are named as in the published code, so that its weights fit.
@@ -101,7 +101,7 @@ class _GRU(nn.GRU):
 
 
 class _Reader(nn.Module):
-    """What motion and sentence encoder share: a GRU in both directions from a learned state, and two linear layers."""
+    """The part that motion and sentence encoder share: a GRU in both directions from a learned state, and two linear layers."""
 
     def __init__(self, inputs: int, hidden: int, embedding: int) -> None:
         super().__init__()
@@ -156,7 +156,7 @@ class SentenceEncoder(_Reader):
         words: numbers of a word's vector.
         hidden: width of the GRU.
         embedding: numbers of an embedding.
-        parts_of_speech: kinds of words, told beside the vectors; 0: they are not told.
+        parts_of_speech: kinds of words that are read beside the vectors; 0: none.
     """
 
     def __init__(self, words: int = 300, hidden: int = 512, embedding: int = 512, parts_of_speech: int = 0) -> None:
@@ -175,15 +175,15 @@ class SentenceEncoder(_Reader):
         Args:
             words: vectors.
             lengths: words of each sentence, marks of start and end included.
-            parts: one 1 among zeros for each word, where the encoder is told.
+            parts: one 1 among zeros for each word, where the encoder reads them.
 
         Raises:
             ValueError: a sentence has no word, or more than there are; or parts of speech are missing, or not asked for.
         """
         if (parts is None) != (self.pos_emb is None):
             raise ValueError(f"parts of speech {'missing' if parts is None else 'given'}; expected the opposite of this encoder")
-        told = words if parts is None or self.pos_emb is None else words + self.pos_emb(parts)
-        return self.read(told, lengths)
+        vectors = words if parts is None or self.pos_emb is None else words + self.pos_emb(parts)
+        return self.read(vectors, lengths)
 
 
 class PublishedEvaluator(NamedTuple):

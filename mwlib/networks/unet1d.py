@@ -57,7 +57,7 @@ class ResBlock(nn.Module):
 
 
 class CrossAttention(nn.Module):
-    """What frames take from tokens of a sentence.
+    """Attention of frames to the tokens of a sentence.
 
     "linear": softmax of each query over its own numbers and of the keys over the tokens, then q (k^T v): one matrix per head,
     whatever the number of frames (Shen et al. 2021, Efficient Attention). "ordinary": softmax(q k^T / sqrt(width of a head)) v.
