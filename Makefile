@@ -9,6 +9,7 @@ JOBS ?= 2
 NB ?=
 GRIDS ?= figures/grids.yaml
 SET ?=
+ALL ?=
 CHROMIUM ?= chromium
 FILES ?= 15000
 SEED ?= 0
@@ -35,7 +36,7 @@ $(RUN) -m pip install --quiet --disable-pip-version-check -c constraints.txt -e 
 MWLIB_CHROMIUM=$(call quoted,$(value CHROMIUM)) $(RUN) -m pytest
 endef
 
-unexport PYTHON PRESET DATA OUT JOBS NB GRIDS SET CHROMIUM # to export one is to expand it
+unexport PYTHON PRESET DATA OUT JOBS NB GRIDS SET ALL CHROMIUM # to export one is to expand it
 export OMP_NUM_THREADS ?= 1
 export MWLIB_RUNS ?= $(CURDIR)/runs
 
@@ -46,19 +47,19 @@ help: ## show this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-12s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
 
 figures: $(READY) ## run every notebook, make every figure and table: PRESET=tiny DATA=synthetic OUT=build/... JOBS=2
-	$(RUN) -m snakemake $(OPTIONS)
+	MWLIB_EXECUTED=$(call quoted,$(CURDIR)/build/executed) $(RUN) -m snakemake $(OPTIONS)
 	@printf 'Open %s/index.html\n' $(call quoted,$(value OUT))
 
 grids: $(READY) ## run only the experiments behind the tables, and write these: same settings as figures, GRIDS=figures/grids.yaml SET="lr=1e-3"
 	$(RUN) -m snakemake grids $(OPTIONS) $(call setting,grids,GRIDS) $(call setting,set,SET)
 	@printf 'Tables are in %s/grids\n' $(call quoted,$(value OUT))
 
-test: $(READY) ## lint, types, unit tests, and every notebook executed and compared with its stored outputs
+test: $(READY) ## lint, types, unit tests, every notebook executed and compared with its stored outputs: what changed, ALL=1 for all
 	$(RUN) -m ruff check .
 	$(RUN) -m ruff format --check .
 	$(RUN) -m basedpyright
-	@rm -rf build/test-runs
-	MW_STATIC=1 SOURCE_DATE_EPOCH=0 MWLIB_RUNS=$(call quoted,$(CURDIR)/build/test-runs) $(RUN) -m pytest -n 2 --dist loadfile --no-loadscope-reorder --ignore=tests/blender --ignore=tests/browser --ignore=tests/workflow --ignore=tests/site tests
+	@$(if $(value ALL),rm -rf build/test-runs build/executed build/passed)
+	MW_STATIC=1 SOURCE_DATE_EPOCH=0 MWLIB_RUNS=$(call quoted,$(CURDIR)/build/test-runs) $(RUN) -m pytest --changed -n 2 --dist loadfile --no-loadscope-reorder --ignore=tests/blender --ignore=tests/browser --ignore=tests/workflow --ignore=tests/site tests
 
 types: $(READY) ## check the library's types
 	$(RUN) -m basedpyright

@@ -13,6 +13,8 @@ import torch
 from beartype import BeartypeConf, beartype
 from xdist.scheduler import LoadFileScheduling
 
+from tests import unchanged
+
 # Shapes in annotations are checked here, never at run time. Settings have no shapes, and checks of their own.
 ROOT = Path(__file__).parents[1]
 NOTEBOOK_RUNS = "test_figures.py"
@@ -60,9 +62,53 @@ def finished(tmp_path_factory) -> Path:
     return folder
 
 
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """The notebooks, which take longest, come first."""
+def pytest_addoption(parser: pytest.Parser) -> None:
+    """The option of `make test`."""
+    text = "leave out the test files for which nothing has changed since all their tests passed with this option"
+    parser.addoption("--changed", action="store_true", help=text)
+
+
+class Changed:
+    """Which files are left out is decided once, before anything runs; the workers of pytest-xdist are told."""
+
+    def __init__(self) -> None:
+        self.keys = unchanged.keys()
+        self.left_out = unchanged.unchanged(self.keys)
+        self.passed: dict[str, bool] = {}
+
+    @pytest.hookimpl(optionalhook=True)
+    def pytest_configure_node(self, node) -> None:
+        node.workerinput["left_out"] = self.left_out
+
+    def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
+        place = report.nodeid.partition("::")[0]
+        self.passed[place] = self.passed.get(place, True) and not report.failed
+
+    def pytest_sessionfinish(self, session: pytest.Session, exitstatus: int) -> None:
+        if not hasattr(session.config, "workerinput") and exitstatus in (0, 1) and not session.shouldstop:
+            unchanged.keep(self.keys, [place for place, passed in self.passed.items() if passed])
+
+    def pytest_terminal_summary(self, terminalreporter) -> None:
+        if self.left_out:
+            told = f"{len(self.left_out)} test files are as when they passed and were left out; make test ALL=1 runs them, too"
+            terminalreporter.write_line(told)
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """With a choice of tests nothing is stamped: their files may hold others."""
+    whole = not config.option.keyword and not config.option.markexpr and not any("::" in word for word in config.args)
+    if config.getoption("changed") and whole and not hasattr(config, "workerinput"):
+        config.pluginmanager.register(Changed(), "changed")
+
+
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """The notebooks, which take longest, come first; files for which nothing has changed go."""
     items.sort(key=lambda item: item.path.name != NOTEBOOK_RUNS)
+    plugin = config.pluginmanager.get_plugin("changed")
+    left_out = {ROOT / place for place in (plugin.left_out if plugin else getattr(config, "workerinput", {}).get("left_out", ()))}
+    if gone := [item for item in items if item.path in left_out]:
+        config.hook.pytest_deselected(items=gone)
+        items[:] = [item for item in items if item.path not in left_out]
 
 
 class ByFile(LoadFileScheduling):

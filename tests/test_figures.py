@@ -1,6 +1,7 @@
 """Every notebook runs as papermill runs it: it prints what is committed, and leaves the exhibits that the manifest promises.
 
-Own choice: one run serves both questions. nbval would run each notebook a second time to compare the same cells.
+Own choice: one run serves both questions. nbval would run each notebook a second time to compare the same cells. A run of the
+same notebook, code, data and settings, by `make figures` or an earlier `make test`, is not repeated.
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ from mwlib.course.execute import EXECUTED, PICTURES, filter_notebook, run_notebo
 from mwlib.course.manifest import read_manifest
 from mwlib.course.notebooks import LONGEST, chapter_number, course, read_parameters, tags
 
+KEPT = Path(__file__).parents[1] / "build" / "executed"  # as in the Makefile
 COMPARED = "nbval-check-output"  # nbval's own tag, so that it can compare these cells, too
 
 
@@ -30,7 +32,7 @@ def first_long() -> list[Path]:
 def test_notebook_prints_what_is_committed_and_leaves_its_exhibits(path, tmp_path):
     offered = read_parameters(json.loads(path.read_text(encoding="utf-8")))
     assert offered["data"].default != "synthetic"  # by the preset alone; a parameter of another value must arrive
-    folder = run_notebook(path, tmp_path, {"data": "synthetic"})
+    folder = run_notebook(path, tmp_path, {"data": "synthetic"}, kept=KEPT, page=False)
     assert compared(nbformat.read(folder / EXECUTED, as_version=4)) == compared(nbformat.read(path, as_version=4))
     for row in read_manifest():
         if row.notebook == path.stem and row.status == "made":

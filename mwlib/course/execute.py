@@ -137,8 +137,8 @@ def run_notebook(
             None = build/runs/<notebook>-<hash of the parameters>. What an earlier run of the notebook left there is removed.
         given: parameter name -> value; the others keep the notebook's defaults.
         timeout: seconds for one cell; then the kernel is killed.
-        kept: folder in which executions are kept. One of the same notebook, parameters, data and code is copied from there
-            in place of another; a new one is copied there.
+        kept: folder in which executions are kept; None = what MWLIB_EXECUTED names, else none. One of the same notebook,
+            parameters, data and code is copied from there in place of another; a new one is copied there.
         page: whether `notebook.html` is written.
 
     Returns:
@@ -161,6 +161,7 @@ def run_notebook(
     folder = (out or home() / "build" / "runs" / f"{notebook.stem}-{digest}").resolve()
     folder.mkdir(parents=True, exist_ok=True)
     _forget(folder, notebook.stem)
+    kept = kept or (Path(named) if (named := os.environ.get("MWLIB_EXECUTED")) else None)
     before = kept / f"{notebook.stem}-{digest}" if kept else None
     if before and results.result_of(before).get("depends", {}).get("surroundings") == surroundings():
         if not outdated(before, tree, digest):
