@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Float
 
-from mwlib.body.correspondence import KNOWN, KNOWN22, to_h36m17, to_humanml22
+from mwlib.body.correspondence import to_h36m17, to_humanml22
 from mwlib.body.kinematics import AXES, horizontal
 from mwlib.body.rig import Rig
 from mwlib.body.skeleton import H36M17, HUMANML22, Skeleton
@@ -163,7 +163,7 @@ class Motion:
         result has no rig; `mwlib.body.fitting.fit_rig` finds rotations for its positions.
 
         Raises:
-            ValueError: no correspondence is known; the message lists the known ones.
+            ValueError: no correspondence is known.
         """
         if skeleton == self.skeleton:
             return self
@@ -172,8 +172,7 @@ class Motion:
             return replace(self, positions=positions, skeleton=skeleton, rig=None)
         picked = to_h36m17(self.skeleton) if skeleton == H36M17 else None
         if picked is None:
-            ways = f"{', '.join(sorted(s.name for s in KNOWN))}, and CMU's tree under its other names, to H36M17; "
-            ways += f"{', '.join(sorted(s.name for s in KNOWN22))} to HUMANML22"
+            ways = "skeletons that say which of their joints stand for it, to H36M17 and HUMANML22; CMU's tree to H36M17"
             raise ValueError(f"cannot carry {self.skeleton.name} over to {skeleton.name}; known: {ways}")
         return replace(self, positions=self.positions[:, picked], skeleton=skeleton, rig=None)
 

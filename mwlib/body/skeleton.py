@@ -1,4 +1,4 @@
-"""Skeletons: joint names, parents, mirror pairs and body parts."""
+"""Skeletons: joint names, parents, mirror pairs, body parts, and the joints that stand for others'."""
 
 from __future__ import annotations
 
@@ -18,6 +18,8 @@ class Skeleton:
         parents: index of each joint's parent, -1 for the root.
         left, right: joint indices of the two sides, paired position by position.
         parts: body part -> joint indices (root included in the numbering, never a member).
+        h36m17: the joints that stand for Human3.6M's 17, in their order; () if none do.
+        humanml22: the same for HumanML3D's 22; "a:b:0.4" stands for the point at that share of the way from a to b.
 
     Raises:
         ValueError: lengths differ, a parent does not precede its child, or sides do not pair up.
@@ -29,6 +31,8 @@ class Skeleton:
     left: tuple[int, ...] = ()
     right: tuple[int, ...] = ()
     parts: Mapping[str, tuple[int, ...]] = field(default_factory=dict, hash=False)
+    h36m17: tuple[str, ...] = field(default=(), compare=False, repr=False)
+    humanml22: tuple[str, ...] = field(default=(), compare=False, repr=False)
 
     def __post_init__(self) -> None:
         if len(self.joints) != len(self.parents):
@@ -68,14 +72,14 @@ class Skeleton:
         return (3 * joints[:, None] + np.arange(3)).ravel()
 
 
-def _tree(name: str, rows: str, parts: dict[str, str] | None = None) -> Skeleton:
-    """Build a skeleton from 'joint parent' words; left/right pairs follow from the names."""
+def named_tree(name: str, rows: str, parts: dict[str, str] | None = None, h36m17: str = "", humanml22: str = "") -> Skeleton:
+    """A skeleton of "joint parent" words; left and right pairs follow from the names. Further arguments as words, too."""
     words = rows.split()
     joints, parents = tuple(words[::2]), tuple(int(p) for p in words[1::2])
     pairs = [(i, joints.index(_other_side(j))) for i, j in enumerate(joints) if _is_left(j)]
     left, right = zip(*pairs, strict=True)
     members = {part: tuple(joints.index(j) for j in names.split()) for part, names in (parts or {}).items()}
-    return Skeleton(name, joints, parents, left, right, members)
+    return Skeleton(name, joints, parents, left, right, members, tuple(h36m17.split()), tuple(humanml22.split()))
 
 
 def _is_left(joint: str) -> bool:
@@ -89,7 +93,7 @@ def _other_side(joint: str) -> str:
 
 
 # Human3.6M after VideoPose3D's joint reduction; parts as HumanMAC's control demo uses them.
-H36M17 = _tree(
+H36M17 = named_tree(
     "H36M17",
     "hip -1 right_hip 0 right_knee 1 right_foot 2 left_hip 0 left_knee 4 left_foot 5 spine 0 thorax 7 neck 8 head 9 "
     "left_shoulder 8 left_elbow 11 left_wrist 12 right_shoulder 8 right_elbow 14 right_wrist 15",
@@ -101,51 +105,25 @@ H36M17 = _tree(
         "right_arm": "right_shoulder right_elbow right_wrist",
     },
 )
-HUMANEVA15 = _tree(
-    "HUMANEVA15",
-    "pelvis -1 thorax 0 left_shoulder 1 left_elbow 2 left_wrist 3 right_shoulder 1 right_elbow 5 right_wrist 6 "
-    "left_hip 0 left_knee 8 left_ankle 9 right_hip 0 right_knee 11 right_ankle 12 head 1",
-    {
-        "right_leg": "right_hip right_knee right_ankle",
-        "left_leg": "left_hip left_knee left_ankle",
-        "spine": "thorax head",
-        "left_arm": "left_shoulder left_elbow left_wrist",
-        "right_arm": "right_shoulder right_elbow right_wrist",
-    },
-)
 # CMU: the 31 points of the ASF skeletons; a point is the far end of the bone of that name.
-CMU = _tree(
+CMU = named_tree(
     "CMU",
     "root -1 left_hipjoint 0 left_femur 1 left_tibia 2 left_foot 3 left_toes 4 "
     "right_hipjoint 0 right_femur 6 right_tibia 7 right_foot 8 right_toes 9 "
     "lowerback 0 upperback 11 thorax 12 lowerneck 13 upperneck 14 head 15 "
     "left_clavicle 13 left_humerus 17 left_radius 18 left_wrist 19 left_hand 20 left_fingers 21 left_thumb 20 "
     "right_clavicle 13 right_humerus 24 right_radius 25 right_wrist 26 right_hand 27 right_fingers 28 right_thumb 27",
+    h36m17="root right_hipjoint right_femur right_tibia left_hipjoint left_femur left_tibia upperback thorax upperneck head "
+    "left_clavicle left_humerus left_radius right_clavicle right_humerus right_radius",
+    humanml22="root left_hipjoint right_hipjoint lowerback left_femur right_femur upperback left_tibia right_tibia "
+    "upperback:thorax:0.5 left_foot right_foot lowerneck thorax:left_clavicle:0.4 thorax:right_clavicle:0.4 upperneck "
+    "left_clavicle right_clavicle left_humerus right_humerus left_radius right_radius",
 )
-LAFAN1 = _tree(
-    "LAFAN1",
-    "Hips -1 LeftUpLeg 0 LeftLeg 1 LeftFoot 2 LeftToe 3 RightUpLeg 0 RightLeg 5 RightFoot 6 RightToe 7 "
-    "Spine 0 Spine1 9 Spine2 10 Neck 11 Head 12 LeftShoulder 11 LeftArm 14 LeftForeArm 15 LeftHand 16 "
-    "RightShoulder 11 RightArm 18 RightForeArm 19 RightHand 20",
-)
-BANDAI21 = _tree(
-    "BANDAI21",
-    "Hips -1 Spine 0 Chest 1 Neck 2 Head 3 Shoulder_L 2 UpperArm_L 5 LowerArm_L 6 Hand_L 7 "
-    "Shoulder_R 2 UpperArm_R 9 LowerArm_R 10 Hand_R 11 UpperLeg_L 0 LowerLeg_L 13 Foot_L 14 Toes_L 15 "
-    "UpperLeg_R 0 LowerLeg_R 17 Foot_R 18 Toes_R 19",
-)
-HUMANML22 = _tree(
+HUMANML22 = named_tree(
     "HUMANML22",
     "pelvis -1 left_hip 0 right_hip 0 spine1 0 left_knee 1 right_knee 2 spine2 3 left_ankle 4 right_ankle 5 spine3 6 "
     "left_foot 7 right_foot 8 neck 9 left_collar 9 right_collar 9 head 12 left_shoulder 13 right_shoulder 14 "
     "left_elbow 16 right_elbow 17 left_wrist 18 right_wrist 19",
+    h36m17="pelvis right_hip right_knee right_ankle left_hip left_knee left_ankle spine2 spine3 neck head "
+    "left_shoulder left_elbow left_wrist right_shoulder right_elbow right_wrist",
 )
-# KIT-ML as text-to-motion data have it. Right is the side of negative x where toes point to positive z and y is up.
-KIT21 = _tree(
-    "KIT21",
-    "pelvis -1 spine 0 thorax 1 lower_neck 2 upper_neck 3 right_shoulder 3 right_elbow 5 right_wrist 6 "
-    "left_shoulder 3 left_elbow 8 left_wrist 9 right_hip 0 right_knee 11 right_ankle 12 right_foot 13 right_toe 14 "
-    "left_hip 0 left_knee 16 left_ankle 17 left_foot 18 left_toe 19",
-)
-
-SKELETONS = {s.name: s for s in (H36M17, HUMANEVA15, CMU, LAFAN1, BANDAI21, HUMANML22, KIT21)}

@@ -16,13 +16,9 @@ from tqdm import tqdm
 
 from mwlib.body.kinematics import AXES
 from mwlib.body.motion import Motion
-from mwlib.body.skeleton import SKELETONS, Skeleton
-from mwlib.data.collections import NAMED_SOURCES, named_source
-from mwlib.data.formats.arrays import read_positions
-from mwlib.data.formats.asf_amc import read_amc
-from mwlib.data.formats.bvh import read_bvh
-from mwlib.data.formats.cmu_benchmark import COLUMNS, read_benchmark
-from mwlib.data.formats.h36m import read_positions_3d
+from mwlib.body.skeleton import Skeleton
+from mwlib.data.collections import NAMED_SOURCES, SKELETONS, named_source
+from mwlib.data.collections.cmu import BENCHMARK_COLUMNS
 from mwlib.data.formats.humanml import FEATURES, is_features, read_features, without_features
 from mwlib.data.meaning import Given, Hints, Reading, check_size, check_up, hints, metres_per_unit
 from mwlib.data.untrusted import (
@@ -40,7 +36,6 @@ from mwlib.data.untrusted import (
     read_head,
     without_twins,
 )
-from mwlib.synthetic.motions import synthetic_motions
 
 MANY_FILES = 20  # from here on a progress bar is worth its line
 CONTENT = "content"  # the place of a failure that its reader did not foresee
@@ -94,7 +89,7 @@ def load_motions(
     fps = fps or own_fps
     given = caller_says(unit, up, file_fps, skeleton)
     wanted = given.get("fallback_skeleton")
-    motions = synthetic_motions() if source == "synthetic" else _read(find_source(source), given, strict)
+    motions = _synthetic() if source == "synthetic" else _read(find_source(source), given, strict)
     motions = motions if wanted is None else [m.retarget(wanted) for m in motions]
     return motions if fps is None else [m.resample(fps) for m in motions]
 
@@ -239,7 +234,7 @@ def _is_motion(file: Path) -> bool:
     kind = bare_suffix(file)
     try:
         if kind == ".txt":
-            return read_head(file, HEAD).split(b"\n", 1)[0].count(b",") + 1 == COLUMNS
+            return read_head(file, HEAD).split(b"\n", 1)[0].count(b",") + 1 == BENCHMARK_COLUMNS
         if kind == ".npy":
             shape, _, _ = array_header(BytesIO(read_head(file, HEAD)), file, "array")
             return is_features(shape, file) or (len(shape) == 3 and shape[-1] == 3)
@@ -257,11 +252,40 @@ def _archive_is_motion(file: Path) -> bool:
         return MOTION_ENTRY.search(read_head(file, HEAD)) is not None
 
 
+# Each reader is imported when the first of its files is read, so that a system opens without them.
+
+
+def _synthetic() -> list[Motion]:
+    from mwlib.synthetic.motions import synthetic_motions
+
+    return synthetic_motions()
+
+
+def _read_bvh(file: Path, known: Hints) -> Reading:
+    from mwlib.data.formats.bvh import read_bvh
+
+    return read_bvh(file, known)
+
+
+def _read_amc(file: Path, known: Hints) -> Reading:
+    from mwlib.data.formats.asf_amc import read_amc
+
+    return read_amc(file, known)
+
+
+def _read_txt(file: Path, known: Hints) -> Reading:
+    from mwlib.data.formats.cmu_benchmark import read_benchmark
+
+    return read_benchmark(file, known)
+
+
 def _read_npy(file: Path, known: Hints) -> Reading:
     """Joint positions; in a folder new_joint_vecs, rows of features."""
     array = read_array(BytesIO(read_bytes(file, allowed(MOST_BYTES, file))), file, "array")
     if array.ndim == 2 and file.parent.name == FEATURES:
         return read_features(array, file, known)
+    from mwlib.data.formats.arrays import read_positions
+
     return read_positions({"positions": array}, file, known)
 
 
@@ -269,18 +293,22 @@ def _read_npz(file: Path, known: Hints) -> list[Reading] | Reading:
     """positions_3d: the VideoPose3D layout; positions: an array of one's own."""
     streams = read_archive(file, ENTRIES)
     if "positions_3d" in streams:
+        from mwlib.data.formats.h36m import read_positions_3d
+
         return read_positions_3d(streams["positions_3d"], file, known)
     if "positions" not in streams:
         found = f"entries {', '.join(sorted(archive_names(file)))[:120] or 'none'}"
         raise MotionFormatError(file, "archive", found, "positions (T, J, 3), or positions_3d (Human3.6M)")
+    from mwlib.data.formats.arrays import read_positions
+
     return read_positions({name: read_array(stream, file, name) for name, stream in streams.items()}, file, known)
 
 
 ENTRIES = {"positions_3d", "positions", "fps", "unit", "up", "subject", "action", "skeleton"}
 READERS: dict[str, Callable[[Path, Hints], Reading | list[Reading]]] = {
-    ".bvh": read_bvh,
-    ".amc": read_amc,
-    ".txt": read_benchmark,
+    ".bvh": _read_bvh,
+    ".amc": _read_amc,
+    ".txt": _read_txt,
     ".npz": _read_npz,
     ".npy": _read_npy,
 }

@@ -9,7 +9,8 @@ from dataclasses import replace
 import numpy as np
 
 from mwlib.body.motion import Motion
-from mwlib.body.skeleton import SKELETONS, Skeleton
+from mwlib.body.skeleton import Skeleton
+from mwlib.data.collections import SKELETONS
 from mwlib.hashing import sha256
 
 # What says "left" in a name: the word, or one letter where a word begins (lThigh, J_Bip_L_Arm, thigh.L, ik_hand_l).

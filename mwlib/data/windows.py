@@ -6,7 +6,7 @@ import json
 import math
 import warnings
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from typing import Self
 
 import numpy as np
@@ -18,6 +18,7 @@ from mwlib.body.correspondence import to_h36m17
 from mwlib.body.kinematics import AXES, heading, scale_bones, turn_heading
 from mwlib.body.motion import Motion
 from mwlib.body.skeleton import H36M17, Skeleton
+from mwlib.data.collections import known_skeleton
 from mwlib.data.mirroring import unmirrored
 
 
@@ -74,7 +75,8 @@ class Bodies:
 
     def to_json(self) -> str:
         """As text that a model file carries."""
-        return json.dumps({"skeleton": asdict(self.skeleton), "fps": self.fps, "up": self.up})
+        skeleton = {name: getattr(self.skeleton, name) for name in ("name", "joints", "parents", "left", "right", "parts")}
+        return json.dumps({"skeleton": skeleton, "fps": self.fps, "up": self.up})
 
     @classmethod
     def from_json(cls, text: str) -> Bodies:
@@ -83,7 +85,7 @@ class Bodies:
         skeleton = tree["skeleton"]
         parts = {name: tuple(joints) for name, joints in skeleton["parts"].items()}
         rows = {name: tuple(skeleton[name]) for name in ("joints", "parents", "left", "right")}
-        return cls(Skeleton(name=skeleton["name"], parts=parts, **rows), tree["fps"], tree["up"])
+        return cls(known_skeleton(Skeleton(name=skeleton["name"], parts=parts, **rows)), tree["fps"], tree["up"])
 
 
 def prepare(motions: Sequence[Motion], fps: float) -> list[Motion]:

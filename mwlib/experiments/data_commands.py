@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import Any
 
 from mwlib import plots
-from mwlib.body.skeleton import SKELETONS
 from mwlib.data.check import check_data
+from mwlib.data.collections import SKELETONS
 from mwlib.data.meaning import UNITS
 from mwlib.files import write_atomic
 

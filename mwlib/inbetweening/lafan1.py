@@ -18,7 +18,7 @@ from tqdm import tqdm
 
 from mwlib.body.motion import Motion
 from mwlib.body.rotation import slerp
-from mwlib.body.skeleton import LAFAN1
+from mwlib.data.collections.lafan1 import LAFAN1
 from mwlib.inbetweening.baselines import between
 from mwlib.inbetweening.bridge import Bridge
 from mwlib.inbetweening.config import Config

@@ -14,7 +14,8 @@ from mwlib.body.kinematics import bone_lengths, fk, forward_kinematics, heading,
 from mwlib.body.motion import Motion
 from mwlib.body.rig import ANGLES, MOVES, Rig
 from mwlib.body.rotation import continuous, euler_quaternions, from_six
-from mwlib.body.skeleton import H36M17, LAFAN1, Skeleton
+from mwlib.body.skeleton import H36M17, Skeleton
+from mwlib.data.collections.lafan1 import LAFAN1
 from tests.inbetweening.sample import lafan_motion
 
 # A trunk with two arms; the hands are End Sites, and the motion leaves the first joint out.

@@ -12,7 +12,8 @@ from torch import nn
 from mwlib.body.motion import Motion
 from mwlib.body.rig import ANGLES, MOVES, Rig
 from mwlib.body.rotation import continuous, euler_quaternions
-from mwlib.body.skeleton import LAFAN1, Skeleton
+from mwlib.body.skeleton import Skeleton
+from mwlib.data.collections.lafan1 import LAFAN1
 from mwlib.data.sources import Split
 from mwlib.data.windows import prepare
 from mwlib.inbetweening.bridge import Bridge

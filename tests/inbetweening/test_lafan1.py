@@ -14,7 +14,7 @@ from scipy.spatial.transform import Rotation
 
 import mwlib as mw
 from mwlib.body.rotation import slerp
-from mwlib.body.skeleton import LAFAN1
+from mwlib.data.collections.lafan1 import LAFAN1
 from mwlib.data.sources import Split
 from mwlib.inbetweening import lafan1
 from mwlib.inbetweening.bridge import Bridge

@@ -9,7 +9,8 @@ import pytest
 import torch
 
 from mwlib.body import kinematics
-from mwlib.body.skeleton import H36M17, LAFAN1, Skeleton
+from mwlib.body.skeleton import H36M17, Skeleton
+from mwlib.data.collections.lafan1 import LAFAN1
 from mwlib.inbetweening.losses import (
     bone_angle_loss,
     bone_angles,

@@ -12,7 +12,8 @@ from scipy.spatial.transform import Rotation
 from mwlib.body.kinematics import heading
 from mwlib.body.motion import Motion
 from mwlib.body.rig import ANGLES, MOVES
-from mwlib.body.skeleton import LAFAN1, Skeleton
+from mwlib.body.skeleton import Skeleton
+from mwlib.data.collections.lafan1 import LAFAN1
 from mwlib.data.formats.bvh_writing import write_bvh
 from mwlib.data.load import load_motions
 from mwlib.data.windows import Bodies

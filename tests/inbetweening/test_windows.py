@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import torch
 
-from mwlib.body.skeleton import LAFAN1
+from mwlib.data.collections.lafan1 import LAFAN1
 from mwlib.inbetweening.space import Placement, PositionSpace, RotationSpace
 from mwlib.inbetweening.windows import Clips, coasting, draw_keyframes, given, interpolated, make_space, mirror_images, ready
 from tests.inbetweening.sample import dancers, lafan_motion, people

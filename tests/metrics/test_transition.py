@@ -10,7 +10,8 @@ import torch
 
 from mwlib import metrics
 from mwlib.body.kinematics import bone_lengths, fk
-from mwlib.body.skeleton import LAFAN1, Skeleton
+from mwlib.body.skeleton import Skeleton
+from mwlib.data.collections.lafan1 import LAFAN1
 
 CHAIN = Skeleton("chain", ("root", "a", "b"), (-1, 0, 1))
 N, S, T, C = 4, 3, 9, 12

@@ -21,7 +21,8 @@ from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 
 from mwlib import metrics, plots
-from mwlib.body.skeleton import CMU, H36M17, SKELETONS
+from mwlib.body.skeleton import CMU, H36M17
+from mwlib.data.collections import SKELETONS
 from mwlib.diffusion.process import alpha_bar, ddim_indices
 from mwlib.diffusion.samplers import ddim
 from mwlib.plots.bodies import _spread, facing, poses, project

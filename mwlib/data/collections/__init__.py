@@ -6,16 +6,23 @@ import importlib
 import pkgutil
 from pathlib import Path
 
+from mwlib.body.skeleton import Skeleton
 from mwlib.data.collections.record import Collection
 
 _MODULES = (importlib.import_module(f"{__name__}.{found.name}") for found in pkgutil.iter_modules(__path__))
 _RECORDS = (record for module in _MODULES for record in getattr(module, "RECORDS", ()))
 COLLECTIONS: dict[str, Collection] = {c.name: c for c in sorted(_RECORDS, key=lambda c: (c.download is None, c.name))}
+SKELETONS: dict[str, Skeleton] = {c.skeleton.name: c.skeleton for c in COLLECTIONS.values() if c.skeleton}
 
 # Sources by the names of the presets that use them: what load_motions reads, at which rate.
 NAMED_SOURCES = {"tiny": ("synthetic", 25.0), "laptop": ("synthetic", 50.0)} | {
     c.preset: (c.place, c.fps) for c in COLLECTIONS.values() if c.preset
 }
+
+
+def known_skeleton(skeleton: Skeleton) -> Skeleton:
+    """The known skeleton that this one equals, which says more of its joints; else itself."""
+    return next((known for known in SKELETONS.values() if known == skeleton), skeleton)
 
 
 def named_source(source: str | Path) -> tuple[str | Path, float | None]:

@@ -4,8 +4,19 @@ from __future__ import annotations
 
 import re
 
-from mwlib.body.skeleton import BANDAI21
+from mwlib.body.skeleton import named_tree
 from mwlib.data.collections.record import Collection, Download, listed
+
+BANDAI21 = named_tree(
+    "BANDAI21",
+    "Hips -1 Spine 0 Chest 1 Neck 2 Head 3 Shoulder_L 2 UpperArm_L 5 LowerArm_L 6 Hand_L 7 "
+    "Shoulder_R 2 UpperArm_R 9 LowerArm_R 10 Hand_R 11 UpperLeg_L 0 LowerLeg_L 13 Foot_L 14 Toes_L 15 "
+    "UpperLeg_R 0 LowerLeg_R 17 Foot_R 18 Toes_R 19",
+    h36m17="Hips UpperLeg_R LowerLeg_R Foot_R UpperLeg_L LowerLeg_L Foot_L Spine Chest Neck Head "
+    "UpperArm_L LowerArm_L Hand_L UpperArm_R LowerArm_R Hand_R",
+    humanml22="Hips UpperLeg_L UpperLeg_R Spine LowerLeg_L LowerLeg_R Spine:Chest:0.7 Foot_L Foot_R Chest Toes_L Toes_R Neck "
+    "Shoulder_L Shoulder_R Head UpperArm_L UpperArm_R LowerArm_L LowerArm_R Hand_L Hand_R",
+)
 
 _REPOSITORY = "BandaiNamcoResearchInc/Bandai-Namco-Research-Motiondataset/74ead3ba1ae4696404e6086233779f60de8bf9ef"
 _URL = f"https://raw.githubusercontent.com/{_REPOSITORY}/dataset"

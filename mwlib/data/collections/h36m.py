@@ -2,8 +2,21 @@
 
 from __future__ import annotations
 
-from mwlib.body.skeleton import H36M17, HUMANEVA15
+from mwlib.body.skeleton import H36M17, named_tree
 from mwlib.data.collections.record import Collection, Protocol
+
+HUMANEVA15 = named_tree(
+    "HUMANEVA15",
+    "pelvis -1 thorax 0 left_shoulder 1 left_elbow 2 left_wrist 3 right_shoulder 1 right_elbow 5 right_wrist 6 "
+    "left_hip 0 left_knee 8 left_ankle 9 right_hip 0 right_knee 11 right_ankle 12 head 1",
+    {
+        "right_leg": "right_hip right_knee right_ankle",
+        "left_leg": "left_hip left_knee left_ankle",
+        "spine": "thorax head",
+        "left_arm": "left_shoulder left_elbow left_wrist",
+        "right_arm": "right_shoulder right_elbow right_wrist",
+    },
+)
 
 TRAIN_SUBJECTS, TEST_SUBJECTS = ("S1", "S5", "S6", "S7", "S8"), ("S9", "S11")
 # Windows per take at H, F, stride = 25, 100, 25: plain, "1", "2", ...; "-" where there is no such take. HumanMAC's protocol.

@@ -2,8 +2,16 @@
 
 from __future__ import annotations
 
-from mwlib.body.skeleton import HUMANML22, KIT21
+from mwlib.body.skeleton import HUMANML22, named_tree
 from mwlib.data.collections.record import Collection
+
+# KIT-ML as text-to-motion data have it. Right is the side of negative x where toes point to positive z and y is up.
+KIT21 = named_tree(
+    "KIT21",
+    "pelvis -1 spine 0 thorax 1 lower_neck 2 upper_neck 3 right_shoulder 3 right_elbow 5 right_wrist 6 "
+    "left_shoulder 3 left_elbow 8 left_wrist 9 right_hip 0 right_knee 11 right_ankle 12 right_foot 13 right_toe 14 "
+    "left_hip 0 left_knee 16 left_ankle 17 left_foot 18 left_toe 19",
+)
 
 _README = "the README of https://github.com/EricGuo5513/HumanML3D"
 RECORDS = (

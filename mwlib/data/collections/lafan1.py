@@ -4,8 +4,19 @@ from __future__ import annotations
 
 import re
 
-from mwlib.body.skeleton import LAFAN1
+from mwlib.body.skeleton import named_tree
 from mwlib.data.collections.record import Archive, Collection, Download
+
+LAFAN1 = named_tree(
+    "LAFAN1",
+    "Hips -1 LeftUpLeg 0 LeftLeg 1 LeftFoot 2 LeftToe 3 RightUpLeg 0 RightLeg 5 RightFoot 6 RightToe 7 "
+    "Spine 0 Spine1 9 Spine2 10 Neck 11 Head 12 LeftShoulder 11 LeftArm 14 LeftForeArm 15 LeftHand 16 "
+    "RightShoulder 11 RightArm 18 RightForeArm 19 RightHand 20",
+    h36m17="Hips RightUpLeg RightLeg RightFoot LeftUpLeg LeftLeg LeftFoot Spine1 Spine2 Neck Head "
+    "LeftArm LeftForeArm LeftHand RightArm RightForeArm RightHand",
+    humanml22="Hips LeftUpLeg RightUpLeg Spine LeftLeg RightLeg Spine1 LeftFoot RightFoot Spine2 LeftToe RightToe Neck "
+    "LeftShoulder RightShoulder Head LeftArm RightArm LeftForeArm RightForeArm LeftHand RightHand",
+)
 
 _REPOSITORY = "ubisoft/ubisoft-laforge-animation-dataset/94084601bacdf9cc3764b5c73daaeccae6035fac"
 _OWNERS = (

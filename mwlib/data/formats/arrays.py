@@ -11,7 +11,8 @@ from jaxtyping import Shaped
 
 from mwlib.body.kinematics import AXES
 from mwlib.body.motion import Motion
-from mwlib.body.skeleton import SKELETONS, Skeleton
+from mwlib.body.skeleton import Skeleton
+from mwlib.data.collections import SKELETONS, known_skeleton
 from mwlib.data.formats.humanml import HUMANML3D, KIT
 from mwlib.data.meaning import (
     BESIDE,
@@ -138,7 +139,7 @@ def _skeleton(tree: dict, file: Path) -> Skeleton:
     left, right = paired(tuple(names)) if by_name else (tuple(tree.get(side, [])) for side in ("left", "right"))
     parts = {part: tuple(row) for part, row in parts.items()}
     try:
-        return Skeleton(tree["name"], tuple(names), tuple(parents), left, right, parts)
+        return known_skeleton(Skeleton(tree["name"], tuple(names), tuple(parents), left, right, parts))
     except ValueError as error:
         raise MotionFormatError(file, "skeleton", str(error), "a tree") from error
 

@@ -15,7 +15,9 @@ from mwlib.body.kinematics import forward_kinematics
 from mwlib.body.motion import Motion
 from mwlib.body.rig import ANGLES, MOVES, Rig
 from mwlib.body.rotation import euler_matrices, euler_quaternions
-from mwlib.body.skeleton import BANDAI21, CMU, SKELETONS, Skeleton
+from mwlib.body.skeleton import CMU, Skeleton
+from mwlib.data.collections import SKELETONS
+from mwlib.data.collections.bandai_namco import BANDAI21
 from mwlib.data.formats.asf_amc import CMU_BONES, far_ends
 from mwlib.data.formats.frames import in_blocks, rotation_track, starts_in_tpose
 from mwlib.data.meaning import FASTEST, FILE, FORMAT, SLOWEST, Hints, Reading, Stated, infer_unit

@@ -15,11 +15,11 @@ from scipy.spatial.transform import Rotation
 from mwlib.body.kinematics import forward_kinematics
 from mwlib.body.motion import Motion
 from mwlib.body.skeleton import CMU, Skeleton
+from mwlib.data.collections.cmu import BENCHMARK_COLUMNS
 from mwlib.data.formats.frames import in_blocks, starts_in_tpose
 from mwlib.data.meaning import FORMAT, UNITS, Hints, Reading, Stated
 from mwlib.data.untrusted import number_table, read_text
 
-COLUMNS = 117  # root translation, then 38 rotation vectors
 FPS = 120.0  # every row; the usual protocol keeps every second one
 # Parent and offset (CMU units) of the 38 points: the 31 cgspeed joints and seven End Sites.
 POINTS = """
@@ -49,7 +49,7 @@ def read_benchmark(file: Path, hints: Hints) -> Reading:
     Raises:
         MotionFormatError: not lines of 117 finite numbers.
     """
-    table = number_table(read_text(file), COLUMNS, file, "table", delimiter=",")
+    table = number_table(read_text(file), BENCHMARK_COLUMNS, file, "table", delimiter=",")
     positions = in_blocks(lambda part: _positions(table[part]), len(table), len(SKELETON))
     unit = hints.unit or Stated(UNITS["cmu"], FORMAT)
     up, fps = hints.up or Stated("y", FORMAT), hints.fps or Stated(FPS, FORMAT)

@@ -15,7 +15,8 @@ import numpy as np
 from jaxtyping import Float
 
 from mwlib.body.motion import Motion
-from mwlib.body.skeleton import H36M17, HUMANEVA15
+from mwlib.body.skeleton import H36M17
+from mwlib.data.collections.h36m import HUMANEVA15
 from mwlib.data.formats.pickles import unpickle
 from mwlib.data.meaning import FORMAT, Hints, Reading, Stated
 from mwlib.data.untrusted import MotionFormatError, array_header, bounded, label

@@ -20,7 +20,8 @@ from jaxtyping import Float, Shaped
 from torch import Tensor
 
 from mwlib.body.motion import Motion
-from mwlib.body.skeleton import HUMANML22, KIT21, Skeleton
+from mwlib.body.skeleton import HUMANML22, Skeleton
+from mwlib.data.collections.humanml import KIT21
 from mwlib.data.meaning import FORMAT, Hints, Reading, Stated
 from mwlib.data.untrusted import (
     SMALL_TEXT,

@@ -11,7 +11,8 @@ from scipy.spatial.transform import Rotation
 
 from mwlib import MotionFormatError, load_motions
 from mwlib.body.kinematics import bone_lengths
-from mwlib.body.skeleton import BANDAI21, LAFAN1
+from mwlib.data.collections.bandai_namco import BANDAI21
+from mwlib.data.collections.lafan1 import LAFAN1
 from mwlib.data.formats.bvh import CGSPEED_PARENTS
 from tests.sample_motions import BVH, mutate
 

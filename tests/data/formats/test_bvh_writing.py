@@ -13,7 +13,10 @@ import pytest
 from mwlib import load_motions
 from mwlib.body.fitting import fit_rig
 from mwlib.body.motion import Motion
-from mwlib.body.skeleton import BANDAI21, CMU, H36M17, LAFAN1, SKELETONS, Skeleton
+from mwlib.body.skeleton import CMU, H36M17, Skeleton
+from mwlib.data.collections import SKELETONS
+from mwlib.data.collections.bandai_namco import BANDAI21
+from mwlib.data.collections.lafan1 import LAFAN1
 from mwlib.data.formats.asf_amc import CMU_BONES, far_ends
 from mwlib.data.formats.bvh_writing import write_bvh
 from mwlib.data.load import motion_files, read_motion_file

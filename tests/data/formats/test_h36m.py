@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from mwlib import Motion, MotionFormatError, load_motions
-from mwlib.body.skeleton import CMU, H36M17, HUMANEVA15
+from mwlib.body.skeleton import CMU, H36M17
+from mwlib.data.collections.h36m import HUMANEVA15
 from mwlib.data.formats.h36m import PARENTS_32, write_h36m
 from tests.sample_motions import write_positions_3d
 

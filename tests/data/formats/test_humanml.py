@@ -7,7 +7,9 @@ import pytest
 import torch
 
 from mwlib.body.kinematics import bone_lengths
-from mwlib.body.skeleton import HUMANML22, KIT21, SKELETONS
+from mwlib.body.skeleton import HUMANML22
+from mwlib.data.collections import SKELETONS
+from mwlib.data.collections.humanml import KIT21
 from mwlib.data.formats.humanml import HUMANML3D, KIT, LAYOUTS, joints_of
 from tests.data.formats.sample_features import about_y
 

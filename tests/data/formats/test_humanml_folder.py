@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 
 from mwlib import MotionFormatError, load_motions
-from mwlib.body.skeleton import HUMANML22, KIT21
+from mwlib.body.skeleton import HUMANML22
 from mwlib.data.captioned import fingerprint
+from mwlib.data.collections.humanml import KIT21
 from mwlib.data.formats.humanml import (
     HUMANML3D,
     KIT,

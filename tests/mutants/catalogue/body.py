@@ -47,7 +47,7 @@ MUTANTS = [
          "body/test_rotation.py::test_quaternions_of_matrices_at_half_turns"),
     ),
     *of(
-        "body/correspondence.py", "body/test_correspondence.py",
+        "body/skeleton.py", "body/test_correspondence.py",
         ("collars-at-the-shoulders", "thorax:left_clavicle:0.4", "thorax:left_clavicle:0.9"),
     ),
 ]  # fmt: skip
