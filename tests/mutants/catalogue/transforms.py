@@ -9,13 +9,13 @@ MUTANTS = [
         ("linear-path-left-out", "return self.layers(x) + self.line(x)", "return self.layers(x)"),
     ),
     *of(
-        "transforms/dwt.py", "transforms/test_time_wavelet.py",
+        "transforms/dwt.py", "transforms/test_linear.py",
         ("levels-in-another-order", "[1, *(2**k for k in range(level - omit))]", "[*(2**k for k in range(level - omit)), 1]"),
         ("coarse-details-left-out", "range(level, omit, -1)", "range(level - omit, 0, -1)"),
         ("projection-is-the-identity", "Constant(s), Constant(a @ s)", "Constant(s), Constant(np.eye(len(a)))"),
     ),
     *of(
-        "transforms/trigonometric.py", "transforms/test_dst.py",
+        "transforms/trigonometric.py", "transforms/test_linear.py",
         ("sines-begin-a-frame-late", "((0, 0), (1, 1))", "((0, 0), (2, 0))"),
     ),
 ]  # fmt: skip
