@@ -4,16 +4,25 @@ from tests.mutants.mutant import of
 
 MUTANTS = [
     *of(
-        "diffusion/conditioning.py", "diffusion/test_guidance.py",
+        "diffusion/conditioning.py", "diffusion/test_conditioning.py",
         ("cfg-weight-counts-one-less", "((1 + w) * conditional).sub_(w *", "(w * conditional).sub_((w - 1) *"),
         ("gradient-the-wrong-way", "eps.detach() + weight * a", "eps.detach() - weight * a"),
         ("gradient-without-the-noises-share", "/ (2 * (1 - a) ** 0.5) * gradient", "/ 2 * gradient"),
         ("cfg-alg1-the-wrong-way", "w * (conditional - unconditional)", "w * (unconditional - conditional)"),
+        ("mask-stops-a-step-early", "alpha_bar_prev > until", "alpha_bar_prev >= until", "prediction/test_control.py"),
+        ("mask-inverted", "m * x_c + (1 - m) * tf.inverse(y)", "(1 - m) * x_c + m * tf.inverse(y)"),
+        ("mask-forgets-what-is-cut-off", "+ alpha_bar_prev**0.5 * beside_samples(lost, y)", ""),
+        ("paste-inverted", "m * beside_samples(x_known, y0_hat) + (1 - m) *", "(1 - m) * beside_samples(x_known, y0_hat) + m *"),
+        ("completion-of-one-more-frame", "torch.arange(x_padded.shape[-2]) < history",
+         "torch.arange(x_padded.shape[-2]) <= history"),
+        ("first-question-without-keyframes", "y = impose(y, float(alpha_bar[indices[0]]))", "pass"),
+        ("keyframes-not-given-back", 'return x if how.scheme == "none" else with_keyframes(x, x_target, mask)', "return x"),
+        ("keyframe-noise-never-fixed", 'if how.keyframe_noise == "fixed" else None', 'if how.keyframe_noise == "" else None'),
     ),
     *of(
         "diffusion/process.py", "diffusion/test_process.py",
         ("noise-and-signal-exchanged", "return _like(a.sqrt(), like), _like((1 - a).sqrt(), like)",
-         "return _like((1 - a).sqrt(), like), _like(a.sqrt(), like)", "diffusion/test_masks.py"),
+         "return _like((1 - a).sqrt(), like), _like(a.sqrt(), like)", "diffusion/test_conditioning.py"),
         ("v-with-the-other-sign", "return signal * eps - noise * y", "return signal * eps + noise * y"),
         ("levels-without-bounds", "(alpha_bar / (1 - alpha_bar)).clamp(*SNR_BOUNDS)", "(alpha_bar / (1 - alpha_bar))"),
         ("no-lower-bound-of-the-level-weights", "SNR_BOUNDS = 0.05, 5.0", "SNR_BOUNDS = 0.0, 5.0"),
@@ -50,20 +59,5 @@ MUTANTS = [
         ("eq6-without-the-root", "(1 - alpha) / (1 - a) ** 0.5 * eps", "(1 - alpha) / (1 - a) * eps"),
         ("eq6-noise-of-the-forward-step", "((1 - a_prev) / (1 - a) * (1 - alpha)) ** 0.5", "(1 - alpha) ** 0.5"),
         ("eq6-noise-in-the-last-step", "if noise is not None and a_prev < 1:", "if noise is not None:"),
-    ),
-    *of(
-        "diffusion/conditioning.py", "diffusion/test_masks.py",
-        ("mask-stops-a-step-early", "alpha_bar_prev > until", "alpha_bar_prev >= until", "prediction/test_control.py"),
-        ("mask-inverted", "m * x_c + (1 - m) * tf.inverse(y)", "(1 - m) * x_c + m * tf.inverse(y)"),
-        ("mask-forgets-what-is-cut-off", "+ alpha_bar_prev**0.5 * beside_samples(lost, y)", ""),
-        ("paste-inverted", "m * beside_samples(x_known, y0_hat) + (1 - m) *", "(1 - m) * beside_samples(x_known, y0_hat) + m *"),
-        ("completion-of-one-more-frame", "torch.arange(x_padded.shape[-2]) < history",
-         "torch.arange(x_padded.shape[-2]) <= history"),
-    ),
-    *of(
-        "diffusion/conditioning.py", "diffusion/test_keyframes.py",
-        ("first-question-without-keyframes", "y = impose(y, float(alpha_bar[indices[0]]))", "pass"),
-        ("keyframes-not-given-back", 'return x if how.scheme == "none" else with_keyframes(x, x_target, mask)', "return x"),
-        ("keyframe-noise-never-fixed", 'if how.keyframe_noise == "fixed" else None', 'if how.keyframe_noise == "" else None'),
     ),
 ]  # fmt: skip

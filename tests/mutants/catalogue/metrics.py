@@ -35,7 +35,7 @@ MUTANTS = [
         ("clusters-for-windows", ".sum()) / len(found))", ".sum()) / len(names))"),
     ),
     *of(
-        "metrics/realism.py", "metrics/test_realism.py",
+        "metrics/realism.py", "metrics/test_prediction.py",
         ("speed-per-frame", ".mean((1, 2, 3)) * fps / step", ".mean((1, 2, 3)) * fps"),
         ("jerk-of-the-second-difference", ".diff(n=3, dim=2)", ".diff(n=2, dim=2)"),
         ("jerk-in-another-unit", "* fps**3", "* fps"),
@@ -57,9 +57,6 @@ MUTANTS = [
         ("npss-of-the-last-batch", "self._weight += float", "self._weight = float"),
         ("npss-without-a-guard", "torch.where(total > 0, total, 1.0)", "total"),
         ("npss-of-shares-not-cumulated", "power.cumsum(-2)", "power"),
-    ),
-    *of(
-        "metrics/inbetweening.py", "metrics/test_transition.py",
         ("seam-of-the-start-alone", "(step[..., 0] + step[..., -1]) / 2", "step[..., 0]"),
         ("seam-among-the-steps", "step[..., 1:-1].mean(-1)", "step.mean(-1)"),
         ("keyframes-on-average", ".norm(dim=-1).amax((-2, -1))", ".norm(dim=-1).mean((-2, -1))"),
