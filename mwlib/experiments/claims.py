@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import ast
-import csv
 import json
 import re
 from collections import Counter
@@ -17,6 +16,7 @@ from typing import Any
 import yaml
 
 from mwlib.experiments.grids import expect_fields, read_grids
+from mwlib.experiments.results import committed_folder, read_table
 from mwlib.paths import course_folder
 from mwlib.plots.tables import significant
 
@@ -49,7 +49,7 @@ class Tables:
     """
 
     def __init__(self, folder: Path | None = None):
-        self.folder = course_folder() / "figures" / "cmu" if folder is None else Path(folder)
+        self.folder = committed_folder() if folder is None else Path(folder)
         self._rows: dict[str, dict[str, dict[str, str]]] = {}
 
     @cached_property
@@ -70,8 +70,7 @@ class Tables:
                     raise NotMeasured(f"`{file.name}` is not there yet")
                 others = ", ".join(sorted(file.stem for file in self.folder.glob("*.csv"))) or "no tables"
                 raise ValueError(f"{file} is not there, and no grid is called {name!r}; the folder has {others}")
-            with file.open(encoding="utf-8", newline="") as lines:
-                self._rows[name] = {next(iter(row.values())): row for row in csv.DictReader(lines)}
+            self._rows[name] = {next(iter(row.values())): row for row in read_table(file)}
         return self._rows[name]
 
     def text(self, name: str, row: str, column: str) -> str:

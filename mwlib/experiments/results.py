@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import json
 import os
 from collections.abc import Iterator, Mapping
@@ -13,7 +14,7 @@ from filelock import FileLock, Timeout
 
 from mwlib.files import write_json
 from mwlib.hashing import digest
-from mwlib.paths import home
+from mwlib.paths import course_folder, home
 
 RESULT = "metrics.json"
 Status = Literal["ok", "finished"]
@@ -71,6 +72,21 @@ def read_tree(file: Path, **needed: type) -> dict[str, Any]:
     except (FileNotFoundError, NotADirectoryError, ValueError):
         return {}
     return tree if isinstance(tree, dict) and all(isinstance(tree.get(name), kind) for name, kind in needed.items()) else {}
+
+
+def committed_folder() -> Path:
+    """`figures/cmu` of the course: tables and pictures as measured on real people."""
+    return course_folder() / "figures" / "cmu"
+
+
+def read_table(file: Path) -> list[dict[str, str]]:
+    """The lines of a CSV file, texts by the heads of their columns.
+
+    Raises:
+        FileNotFoundError: there is no such table in the folder.
+    """
+    with file.open(encoding="utf-8", newline="") as lines:
+        return list(csv.DictReader(lines))
 
 
 def parameters_hash(parameters: Mapping[str, Any]) -> str:

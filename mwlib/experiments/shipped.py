@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from math import isfinite
 from pathlib import Path
 from typing import Any
@@ -96,18 +96,23 @@ def card(title: str, command: str, cfg: Settings, metrics: Mapping[str, Any]) ->
     """What a reader must know of a model before using it, as Markdown."""
     kind, (model, training, about) = system_of(cfg), (metrics[name] for name in ("model", "training", "about"))
     others = {name: metrics[name] for name in ("truth",) if name in metrics}
+    of_windows = "fps" in cfg.owners()
+    items, rate = ("windows", f" at {cfg.get('fps'):g} Hz") if of_windows else ("clips", "")
     rows = [
-        f"| {column.heading} | " + " | ".join(_of(result, name, column.scale) for result in (model, *others.values())) + " |"
+        f"| {' | '.join([column.heading, *(_of(result, name, column.scale) for result in (model, *others.values()))])} |"
         for name, column in {**kind.METRICS, **details(kind)}.items()
         if name in model["mean"]
     ]
     trained = (
-        f"Trained on {_source(cfg)}: {training['steps']} steps of {cfg.get('batch')} {_items(cfg)}, seed {cfg.get('seed')}, "
+        f"Trained on `{cfg.get('data')}`{rate}: {training['steps']} steps of {cfg.get('batch')} {items}, seed {cfg.get('seed')}, "
         f"{training['seconds']:.0f} s on {training['machine']['device']}. Weights are kept in half precision."
     )
+    sampled = f"sampling seed {cfg.get('sampling_seed')}, "
+    if "ddim_steps" in cfg.owners():
+        sampled = f"{cfg.get('samples')} samples, {cfg.get('ddim_steps')} denoising steps, {sampled}"
     measured = (
-        f"Measured on {model['windows']} {_items(cfg)} of the test people: {_sampling(cfg)}{about['measured on']['device']}."
-        + (" Metres, unless a line says otherwise." if _items(cfg) == "windows" else "")
+        f"Measured on {model['windows']} {items} of the test people: {sampled}{about['measured on']['device']}."
+        + (" Metres, unless a line says otherwise." if of_windows else "")
         + (f" The true futures of similar histories have an APD of {apd:.3g}." if (apd := model.get("multimodal_apd")) else "")
     )
     again = (
@@ -120,36 +125,15 @@ def card(title: str, command: str, cfg: Settings, metrics: Mapping[str, Any]) ->
     return "\n\n".join(parts) + "\n"
 
 
-def _source(cfg: Settings) -> str:
-    rate = f" at {cfg.get('fps'):g} Hz" if "fps" in cfg.owners() else ""
-    return f"`{cfg.get('data')}`{rate}"
-
-
-def _items(cfg: Settings) -> str:
-    return "windows" if "fps" in cfg.owners() else "clips"
-
-
 def _people(cfg: Settings) -> list[str]:
     """Who is held out, where the configuration says it; collections with captions have their own parts."""
     if "test_subjects" not in cfg.owners():
         return []
-    test, validation, train = (_names(cfg.get(f"{part}_subjects")) for part in ("test", "validation", "train"))
+    test, validation, train = (", ".join(cfg.get(f"{part}_subjects")) for part in ("test", "validation", "train"))
     return [
         f"Test people: {test or 'the last quarter'}; for validation: {validation or 'nobody'}; trained on "
         f"{train or 'everybody else'}."
     ]
-
-
-def _sampling(cfg: Settings) -> str:
-    """How many samples and steps, where something is sampled."""
-    if "ddim_steps" not in cfg.owners():
-        return f"sampling seed {cfg.get('sampling_seed')}, "
-    s = cfg.get_group("sampling")
-    return f"{s.samples} samples, {s.ddim_steps} denoising steps, sampling seed {s.sampling_seed}, "
-
-
-def _names(subjects: Sequence[str]) -> str:
-    return ", ".join(subjects)
 
 
 def _of(result: Mapping[str, Any], name: str, scale: float) -> str:

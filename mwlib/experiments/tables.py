@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 from collections.abc import Collection, Mapping, Sequence
 from math import isfinite, nan
 from pathlib import Path
@@ -13,11 +12,11 @@ import numpy as np
 
 from mwlib.data.collections import acknowledgement
 from mwlib.experiments.grids import Grid, changes, row_config
+from mwlib.experiments.results import committed_folder, read_table
 from mwlib.experiments.runs import get_result
 from mwlib.experiments.systems import Data, System, system
 from mwlib.hashing import digest
 from mwlib.metrics import Column, clustered_error
-from mwlib.paths import course_folder
 from mwlib.settings import Settings
 from mwlib.version import __version__
 
@@ -155,22 +154,21 @@ def committed(name: str, metrics: Mapping[str, Column], folder: Path | None = No
     Raises:
         FileNotFoundError: there is no such table in the folder.
     """
-    folder = course_folder() / "figures" / "cmu" if folder is None else folder
-    headings = [column.heading for column in metrics.values()]
-    with (folder / f"{name}.csv").open(encoding="utf-8", newline="") as file:
-        rows = list(csv.DictReader(file))
     out = []
-    for row in rows:
-        number = {heading: float(value) for heading, value in row.items() if heading != "row" and value}
+    for row in read_table((folder or committed_folder()) / f"{name}.csv"):
         line: dict[str, object] = {"row": row["row"]}
-        for heading in (heading for heading in headings if heading in row):  # of places there are no rotations' errors
+        for heading in (column.heading for column in metrics.values() if column.heading in row):  # of places no L2Q
             if f"{heading}, paper" in row:
-                line[f"{heading}, paper"] = number.get(f"{heading}, paper")
-            spread = number.get(f"{heading}, deviation")
-            value = number.get(heading)  # empty where a row has no such number
+                line[f"{heading}, paper"] = _number(row, f"{heading}, paper")
+            value, spread = _number(row, heading), _number(row, f"{heading}, deviation")
             line[heading] = value if spread is None else (value, spread)
         out.append(line)
     return out
+
+
+def _number(row: Mapping[str, str], heading: str) -> float | None:
+    """What a cell holds; None if it is empty, or there is no such column."""
+    return float(row[heading]) if row.get(heading) else None
 
 
 def committed_pairs(name: str, metrics: Mapping[str, Column], folder: Path | None = None) -> list[dict[str, object]]:
@@ -186,19 +184,15 @@ def committed_pairs(name: str, metrics: Mapping[str, Column], folder: Path | Non
     Raises:
         FileNotFoundError: there is no such table in the folder.
     """
-    errors = {column.heading: f"{column.heading}, standard error" for column in metrics.values()}
-    columns = {heading: Column(heading) for pair in errors.items() for heading in pair}
     out = []
-    for line in committed(f"{name}_paired", columns, folder):
-        row, _, against = str(line["row"]).rpartition(" - ")
-        pairs = {h: (_whole(line[h]), line[e]) for h, e in errors.items() if h in line}
-        out.append({"row": row, "against": against} | pairs)
+    for row in read_table((folder or committed_folder()) / f"{name}_paired.csv"):
+        first, _, against = row["row"].rpartition(" - ")
+        line: dict[str, object] = {"row": first, "against": against}
+        for heading in (column.heading for column in metrics.values() if column.heading in row):
+            apart = _number(row, heading)  # rounding leaves some 6e-19 of a difference that is none
+            line[heading] = (apart if apart is None else round(apart, 12), _number(row, f"{heading}, standard error"))
+        out.append(line)
     return out
-
-
-def _whole(value: object) -> object:
-    """Without what rounding leaves of a difference that is none, such as 6e-19."""
-    return round(value, 12) if isinstance(value, float) else value
 
 
 def committed_motion(stem: str, name: str = "truth", folder: Path | None = None) -> np.ndarray:
@@ -216,13 +210,11 @@ def committed_motion(stem: str, name: str = "truth", folder: Path | None = None)
         FileNotFoundError: there is no such table in the folder.
         ValueError: it holds no motion of that name.
     """
-    folder = course_folder() / "figures" / "cmu" if folder is None else folder
-    with (folder / f"{stem}.csv").open(encoding="utf-8", newline="") as file:
-        heads, *rows = csv.reader(file)
-    places = [place for place, head in enumerate(heads) if head.rpartition("_")[0] == name]
-    if not places:
-        raise ValueError(f"name is {name!r}; expected one of {', '.join(dict.fromkeys(h.rpartition('_')[0] for h in heads))}")
-    return np.array([[float(row[place]) for place in places] for row in rows], dtype=np.float32)
+    rows = read_table((folder or committed_folder()) / f"{stem}.csv")
+    heads = [head for head in rows[0] if head.rpartition("_")[0] == name]
+    if not heads:
+        raise ValueError(f"name is {name!r}; expected one of {', '.join(dict.fromkeys(h.rpartition('_')[0] for h in rows[0]))}")
+    return np.array([[float(row[head]) for head in heads] for row in rows], dtype=np.float32)
 
 
 def _union(found: Sequence[dict[str, Any]], entry: str) -> list[str]:
