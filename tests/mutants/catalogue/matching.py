@@ -4,6 +4,24 @@ from tests.mutants.mutant import of
 
 MUTANTS = [
     *of(
+        "matching/system.py", "matching/test_evaluators.py",
+        ("captions-not-shuffled", "r_precision(text[strangers], motion", "r_precision(text, motion"),
+        ("a-half-against-itself", "fid(motion[order[:half]], motion[order[half:]])",
+         "fid(motion[order[:half]], motion[order[:half]])"),
+    ),
+    *of(
+        "matching/clips.py", "matching/test_clips.py",
+        ("stretches-in-either-half", 'clip.name.split(" ")[0])', "clip.name)"),
+        ("critic-and-evaluator-of-one-half", 'wanted = ("evaluator", "critic").index(half)', "wanted = 0"),
+        ("no-window-at-the-end", "(self.frames.lengths - frames + 1)", "(self.frames.lengths - frames)"),
+        ("sentences-not-cut", "words_of(text)[: self.longest]", "words_of(text)"),
+        ("captions-of-other-clips", "self.first_caption[clip] + ", "self.first_caption[clip.flip(0)] + "),
+    ),
+    *of(
+        "matching/config.py", "matching/test_objective.py",
+        ("movements-of-two-frames", "movement_frames % UNIT", "movement_frames % 2"),
+    ),
+    *of(
         "matching/clips.py", "matching/test_published.py",
         ("tag-wins-over-the-lists", "_KIND.get(word, tag)", "tag if tag in PARTS else _KIND.get(word, tag)"),
         ("unknown-words-keep-their-tag", "word, tag = UNKNOWN_WORD, OTHER", "word = UNKNOWN_WORD"),

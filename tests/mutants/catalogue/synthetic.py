@@ -4,6 +4,22 @@ from tests.mutants.mutant import of
 
 MUTANTS = [
     *of(
+        "synthetic/movements.py", "synthetic/test_people.py",
+        ("legs-in-step", '(0.0 if side == "left" else 0.5)) % 1.0', "0.0) % 1.0"),
+        ("trunk-always-as-the-left-hand-would", "unit *= SIDES[near]", "unit *= 1.0"),
+        ("limbs-stretched-too-far", "np.deg2rad(2.0))", "np.deg2rad(-20.0))"),
+        ("feet-stop-before-they-land", "RETRACTION = 0.05", "RETRACTION = 0.0001"),
+    ),
+    *of(
+        "synthetic/motions.py", "synthetic/test_people.py",
+        ("clips-that-begin-anywhere", "return positions - positions[0, 0] * [1.0, 1.0, 0.0]", "return positions"),
+        ("one-body-for-all", "spawn_key=(0, subject)", "spawn_key=(0,)"),
+    ),
+    *of(
+        "synthetic/sentences.py", "synthetic/test_sentences.py",
+        ("articles-that-do-not-agree", 'in "aeiou" else "a"', 'in "" else "a"'),
+    ),
+    *of(
         "synthetic/person.py", "synthetic/test_people.py",
         ("toes-through-the-floor", "np.minimum(np.clip(neutral, highest, LARGEST_PITCH), deepest)",
          "np.clip(neutral, highest, LARGEST_PITCH)"),

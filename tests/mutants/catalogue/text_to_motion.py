@@ -4,6 +4,15 @@ from tests.mutants.mutant import of
 
 MUTANTS = [
     *of(
+        "text_to_motion/config.py", "text_to_motion/test_config.py",
+        ("shorter-than-a-movement", "self.data.shortest < UNIT", "self.data.shortest < UNIT - 1"),
+        ("judge-in-the-hash-of-a-training", 'frozenset({"sampling", "checkpoint_every"})', 'frozenset({"checkpoint_every"})'),
+    ),
+    *of(
+        "text_to_motion/model.py", "text_to_motion/test_model.py",
+        ("noise-of-other-lengths", "return noise()[:, :most] * mask[..., None]", "return noise()[:, -most:] * mask[..., None]"),
+    ),
+    *of(
         "text_to_motion/system.py", "experiments/test_runs.py::test_another_model_behind_a_run_makes_it_another_run",
         ("critic-without-a-hash", "+ critic", "+ []"),
         ("evaluator-without-a-hash", "return stands_on(cfg.sampling.evaluator)", "return []"),
