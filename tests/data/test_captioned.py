@@ -53,20 +53,20 @@ def test_one_in_three_is_four_frames_shorter():
     assert set(lengths.tolist()) == {16, 20} and abs(float((lengths == 16).float().mean()) - 1 / 3) < 0.04
 
 
-def test_whole_clips_come_from_their_beginning():
+def test_whole_clips_captions_and_thinned_clips():
     clips = toy().train
     batch = ClipBatches(clips, UNIT, padded=24).whole([3, 1], ["a", "b"])
     assert batch.captions == ["a", "b"] and batch.y.shape[1] == 24
     for y, i, n in zip(batch.y, (3, 1), batch.lengths.tolist(), strict=True):
         assert n == len(clips[i].features) // 4 * 4 and equal(clips[i], 0, y[:n].numpy()) and not y[n:].any()
-
-
-def test_one_caption_each_is_drawn_by_the_seed():
     clips = toy().train
     first = one_caption_each(clips, 0)
     assert first == one_caption_each(clips, 0) != one_caption_each(clips, 1)
     assert all(text in clip.captions for text, clip in zip(first, clips, strict=True))
     assert len({*first}) == 4
+    clips = toy().train
+    assert thinned(clips, 0) == clips == thinned(clips, 99)
+    assert [c.name for c in thinned(clips, 3)] == [clips[0].name, clips[14].name, clips[29].name]
 
 
 def test_thinned_clips_are_spread_evenly():

@@ -25,15 +25,12 @@ def named(*names: str) -> list:
     return [replace(toy_clips()[0], name=name) for name in names]
 
 
-def test_the_halves_have_no_clip_in_common_and_all_together():
+def test_the_halves_have_no_clip_in_common_and_do_not_depend_on_the_others():
     evaluator, critic = (of_half(toy_clips(), half) for half in ("evaluator", "critic"))
     names = [{clip.name for clip in half} for half in (evaluator, critic)]
     assert not names[0] & names[1] and names[0] | names[1] == {clip.name for clip in toy_clips()}
     assert min(map(len, names)) > 0.35 * len(toy_clips())
     assert of_half(toy_clips(), "all") == [*toy_clips()]
-
-
-def test_a_half_does_not_depend_on_the_other_clips():
     whole, part = (of_half(clips, "critic") for clips in (toy_clips(), toy_clips()[10:20]))
     assert part == [clip for clip in whole if clip in toy_clips()[10:20]]
 
@@ -51,12 +48,19 @@ def test_mirror_images_and_stretches_stay_with_their_clip():
     assert len(of_half(named(*(f"Max{i}" for i in range(40))), "critic")) not in (0, 40)
 
 
-def test_clips_without_names_and_empty_halves_are_refused():
+def test_clips_that_cannot_be_learnt_from_are_refused(clips):
     with pytest.raises(ValueError, match="1 of 3 clips have no name"):
         of_half(named("a", "", "b"), "evaluator")
     with pytest.raises(ValueError, match="none of 0 clips is in the half of the critic"):
         of_half([], "critic")
     assert len(of_half(named("", ""), "all")) == 2
+    statistics, words = Statistics("mdm", torch.zeros(263), torch.ones(263), HUMANML3D), Vocabulary([], 20)
+    clip = toy_clips()[0]
+    with pytest.raises(ValueError, match="there are 1 clips"):
+        PairedClips([clip], statistics, words)
+    for bad in (replace(clip, features=clip.features[:3]), replace(clip, captions=())):
+        with pytest.raises(ValueError, match="expected at least 4 frames and a caption"):
+            PairedClips([clip, bad], statistics, words)
 
 
 def test_words_that_were_never_seen_are_one_number():
@@ -66,7 +70,7 @@ def test_words_that_were_never_seen_are_one_number():
     assert ids.tolist() == [[1, 3, 0, 5, 2, 0], [1, 3, 0, 5, 2, 0], [1, 2, 0, 0, 0, 0], [1, 3, 3, 3, 3, 2]]
 
 
-def test_batches_are_different_clips_with_their_own_captions(clips):
+def test_batches_are_different_clips_with_their_own_captions(clips, generator):
     chosen, shortened, starts, captions = toy_clips(), 0, set(), set()
     frames = {row.tobytes(): (i, start) for i, clip in enumerate(chosen) for start, row in enumerate(clip.features)}
     for seed in range(20):
@@ -85,15 +89,12 @@ def test_batches_are_different_clips_with_their_own_captions(clips):
             found.add(number)
         assert len(found) == 16
     assert captions == {0, 1} and len(starts) > 4 and 0.25 < shortened / 320 < 0.42
+    assert len(clips.draw(1000, generator).x) == len(toy_clips())
 
 
 def clips_ids(caption: str, width: int) -> list[int]:
     ids = Vocabulary.of(toy_clips(), 20).ids([caption])[0][0].tolist()
     return ids + [0] * (width - len(ids))
-
-
-def test_there_are_no_more_pairs_than_clips(clips, generator):
-    assert len(clips.draw(1000, generator).x) == len(toy_clips())
 
 
 def test_windows_are_drawn_from_clips_that_are_long_enough(clips):
@@ -107,13 +108,3 @@ def test_windows_are_drawn_from_clips_that_are_long_enough(clips):
     assert ends & {float(value) for value in drawn[:, -1, 0]}, "a window may end with its clip"
     with pytest.raises(ValueError, match="the longest clip has 30 frames; expected 32"):
         clips.windows(2, 32, torch.Generator())
-
-
-def test_clips_that_cannot_be_learnt_from_are_refused(clips):
-    statistics, words = Statistics("mdm", torch.zeros(263), torch.ones(263), HUMANML3D), Vocabulary([], 20)
-    clip = toy_clips()[0]
-    with pytest.raises(ValueError, match="there are 1 clips"):
-        PairedClips([clip], statistics, words)
-    for bad in (replace(clip, features=clip.features[:3]), replace(clip, captions=())):
-        with pytest.raises(ValueError, match="expected at least 4 frames and a caption"):
-            PairedClips([clip, bad], statistics, words)

@@ -43,9 +43,6 @@ def test_neither_padding_nor_order_nor_company_changes_an_embedding():
     alone = torch.cat([matcher.embed_motions([torch.from_numpy(clip.features)]) for clip in clips])
     torch.testing.assert_close(alone, found)
     torch.testing.assert_close(matcher.embed_motions([torch.from_numpy(clip.features) for clip in clips * 60])[-7:], found)
-
-
-def test_sentences_do_not_depend_on_their_company():
     matcher = untrained()
     texts = ["The arm moves much.", "hip", "Much, much more says the little head than the leg."]
     found = matcher.embed_text(texts)
@@ -82,6 +79,8 @@ def test_what_does_not_fit_is_refused(unchecked):
     for bad in ("a man walks", []):
         with pytest.raises(ValueError, match="expected a list of sentences"):
             matcher.embed_text(bad)
+    with pytest.raises(ValueError, match="there are 7 test clips; expected at least the pool of 8"):
+        matching_system.evaluate(small(), untrained, parts()._replace(test=parts().test[:7]))
 
 
 @pytest.mark.parametrize("pool", [8, 16, 32])
@@ -117,11 +116,6 @@ def test_a_run_is_trained_once_and_judged(monkeypatch, tmp_path):
     x, lengths = padded(parts().test[:4])
     assert torch.equal(one.embed_motion(x, lengths), other.embed_motion(x, lengths))
     assert np.isclose(get_result(cfg.override(pool=16), parts())["mean"]["chance"], 3 / 16)
-
-
-def test_too_few_test_clips_are_refused():
-    with pytest.raises(ValueError, match="there are 7 test clips; expected at least the pool of 8"):
-        matching_system.evaluate(small(), untrained, parts()._replace(test=parts().test[:7]))
 
 
 def test_it_is_known_by_name(monkeypatch):

@@ -19,16 +19,13 @@ TEXT, MOTION = torch.tensor([[0.0, 0.0], [3.0, 4.0]]), torch.tensor([[0.0, 1.0],
 each_loss = pytest.mark.parametrize("loss", ["contrastive", "infonce"])
 
 
-def test_the_contrastive_loss_by_hand():
+def test_the_contrastive_loss_by_hand_never_takes_pairs_as_negatives():
     positives, negatives = contrastive_loss(TEXT, MOTION, 1, margin=10.0)
     assert float(positives) == pytest.approx(8.5) and float(negatives) == pytest.approx(41.0736, abs=5e-5)
     _, near = contrastive_loss(TEXT, MOTION, 1, margin=4.0)
     assert float(near) == pytest.approx(0.5), "the second is beyond the margin"
     three = torch.tensor([[0.0], [1.0], [5.0]])
     assert float(contrastive_loss(three, three, 2)[1]) == pytest.approx((5**2 + 9**2 + 6**2) / 3)
-
-
-def test_pairs_are_never_negatives():
     for shift in (0, 2):
         with pytest.raises(ValueError, match="expected 1 to 1: at 0 pairs are negatives"):
             contrastive_loss(TEXT, MOTION, shift)
@@ -59,12 +56,9 @@ def test_infonce_by_a_loop(generator):
     assert float(infonce_loss(text, motion, same, 2.0)) == pytest.approx(total / 10, rel=1e-5)
 
 
-def test_the_loss_of_movements_by_hand():
+def test_movements_are_learnt_by_their_loss_and_then_frozen():
     x, codes = torch.zeros(1, 8, 2), torch.tensor([[[1.0, -2.0], [3.0, 2.0]]])
     assert float(movement_loss(x + 0.5, x, codes, 0.1, 0.01)) == pytest.approx(0.5 + 0.1 * 2 + 0.01 * 3)
-
-
-def test_movements_are_learnt_and_then_frozen():
     made = objective()
     encoder, curve = train_movements(made.clips, small(movement_steps=80, movement_lr=3e-3), 263)
     assert np.mean(curve[-5:]) < 0.8 * np.mean(curve[:5]) and len(curve) == 80
@@ -145,13 +139,10 @@ def test_evaluator_and_critic_learn_from_their_own_clips():
         torch.testing.assert_close(made.statistics.mean, torch.from_numpy(frames.mean(0)), atol=1e-5, rtol=1e-4)
 
 
-def test_root_and_contacts_weigh_more_where_asked():
+def test_root_and_contacts_weigh_more_where_asked_and_validation_repeats():
     plain, heavy = (objective(statistics=kind).clips.frames.flat for kind in ("mdm", "evaluator"))
     ratio = heavy.std(0) / plain.std(0)
     torch.testing.assert_close(ratio[[0, 3, 4, 100, 258, 259, 262]], torch.tensor([25.0, 25, 1, 1, 1, 25, 25]))
-
-
-def test_validation_is_the_same_every_time_and_leaves_the_network_evaluating():
     made = objective(word_dropout=0.5)
     first = made.validate(made.network.train())
     assert first is not None and made.validate(made.network.train()) == first and not made.network.training

@@ -16,14 +16,11 @@ def drawn():
     return [(attributes, captions_of(attributes, rng)) for attributes in (draw_attributes(rng) for _ in range(1500))]
 
 
-def test_three_different_sentences_without_a_slot_left(drawn):
+def test_three_different_sentences_of_the_vocabulary(drawn):
     for _, captions in drawn:
         assert len(set(captions)) == 3
         for caption in captions:
             assert not set("<>{}|") & set(caption) and caption == " ".join(caption.split()) == caption.lower()
-
-
-def test_the_vocabulary_is_what_captions_use(drawn):
     used = {word for _, captions in drawn for caption in captions for word in caption.split()}
     assert used <= set(vocabulary()) and len(set(vocabulary()) - used) <= 3
     assert 100 <= len(vocabulary()) <= 250 and list(vocabulary()) == sorted(set(vocabulary()))
@@ -52,14 +49,11 @@ def test_numbers_and_manner_are_said(drawn):
             assert bool(words & slow) == ("slow" in manner) and bool(words & fast) == ("fast" in manner)
 
 
-def test_two_actions_are_told_in_order():
+def test_order_and_direction_are_said():
     attributes = {"action": "walk", "then": "bow", "speed": "normal", "path": "straight"}
     for caption in captions_of(attributes, np.random.default_rng(0)):
         walks = min(caption.find(word) % 1000 for word in ("walk", "steps"))
         assert walks < min(caption.find(word) % 1000 for word in ("bow", "bends", "leans"))
-
-
-def test_walking_backward_is_said():
     for caption in captions_of({"action": "walk", "direction": "backward"}, np.random.default_rng(0)):
         assert "backward" in caption
 
@@ -107,15 +101,12 @@ def test_as_many_words_change_as_asked_for(sentences, kind, replacements):
         assert all(b in getattr(SYNONYMS[a], kind) for a, b in changed)
 
 
-def test_articles_agree():
+def test_articles_agree_and_the_generator_decides(sentences):
     rng = np.random.default_rng(0)
     said = {perturbed("a person grabs an object", 3, kind, rng) for kind in ("seen", "held_out", "nonsense") for _ in range(20)}
     for words in (sentence.split() for sentence in said):
         assert all((a == "an") == (b[0] in "aeiou") for a, b in zip(words, words[1:], strict=False) if a in ("a", "an"))
     assert any(words.startswith("an ") for words in said)
-
-
-def test_the_same_generator_gives_the_same_sentence(sentences):
     first, again = ([perturbed(s, 2, "seen", np.random.default_rng(3)) for s in sentences[:20]] for _ in range(2))
     assert first == again != [perturbed(s, 2, "seen", np.random.default_rng(4)) for s in sentences[:20]]
 

@@ -46,14 +46,11 @@ def test_the_published_presets_have_the_published_settings():
     assert (smf.training.lr, smf.training.lr_gamma, smf.training.clip_gradient) == (2e-4, 0.9, 1.0)
 
 
-def test_who_judges_and_how_is_sampled_are_no_part_of_a_training():
+def test_what_is_no_part_of_a_training_and_the_name_of_the_embedded_data():
     cfg = Config.preset("tiny")
     for changes in ({"evaluator": "other"}, {"guidance": 1.0}, {"sampler": "ddim"}, {"method": "truth"}):
         assert cfg.override(**changes).training_hash() == cfg.training_hash()
     assert cfg.override(critic="other").training_hash() != cfg.training_hash()
-
-
-def test_the_embedded_data_go_by_the_name_that_they_have_in_other_systems():
     assert Config.preset("tiny", data="synthetic") == Config.preset("tiny")
 
 

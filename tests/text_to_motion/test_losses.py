@@ -32,7 +32,7 @@ def test_worked_values_of_the_low_frequency_loss(rows, l1, mse, low):
     assert float(low_frequency_loss((X - Y)[None], FOUR, low_pass, "mse")) == pytest.approx(mse, abs=1e-5)
 
 
-def test_low_pass_is_scipys_on_each_samples_own_length():
+def test_low_pass_is_scipys_projection_on_each_samples_own_length():
     x, lengths = some()
     found = LowPass(20, rows=4)(x, lengths)
     for row, out, n in zip(x, found, lengths.tolist(), strict=True):
@@ -40,13 +40,16 @@ def test_low_pass_is_scipys_on_each_samples_own_length():
         y[4:] = 0
         assert_close(out[:n], torch.from_numpy(idct(y, norm="ortho", axis=0)), atol=1e-6, rtol=0)
         assert not out[n:].any()
-
-
-def test_what_lies_beyond_a_samples_length_changes_nothing():
     x, lengths = some()
     low_pass, padded = LowPass(40, rows=3), torch.nn.functional.pad(x, (0, 0, 0, 20), value=7.0)
     for norm in ("l1", "mse"):
         assert_close(low_frequency_loss(x, lengths, low_pass, norm), low_frequency_loss(padded, lengths, low_pass, norm))
+    x, lengths = some()
+    low_pass, all_of_them = LowPass(16, rows=3), LowPass(16, rows=16)
+    once = low_pass(x, lengths)
+    assert_close(low_pass(once, lengths), once, atol=1e-6, rtol=0)
+    mask = torch.arange(16)[:, None] < lengths[:, None, None]
+    assert_close(all_of_them(x, lengths), x * mask, atol=1e-6, rtol=0)
 
 
 def test_a_low_pass_is_a_projection():
@@ -79,16 +82,13 @@ def test_squares_of_low_frequencies_only_weigh_the_main_loss_anew():
     assert_close(*gradients, atol=1e-6, rtol=1e-6)
 
 
-def test_the_high_band_is_the_rest():
+def test_the_high_band_is_the_rest_of_valid_frames():
     x, lengths = some()
     low_pass, mask = LowPass(16, rows=3), torch.arange(16) < some()[1][:, None]
     parts = [low_frequency_loss(x, lengths, low_pass, "mse", band) for band in ("low", "high")]
     assert_close(sum(parts), masked_error(x, mask), atol=1e-6, rtol=1e-6)
     slow = low_pass(x, lengths)
     assert float(low_frequency_loss(slow, lengths, low_pass, "l1", "high").max()) < 1e-6
-
-
-def test_the_main_loss_sees_valid_frames_only():
     x, lengths = some()
     mask = torch.arange(16) < lengths[:, None]
     expected = torch.stack([row[:n].square().mean() for row, n in zip(x, lengths.tolist(), strict=True)])
@@ -109,11 +109,8 @@ def test_worked_values_of_the_semantic_loss(kind, expected):
     assert found == pytest.approx(expected)
 
 
-def test_the_semantic_loss_of_the_code_compares_with_the_true_motion():
+def test_the_semantic_loss_of_the_code_and_what_draws():
     assert float(semantic_loss(unit(0.3), unit(1.0), unit(-1.0))) == pytest.approx(0.7)
-
-
-def test_rewards_do_not_draw_what_is_far_and_detached_draws_nothing():
     for kind, draws in (("reward", False), ("hinge", True), ("cos_gt", True), ("cos_text", True)):
         motion = unit(0.3).requires_grad_()
         semantic_loss(motion, unit(1.0), unit(1.0), kind, 0.5).sum().backward()
@@ -130,7 +127,7 @@ def stages(stage: str, steps: int, power=None):
     return low.nonzero().flatten().tolist(), semantic.nonzero().flatten().tolist()
 
 
-def test_stages_are_the_papers_readings():
+def test_stages_are_the_papers_readings_sample_by_sample():
     low, semantic = stages("mdm_code", 50)
     assert (low, semantic) == ([*range(30, 50)], [*range(21)])
     low, semantic = stages("eq16", 1000)
@@ -140,6 +137,9 @@ def test_stages_are_the_papers_readings():
     assert stages("none", 50) == ([*range(50)], [*range(50)])
     with pytest.raises(ValueError, match="stage is 'late'; expected"):
         stages("late", 50)
+    """The fork's batch-wide number gives 2.5 here."""
+    low, _ = stage_weights("mdm_code", torch.tensor([40, 10]), alpha_bar("cosine", 50))
+    assert float((low * torch.tensor([1.0, 9.0])).mean()) == 0.5
 
 
 def test_the_stage_by_signal_to_noise_is_the_share_that_noise_drowns():
@@ -148,9 +148,3 @@ def test_the_stage_by_signal_to_noise_is_the_share_that_noise_drowns():
     assert low.tolist() == [0.0, 0.5, 1.0] and semantic.tolist() == [1.0, 0.5, 0.0]
     with pytest.raises(ValueError, match="without the power"):
         stage_weights("snr", torch.arange(3), a)
-
-
-def test_each_sample_has_its_own_stage():
-    """The fork's batch-wide number gives 2.5 here."""
-    low, _ = stage_weights("mdm_code", torch.tensor([40, 10]), alpha_bar("cosine", 50))
-    assert float((low * torch.tensor([1.0, 9.0])).mean()) == 0.5

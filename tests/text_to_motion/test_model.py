@@ -24,10 +24,12 @@ def test_a_motion_does_not_depend_on_what_is_sampled_with_it(changes):
     assert all(torch.isfinite(x).all() for x in together)
 
 
-def test_what_the_text_encoder_reads_may_be_hashed():
+def test_a_hashed_text_is_read_and_settings_of_the_training_stay():
     one = untrained(text="ngrams")
     unseen = one.sample(["someone ascends"], [8], seed=0)[0]
     assert not torch.allclose(unseen, one.sample(["someone falls"], [8], seed=0)[0])
+    with pytest.raises(ValueError, match="width belongs to the trained model"):
+        untrained().with_sampling(width=32)
 
 
 def test_guidance_is_a_line_through_both_estimates():
@@ -59,8 +61,3 @@ def test_a_network_that_knows_the_answer_gives_it():
 def test_sentences_and_lengths_that_do_not_fit_are_refused(texts, frames, message):
     with pytest.raises(ValueError, match=message):
         untrained().sample(texts, frames)
-
-
-def test_settings_of_the_training_stay():
-    with pytest.raises(ValueError, match="width belongs to the trained model"):
-        untrained().with_sampling(width=32)

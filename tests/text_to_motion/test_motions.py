@@ -64,7 +64,7 @@ def test_it_is_the_least_squares_solution_joint_by_joint(trembling):
         torch.testing.assert_close(found[:, joint], expected, atol=1e-9, rtol=0)
 
 
-def test_a_body_that_trembles_is_calmed_and_not_moved(walk, trembling):
+def test_a_body_that_trembles_is_calmed_and_its_standing_foot_slides_less(walk, trembling):
     def rough(joints):
         return float(jerk(joints.flatten(-2)[None, None], HUMANML3D.fps))
 
@@ -72,9 +72,6 @@ def test_a_body_that_trembles_is_calmed_and_not_moved(walk, trembling):
     assert rough(both) < 0.4 * rough(alone)
     truth = joints_of(walk, HUMANML3D)
     assert (both - truth).norm(dim=-1).mean() < 0.7 * (alone - truth).norm(dim=-1).mean()
-
-
-def test_a_foot_that_is_said_to_stand_slides_less(trembling):
     toes = HUMANML3D.contact_joints[1::2]
 
     def slides(contact_weight):
@@ -96,14 +93,11 @@ def test_heights_trust_the_rows_more_than_the_steps(walk):
     torch.testing.assert_close(along, fused_joints(walk, HUMANML3D)[..., [0, 2]], atol=1e-9, rtol=0)
 
 
-def test_single_precision_and_motions(walk):
+def test_single_precision_motions_and_a_negative_weight(walk):
     single = fused_joints(walk.float(), HUMANML3D)
     torch.testing.assert_close(single.double(), fused_joints(walk, HUMANML3D), atol=1e-4, rtol=0)
     plain, fused = motion_of(walk.float(), HUMANML3D, "walk"), motion_of(walk.float(), HUMANML3D, "walk", fused=True)
     np.testing.assert_allclose(plain.positions, joints_of(walk.float().double(), HUMANML3D).numpy())
     np.testing.assert_allclose(fused.positions, fused_joints(walk.float().double(), HUMANML3D).numpy())
-
-
-def test_a_negative_weight_is_refused(walk):
     with pytest.raises(ValueError, match="step_weight is -1.0, contact_weight 0.0, height_weight 1.0; expected at least 0"):
         fused_joints(walk, HUMANML3D, -1.0, 0.0)

@@ -83,16 +83,13 @@ def test_the_critic_sees_only_samples_whose_stage_it_is(monkeypatch):
     assert seen and max(seen) < 8
 
 
-def test_an_estimate_that_is_right_means_what_the_truth_means(critic):
+def test_an_estimate_that_is_right_means_what_the_truth_means_and_half_a_weight_is_half_a_loss(critic, monkeypatch):
     one = TextObjective(small(simple_weight=0.0, semantic_weight=1.0, stage="none"), toy())
     with seeded(0, 3) as generator:
         batch = one.draw(8, generator)
         one.network.forward = lambda y_t, *others: batch.y
         loss = one.loss(one.network, batch, generator)
     assert float(loss) == pytest.approx(0, abs=1e-5)
-
-
-def test_half_a_weight_is_half_a_loss(critic, monkeypatch):
     whole = gradient(simple_weight=0.0, semantic_weight=1.0, stage="none")[0]
     monkeypatch.setattr(objective, "stage_weights", lambda stage, t, *others: (torch.ones(len(t)), torch.full((len(t),), 0.5)))
     assert gradient(simple_weight=0.0, semantic_weight=1.0)[0] == pytest.approx(0.5 * whole, rel=1e-5)
@@ -183,13 +180,10 @@ def test_a_training_that_was_stopped_goes_on_to_the_same_model(tmp_path):
     assert files[0] == files[1]
 
 
-def test_validation_is_the_same_number_twice():
+def test_validation_is_the_same_twice_and_nothing_has_no_low_frequencies():
     one = TextObjective(small(), toy())
     assert one.validate(one.network) == one.validate(one.network) > 0
     assert TextObjective(small(), toy()._replace(val=[])).validate(one.network) is None
-
-
-def test_low_frequencies_of_nothing_are_nothing():
     lengths = torch.tensor([8, 8])
     assert not low_frequency_loss(torch.zeros(2, 8, 3), lengths, LowPass(8, 2)).any()
     assert not masked_error(torch.zeros(2, 8, 3), torch.ones(2, 8, dtype=torch.bool)).any()

@@ -34,13 +34,18 @@ def _noise(generator, *shape: int) -> torch.Tensor:
     return torch.randn(*shape, generator=generator, dtype=torch.float64)
 
 
-def test_a_power_law_falls_as_it_says():
+def test_a_power_law_falls_as_it_says_and_drift_has_one_of_its_own():
     assert float(POWER.mean()) == pytest.approx(1) and POWER[0] == POWER[1]
     assert (POWER[2:] * torch.arange(2, FRAMES) ** 2).numpy() == pytest.approx(float(POWER[1]))
     assert spectra.power_law(5, 0.0).tolist() == [1.0] * 5
     assert spectra.slope(spectra.power_law(FRAMES, 3.5), 3, 85) == pytest.approx(-3.5)
     with pytest.raises(ValueError, match="first and last are 0 and 5"):
         spectra.slope(POWER, 0, 5)
+    """Who walks straight on at one speed holds no frequency, and has the spectrum k^-4 (odd k; the even ones are 0)."""
+    ramp = spectra.power_of(torch.arange(400.0, dtype=torch.float64)[:, None])
+    k = torch.arange(1, 40, 2)
+    assert float(ramp[2:40:2].max()) < 1e-15 * float(ramp[1])
+    assert (ramp[k] / ramp[1] * k**4).numpy() == pytest.approx(1, abs=0.02)
 
 
 def test_the_spectrum_of_motions_is_that_of_the_orthonormal_transform(generator):
@@ -52,14 +57,6 @@ def test_the_spectrum_of_motions_is_that_of_the_orthonormal_transform(generator)
     assert share[-1] == pytest.approx(1) and share[2] == pytest.approx(float(c[..., :3, :].square().sum() / c.square().sum()))
 
 
-def test_drift_alone_has_a_power_law_of_its_own():
-    """Who walks straight on at one speed holds no frequency, and has the spectrum k^-4 (odd k; the even ones are 0)."""
-    ramp = spectra.power_of(torch.arange(400.0, dtype=torch.float64)[:, None])
-    k = torch.arange(1, 40, 2)
-    assert float(ramp[2:40:2].max()) < 1e-15 * float(ramp[1])
-    assert (ramp[k] / ramp[1] * k**4).numpy() == pytest.approx(1, abs=0.02)
-
-
 @pytest.mark.parametrize("t", [100, 500, 900])
 def test_s1_power_under_noise_is_what_draws_have(clean, generator, t):
     a = A_BAR[t]
@@ -68,29 +65,23 @@ def test_s1_power_under_noise_is_what_draws_have(clean, generator, t):
     assert float((noisy.square().mean(0) / expected - 1).abs().max()) < LATE
 
 
-def test_s2_one_draw_has_a_cross_term(clean, generator):
+def test_s2_s3_one_draw_has_a_cross_term_and_noise_is_flat(clean, generator):
     a, eps = A_BAR[500], _noise(generator, FRAMES)
     one = (a.sqrt() * clean[0] + (1 - a).sqrt() * eps).square()
     cross = 2 * (a * (1 - a)).sqrt() * clean[0] * eps
     sides = a * clean[0].square() + (1 - a) * eps.square()
     torch.testing.assert_close(one, sides + cross)
     assert float((one / spectra.forward_power(POWER, a)).max()) > 4
-
-
-def test_s3_noise_is_flat_and_an_unscaled_transform_multiplies_it_by_the_number_of_frames(generator):
     eps = _noise(generator, DRAWS, FRAMES)
     assert spectra.power_of(eps[..., None]).mean().item() == pytest.approx(1, abs=0.006)
     assert (spectra.power_of(eps[..., None]) - 1).abs().max() < LATE
     assert torch.fft.fft(eps).abs().square().mean().item() == pytest.approx(FRAMES, rel=0.006)
 
 
-def test_s4_two_frequencies_keep_the_ratio_of_their_snr():
+def test_s4_s5_ratios_stay_and_recovery_has_its_time():
     ratio = spectra.snr(POWER, A_BAR[[10, 300, 900]])
     assert (ratio[:, 2] / ratio[:, 32]).tolist() == pytest.approx([256.0] * 3)
     assert ratio[1, 2] == pytest.approx(float(A_BAR[300] * POWER[2] / (1 - A_BAR[300])))
-
-
-def test_s5_times_of_recovery():
     k = [1, 2, 4, 8, 16, 32, 64, 127]
     assert spectra.recovery_time(POWER, 1000)[k].round().tolist() == [909, 821, 666, 452, 256, 130, 62, 27]
     assert last_above(POWER, A_BAR)[k].tolist() == [907, 819, 664, 450, 254, 128, 61, 27]
@@ -109,11 +100,6 @@ def test_the_closed_form_solves_the_schedule(gamma):
     np.testing.assert_allclose(spectra.recovery_time(POWER, 1000, gamma), expected, atol=1e-6)
 
 
-def test_a_recovery_needs_a_threshold():
-    with pytest.raises(ValueError, match="gamma is 0"):
-        spectra.recovery_time(POWER, 1000, 0)
-
-
 def test_s6_a_spectrum_that_does_not_fall_has_another_order():
     white = torch.ones(FRAMES, dtype=torch.float64)
     assert last_above(white, A_BAR).unique().tolist() == [495]
@@ -124,7 +110,7 @@ def test_s6_a_spectrum_that_does_not_fall_has_another_order():
     assert not (times.diff() <= 0).all() and (last_above(POWER, A_BAR).diff() <= 0).all()
 
 
-def test_s7_the_best_estimate_and_its_error(clean, generator):
+def test_s7_s8_the_best_estimate_its_error_and_where_it_has_half_of_the_power(clean, generator):
     share = spectra.unknown_share(POWER, A_BAR[500])
     assert share[[1, 4, 16, 64]].tolist() == pytest.approx([0.021, 0.254, 0.845, 0.989], abs=5e-4)
     a, gain = A_BAR[500], spectra.wiener_gain(POWER, A_BAR[500])
@@ -135,9 +121,6 @@ def test_s7_the_best_estimate_and_its_error(clean, generator):
     ratio = spectra.snr(POWER, A_BAR[[7, 500]])
     torch.testing.assert_close(A_BAR[[7, 500], None].sqrt() * spectra.wiener_gain(POWER, A_BAR[[7, 500]]), ratio / (1 + ratio))
     torch.testing.assert_close(spectra.unknown_share(POWER, A_BAR[[7, 500]]), 1 / (1 + ratio))
-
-
-def test_s8_the_estimate_reaches_half_of_the_power_where_the_snr_is_one():
     every = ddim_indices(1000, 1000)
     estimate = spectra.reverse_power(POWER, A_BAR, every).estimate
     half = {k: every[int((estimate[:, k] >= POWER[k] / 2).nonzero()[0])] for k in (1, 4, 16, 64)}
@@ -159,15 +142,6 @@ def test_s9_s10_power_that_finite_steps_leave(rule, steps, expected):
     assert (found / POWER)[[1, 4, 16, 64, 120]].tolist() == pytest.approx(expected, abs=0.006)
 
 
-def test_eq36_keeps_half_in_the_limit_of_many_steps():
-    """With P' the estimate's power: P' = g² (a P' + 1 - a), so P' = P SNR / (1 + 2 SNR), half of P where there is no noise."""
-    steps = 10_000
-    found = spectra.reverse_power(POWER[:40], alpha_bar("cosine", steps), ddim_indices(steps, steps), "eq36")
-    assert (found.state[-1] / POWER[:40]).numpy() == pytest.approx(0.5, abs=5e-3)
-    ratio = spectra.snr(POWER[:40], alpha_bar("cosine", steps)[4000])
-    assert (found.estimate[-4001] / POWER[:40]).numpy() == pytest.approx((ratio / (1 + 2 * ratio)).numpy(), rel=0.01)
-
-
 @pytest.mark.parametrize("indices", [ddim_indices(60, 60), [59, 40, 17, 3]])
 @pytest.mark.parametrize("rule, eta", [("ddpm", 1.0), ("ddim", 0.0)])
 def test_the_recursion_is_the_librarys_sampler(rule, eta, indices):
@@ -185,7 +159,7 @@ def test_the_recursion_is_the_librarys_sampler(rule, eta, indices):
     torch.testing.assert_close(found.estimate, torch.stack([step.y0_hat.square().sum(0) for step in walk]))
 
 
-def test_eq36_is_what_the_paper_prints(generator):
+def test_eq36_is_what_the_paper_prints_and_keeps_half_in_the_limit(generator):
     """A transcription, drawn: m_t-1 = sqrt(a_t-1) (m_t - sqrt(1-a_t) eps) / sqrt(a_t) + sqrt(1-a_t-1) z."""
     curve, power = alpha_bar("cosine", 20), spectra.power_law(8)
     m = _noise(generator, 40_000, 8)
@@ -195,13 +169,21 @@ def test_eq36_is_what_the_paper_prints(generator):
         m = after**0.5 * (m - (1 - a) ** 0.5 * eps) / a**0.5 + (1 - after) ** 0.5 * _noise(generator, *m.shape)
     expected = spectra.reverse_power(power, curve, ddim_indices(20, 20), "eq36").state[-1]
     np.testing.assert_allclose(m.square().mean(0), expected, rtol=4 * math.sqrt(2 / 40_000))
+    """With P' the estimate's power: P' = g² (a P' + 1 - a), so P' = P SNR / (1 + 2 SNR), half of P where there is no noise."""
+    steps = 10_000
+    found = spectra.reverse_power(POWER[:40], alpha_bar("cosine", steps), ddim_indices(steps, steps), "eq36")
+    assert (found.state[-1] / POWER[:40]).numpy() == pytest.approx(0.5, abs=5e-3)
+    ratio = spectra.snr(POWER[:40], alpha_bar("cosine", steps)[4000])
+    assert (found.estimate[-4001] / POWER[:40]).numpy() == pytest.approx((ratio / (1 + 2 * ratio)).numpy(), rel=0.01)
 
 
-def test_another_rule_is_refused(unchecked):
+def test_another_rule_or_threshold_is_refused(unchecked):
     with pytest.raises(ValueError, match="rule is 'euler'.*expected one of ddpm, ddim, eq36"):
         spectra.reverse_power(POWER, A_BAR, [5], "euler")
     with pytest.raises(ValueError, match="0 indices"):
         spectra.reverse_power(POWER, A_BAR, [])
+    with pytest.raises(ValueError, match="gamma is 0"):
+        spectra.recovery_time(POWER, 1000, 0)
 
 
 BLOCKS = {
@@ -237,11 +219,17 @@ SIGMAS = torch.tensor([0.2, 0.4, 0.8], dtype=torch.float64)
 DRAWS = 200_000
 
 
-def test_s11_gaussian_bands_know_nothing_of_each_other(generator):
+def test_s11_gaussian_bands_know_nothing_and_errors_are_of_samples_not_fitted(generator):
     c = spectra.gaussian_motions(spectra.power_law(128), 2000, generator)
     correlation = torch.corrcoef(torch.stack([c[:, 2], c[:, 64]]))[0, 1]
     assert abs(float(correlation)) < 4 / math.sqrt(2000)
     assert c.square().mean(0).numpy() == pytest.approx(spectra.power_law(128).numpy(), rel=4 * math.sqrt(2 / 2000))
+    """Inputs that say nothing: fitted to as many numbers as they are, they would have no error at all."""
+    target = torch.randn(40, generator=generator, dtype=torch.complex128)
+    inputs = torch.randn(40, 19, generator=generator, dtype=torch.complex128)
+    assert spectra.regression_error(inputs, target) > 1
+    with pytest.raises(ValueError, match="40 samples; expected more than twice the 20 inputs"):
+        spectra.regression_error(torch.cat([inputs, inputs[:, :1]], dim=1), target)
 
 
 @pytest.mark.parametrize("bound", [True, False])
@@ -266,12 +254,3 @@ def test_s12_the_low_band_helps_only_if_phases_are_bound(generator, bound, expec
         assert spectra.regression_error(seen.noisy_high[:, None], seen.high) == pytest.approx(less, rel=0.02)
         inputs = torch.stack([seen.noisy_high, phase], dim=1)
         assert spectra.regression_error(inputs, seen.high) == pytest.approx(more, rel=0.02)
-
-
-def test_an_error_is_measured_on_samples_that_were_not_fitted(generator):
-    """Inputs that say nothing: fitted to as many numbers as they are, they would have no error at all."""
-    target = torch.randn(40, generator=generator, dtype=torch.complex128)
-    inputs = torch.randn(40, 19, generator=generator, dtype=torch.complex128)
-    assert spectra.regression_error(inputs, target) > 1
-    with pytest.raises(ValueError, match="40 samples; expected more than twice the 20 inputs"):
-        spectra.regression_error(torch.cat([inputs, inputs[:, :1]], dim=1), target)

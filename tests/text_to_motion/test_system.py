@@ -59,11 +59,13 @@ def test_metrics_are_the_public_ones(monkeypatch):
     assert not {*CLAIMS} & {*movement(motions[0], HUMANML3D)}  # a claim and a measure of one name would be mixed
 
 
-def test_replicates_are_averaged_with_their_error(monkeypatch):
+def test_replicates_are_averaged_with_their_error_and_holes(monkeypatch):
     found = scores(monkeypatch, method="any_clip", replicates=3)
     single = [scores(monkeypatch, method="any_clip", sampling_seed=1000 * r)["mean"]["fid"] for r in range(3)]
     assert found["mean"]["fid"] == pytest.approx(np.mean(single))
     assert found["standard_error"]["fid"] == pytest.approx(np.std(single, ddof=1) / 3**0.5)
+    values = np.array([[1.0, np.nan, np.nan], [3.0, 5.0, np.nan]])
+    assert np.array_equal(system._over_replicates(values), [2.0, 5.0, np.nan], equal_nan=True)
 
 
 def test_people_do_what_is_said_of_them_and_others_do_not():
@@ -77,27 +79,13 @@ def test_people_do_what_is_said_of_them_and_others_do_not():
     assert claims_met(torch.from_numpy(people[0].features), clip(0), HUMANML3D) == {}
 
 
-def test_movement_of_one_who_slides():
+def test_movement_of_one_who_slides_on_toes_not_heels():
     x = torch.zeros(40, HUMANML3D.width)
     x[:, HUMANML3D.blocks["root_velocity"]] = torch.tensor([0.03, 0.04])  # 1 m/s, as a statue
     found = movement(x, HUMANML3D)
     assert found["way"] == pytest.approx(39 * 0.05, rel=1e-4) and found["joint_speed"] == pytest.approx(1.0, rel=1e-3)
     assert found["skate"] == pytest.approx(1.0, rel=1e-3) and found["jerk"] == pytest.approx(0, abs=0.2)
     assert math.isclose(found["bone_jitter"], 0, abs_tol=1e-6)
-
-
-def test_a_replicate_without_a_value_does_not_take_the_others_away():
-    values = np.array([[1.0, np.nan, np.nan], [3.0, 5.0, np.nan]])
-    assert np.array_equal(system._over_replicates(values), [2.0, 5.0, np.nan], equal_nan=True)
-
-
-def test_words_are_counted_and_lengths_kept():
-    train = toy().train
-    assert train[nearest_caption(train, ["a person goes down"])[0]].captions[0] == "a person goes down"
-    assert [len(x) for x in mean_pose(train, [8, 12])] == [8, 12]
-
-
-def test_toes_slide_not_heels():
     """KIT's toes are joints beyond what it calls feet; a body without motion but for its toes."""
     x = torch.zeros(20, KIT.width)
     toes = [KIT.skeleton.joints.index(name) for name in ("left_toe", "right_toe")]
@@ -107,26 +95,26 @@ def test_toes_slide_not_heels():
     assert found["skate"] == pytest.approx(100 * KIT.metres_per_unit * KIT.fps, rel=1e-3)
 
 
-def test_too_few_clips_to_rank_are_refused(monkeypatch):
-    monkeypatch.setattr(system, "open_matcher", lambda name, layout: Judge())
-    parts = toy()
-    with pytest.raises(ValueError, match="there are 2 test clips; expected at least 3"):
-        evaluate(small(method="truth"), lambda: None, parts._replace(test=parts.test[:2]))
-
-
-def test_an_evaluator_of_other_sentences_is_doubted(monkeypatch):
-    monkeypatch.setattr(system, "open_matcher", lambda name, layout: Judge("a person goes"))
-    with pytest.warns(UserWarning, match="evaluator does not know .* words of the test captions, such as"):
-        evaluate(small(method="truth"), lambda: None, toy())
-
-
-def test_sentences_without_words_and_many_sentences_are_looked_up(monkeypatch):
+def test_words_are_counted_for_any_sentences(monkeypatch):
+    train = toy().train
+    assert train[nearest_caption(train, ["a person goes down"])[0]].captions[0] == "a person goes down"
+    assert [len(x) for x in mean_pose(train, [8, 12])] == [8, 12]
     train = toy().train
     assert nearest_caption(train, ["...", "!"]) == [0, 0]
     texts = ["someone falls", "a person goes up", "..."] * 3
     whole = nearest_caption(train, texts)
     monkeypatch.setattr(system, "ROWS", 2)
     assert nearest_caption(train, texts) == whole
+
+
+def test_what_cannot_be_judged_is_refused_or_doubted(monkeypatch):
+    monkeypatch.setattr(system, "open_matcher", lambda name, layout: Judge())
+    parts = toy()
+    with pytest.raises(ValueError, match="there are 2 test clips; expected at least 3"):
+        evaluate(small(method="truth"), lambda: None, parts._replace(test=parts.test[:2]))
+    monkeypatch.setattr(system, "open_matcher", lambda name, layout: Judge("a person goes"))
+    with pytest.warns(UserWarning, match="evaluator does not know .* words of the test captions, such as"):
+        evaluate(small(method="truth"), lambda: None, toy())
 
 
 def test_the_mean_pose_of_many_frames_is_exact():
