@@ -61,6 +61,7 @@ def test_size_names_and_split(motions):
     assert subjects == {f"P{i}" for i in range(1, 9)}
     assert 6 <= sum(m.duration for m in motions) / 60 <= 11
     assert all(m.skeleton is H36M17 and m.fps == 50 and m.up == "z" and np.isfinite(m.positions).all() for m in motions)
+    assert all(np.array_equal(m.positions[0, 0, :2], [0, 0]) for m in motions)
 
 
 def test_clips_depend_on_seed_subject_and_action_only():

@@ -8,7 +8,6 @@ MUTANTS = [
         ("legs-in-step", '(0.0 if side == "left" else 0.5)) % 1.0', "0.0) % 1.0"),
         ("trunk-always-as-the-left-hand-would", "unit *= SIDES[near]", "unit *= 1.0"),
         ("limbs-stretched-too-far", "np.deg2rad(2.0))", "np.deg2rad(-20.0))"),
-        ("feet-stop-before-they-land", "RETRACTION = 0.05", "RETRACTION = 0.0001"),
     ),
     *of(
         "synthetic/motions.py", "synthetic/test_people.py",
