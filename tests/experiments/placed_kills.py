@@ -21,7 +21,7 @@ from mwlib.training import CHECKPOINT, MODEL
 from mwlib.training.checkpoint import load_tensors
 from tests.sample_settings import small, two_people
 
-CFG = small(train_steps=8, checkpoint_every=2, ema_start=2)
+CFG = small(train_steps=6, checkpoint_every=2, ema_start=2)
 
 
 class Places:
