@@ -33,7 +33,7 @@ from mwlib.paths import course_folder, home
 PICTURES = ("image/png", "image/gif")
 KEPT_TYPES = (*PICTURES, "text/plain", "text/latex", "text/markdown")
 WIDGET = "application/vnd.jupyter.widget-view+json"
-QUIET = ["--log-level=ERROR"]  # else every kernel start warns about its transport on stderr
+QUIET = ["--log-level=CRITICAL"]  # else a kernel warns of its transport as it starts, and of an interrupt as it ends
 KEPT_CELL_METADATA = ("tags", "jupyter")
 KEPT_METADATA = (*PICTURES, "mwlib")  # alternative texts, and the stem of an exhibit
 

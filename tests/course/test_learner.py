@@ -63,8 +63,6 @@ def test_a_copy_stops_at_its_first_open_line_and_then_at_the_second(number, monk
                 now += 1
             except AssertionError as error:
                 assert str(error).endswith(f" = ...: {HOLE.search(whole.cells[places[0]].source)[4]}")
-                assert {entry.filename for entry in traceback.extract_tb(error.__traceback__)[1:]} == {
-                    "a cell"
-                }
+                assert {entry.filename for entry in traceback.extract_tb(error.__traceback__)[1:]} == {"a cell"}
                 now = places.pop(0)
                 cells[now] = whole.cells[now]
