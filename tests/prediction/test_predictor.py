@@ -1,25 +1,34 @@
-"""What a finished run can do: predict reproducibly, with every option of the sampling, and nothing else changed by it."""
+"""What a predictor can do: take anybody's motions, predict reproducibly, with every option of the sampling."""
 
 from __future__ import annotations
 
-from dataclasses import fields
+from dataclasses import fields, replace
 
+import numpy as np
 import pytest
 import torch
 
+import mwlib as mw
 import mwlib.prediction.predictor as predictor_module
 from mwlib.body.kinematics import bones_of, turn_heading
-from mwlib.data.windows import windows
+from mwlib.body.skeleton import H36M17, Skeleton
+from mwlib.data.windows import Bodies, prepare, windows
 from mwlib.diffusion import Step, WindowNoise
 from mwlib.experiments import load_run
 from mwlib.prediction.config import SamplingConfig
-from mwlib.prediction.predictor import Predictor
-from tests.sample_settings import small, two_people, untrained
+from mwlib.prediction.predictor import Predictor, predicted_motions
+from mwlib.synthetic import synthetic_motions
+from tests.sample_settings import two_people, untrained
 
 
 @pytest.fixture(scope="module")
 def predictor() -> Predictor:
     return untrained()
+
+
+@pytest.fixture(scope="module")
+def originals():
+    return synthetic_motions(subjects=1)[:3]
 
 
 @pytest.fixture
@@ -195,13 +204,6 @@ def test_complete_history_puts_the_history_back(past, kind):
     torch.testing.assert_close(whole[:, :, :6], past[:2, None].expand(-1, 2, -1, -1), atol=1e-4, rtol=1e-3)
 
 
-def test_the_indices_are_those_of_the_settings(predictor):
-    assert len(predictor.indices()) == small().sampling.ddim_steps == 5
-    assert predictor.indices()[0] == 49 and predictor.with_sampling(spacing="leading").indices()[0] == 41
-    acts = predictor.with_sampling(tabg_steps=0.4).tabg()
-    assert [acts.acts(t) for t in predictor.indices()] == [True, True, False, False, False]
-
-
 def test_half_precision_is_of_the_networks_products_only(predictor, past):
     """The transform, the schedule and the guidance stay as they are: what comes out is near, and in float32."""
     exact, rough = (predictor.with_sampling(precision=p).predict(past, 2) for p in ("float32", "bf16"))
@@ -270,3 +272,62 @@ def test_loading_a_run_leaves_the_callers_randomness_alone(finished):
     torch.manual_seed(3)
     load_run(finished)
     assert torch.equal(torch.rand(1), expected)
+
+
+def test_motions_windows_and_arrays_agree(predictor, originals):
+    ready = prepare(originals, 10.0)
+    x = torch.stack([torch.from_numpy(m.root_relative()[-6:]) for m in ready]).float()
+    expected = predictor.predict(x, 2, 1)
+    torch.testing.assert_close(predictor.predict(originals, 2, 1), expected, rtol=0, atol=0)
+    cut = [m.cut(len(m) - 21, len(m)) for m in ready]  # a clip of H + F + 1 frames has one window, which starts at 0
+    windows = mw.windows(cut, 6, 14, 5)
+    torch.testing.assert_close(predictor.predict(windows, 2, 1), predictor.predict(windows.x_history, 2, 1), rtol=0, atol=0)
+
+
+def test_axis_and_rate_do_not_matter(predictor, originals):
+    """The same recording with y up and at another rate gives the same history, so the same futures."""
+    other = [m.with_up("y") for m in originals]
+    torch.testing.assert_close(predictor.predict(other, 2, 1), predictor.predict(originals, 2, 1), rtol=0, atol=1e-4)
+    assert predictor.bodies == Bodies(H36M17, 10.0, "z")
+
+
+def test_what_cannot_fit_is_refused_with_the_way_out(predictor, originals):
+    ready = prepare(originals, 10.0)
+    with pytest.raises(ValueError, match=r"has 3 frames at 10 Hz; expected at least 6"):
+        predictor.predict([replace(ready[0].cut(0, 3))], 1)
+    foreign = Skeleton("snake", ("head", "tail"), (-1, 0))
+    snake = mw.Motion(np.zeros((50, 2, 3), np.float32), 10.0, foreign, name="hiss")
+    with pytest.raises(ValueError, match=r"hiss: the skeleton is snake \(2 joints\).*trained on H36M17 \(17 joints\)"):
+        predictor.predict([snake], 1)
+    with pytest.raises(ValueError, match=r"expected \(N, 6, 48\).*Give predict the motions"):
+        predictor.predict(torch.zeros(2, 6, 63), 1)
+    with pytest.raises(ValueError, match=r"windows are of H36M17 at 50 Hz, z up; the model was trained on H36M17 at 10 Hz"):
+        predictor.predict(mw.windows(originals, 6, 14, 50), 1)
+    bad = torch.zeros(2, 6, 48)
+    bad[1, 2, 3] = torch.nan
+    with pytest.raises(ValueError, match="window 1 is not finite"):
+        predictor.predict(bad, 1)
+    with pytest.raises(ValueError, match=r"the source holds nothing; expected Motions"):
+        predictor.predict([], 1)
+
+
+def test_continued_motions_begin_with_what_was_seen(predictor, originals):
+    found = predicted_motions(predictor, originals, 2, 1)
+    seen = prepare(originals, 10.0)
+    assert [len(row) for row in found] == [2, 2, 2] and {len(m) for row in found for m in row} == {20}
+    for m, row in zip(seen, found, strict=True):
+        for future in row:
+            np.testing.assert_array_equal(future.positions[:6], m.positions[-6:])
+            assert (future.positions[6:, 0] == m.positions[-1, 0]).all() and future.fps == 10.0
+    expected = predictor.predict(originals, 2, 1)
+    np.testing.assert_allclose(found[1][0].cut(6, 20).root_relative(), expected[1, 0].numpy(), atol=1e-5)
+
+
+def test_clips_of_one_training_share_a_form(originals):
+    a, b = prepare(originals[:1], 10.0)[0], prepare(originals[1:2], 5.0)[0]
+    with pytest.raises(ValueError, match=r"has fps 5.0, .* has 10.0; expected one and the same"):
+        Bodies.of([a, b])
+    bodies = Bodies.of([a])
+    assert Bodies.from_json(bodies.to_json()) == bodies and bodies.skeleton.mirror.tolist() == H36M17.mirror.tolist()
+    with pytest.raises(ValueError, match="there are no motions"):
+        Bodies.of([])

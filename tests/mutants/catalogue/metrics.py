@@ -28,7 +28,7 @@ MUTANTS = [
     *of(
         "metrics/table.py", "metrics/test_uncertainty.py",
         ("standard-error-over-windows", "clustered_error(v.numpy(), clips)", "clustered_error(v.numpy(), range(len(v)))",
-         "prediction/test_evaluation.py"),
+         "prediction/test_system.py"),
         ("numbers-of-the-set-do-not-win", "| {**standard_error}", "| {}", "prediction/test_rebuilding.py"),
         ("clusters-are-not-few", "len(names) / (len(names) - 1) * ", ""),
         ("windows-for-clips", "np.bincount(number, found - found.mean())", "found - found.mean()"),

@@ -10,7 +10,7 @@ MUTANTS = [
         ("error-of-the-root-doubled", "max(2 * rmse, 1e-30)", "max(rmse, 1e-30)"),
     ),
     *of(
-        "prediction/guidance.py", "prediction/test_network.py",
+        "prediction/guidance.py", "prediction/test_guidance.py",
         ("guidance-reversed", "return eps[count:].reshape(y.shape), eps[:count].reshape(y.shape)",
          "return eps[:count].reshape(y.shape), eps[count:].reshape(y.shape)"),
         ("condition-of-another-window", ".expand(*y.shape[:2], -1).flatten(0, 1)",
@@ -107,7 +107,7 @@ MUTANTS = [
          "fit_representation(cfg, [*split.train, *held_out])"),
     ),
     *of(
-        "prediction/system.py", "prediction/test_evaluation.py",
+        "prediction/system.py", "prediction/test_system.py",
         ("threshold-of-the-sets-ignored", "all_test.x_future, options.mm_threshold)", "all_test.x_future, 0.5)"),
         ("singletons-ignored", "mm_singletons=options.mm_singletons", 'mm_singletons="keep"'),
         ("sets-by-the-first-pose", "all_test.x_history[:, -1]", "all_test.x_history[:, 0]"),
