@@ -1,19 +1,26 @@
-"""In-betweening in numbers: curves are the values that were given, and marks stand at the keyframes."""
+"""In-betweening: curves are the values that were given, marks stand at the keyframes, broken bones are coloured."""
 
 from __future__ import annotations
 
+import matplotlib.pyplot as plt
 import numpy as np
 import pytest
+import torch
+from matplotlib.collections import LineCollection
 from matplotlib.colors import to_hex
 from scipy.fft import dct, idct
 
 from mwlib import plots
+from mwlib.synthetic.motions import synthetic_motions
 from tests.plots.legible import legible
 
 FRAMES, FPS = 41, 20.0
 TIME = np.arange(FRAMES) / FPS
 TRUTH = np.sin(3 * TIME)
 NOISE = np.random.default_rng(0).normal(size=(3, FRAMES))
+
+
+WALK = synthetic_motions(1, seconds=2)[0].resample(25.0).cut(0, 41)
 
 
 def _labels(ax):
@@ -88,18 +95,50 @@ def test_training_view_goes_to_cosines_and_back():
     legible(fig)
 
 
-@pytest.mark.parametrize(
-    ("call", "message"),
-    [
-        (lambda: plots.bridged_coordinate(TRUTH, {"short": TRUTH[1:]}, fps=FPS), "short: 40 frames; expected 41"),
-        (lambda: plots.bridged_coordinate(TRUTH, dict.fromkeys("abcdef", TRUTH), fps=FPS), "6 baselines; expected at most 5"),
-        (lambda: plots.bridged_coordinate(TRUTH, {}, fps=FPS, keyframes=(41,)), r"\[41\]; expected one or more of -41 to 40"),
-        (lambda: plots.seams({"a": NOISE.T, "b": NOISE.T[1:]}, fps=FPS), "lengths of the rows are {'a': 41, 'b': 40}"),
-        (lambda: plots.spectra({"a": TRUTH}, fps=FPS, frames=79), "79 frames have 40 frequencies; expected 41"),
-        (lambda: plots.spectra({}, fps=FPS), "at least one row"),
-        (lambda: plots.imposed_steps(NOISE, [0.0, 0.5, 1.0], fps=FPS), "expected 3, one for each step, falling"),
-    ],
-)
-def test_what_does_not_fit_is_refused(call, message):
-    with pytest.raises(ValueError, match=message):
-        call()
+T = 6
+MEAN, DEVIATION = torch.linspace(-1, 1, T), torch.tensor([0, 0.5, 1, 1, 0.5, 0])
+
+
+def test_each_panel_has_the_law_some_samples_and_their_mean(generator):
+    panels = {f"scheme {n}": torch.randn(20, T, generator=generator) for n in range(4)}
+    fig, axes = plots.keyframe_samples(MEAN, DEVIATION, panels, keyframes=[0, -1], lines=5)
+    assert axes.shape == (2, 3) and not plt.get_fignums()
+    shown = [ax for ax in axes.ravel() if ax.get_visible()]
+    assert [ax.get_title(loc="left") for ax in shown] == list(panels)
+    for ax, samples in zip(shown, panels.values(), strict=True):
+        *drawn, truth, mean, keyframes = ax.lines
+        np.testing.assert_allclose([line.get_ydata() for line in drawn], samples[:5])
+        np.testing.assert_allclose(truth.get_ydata(), MEAN)
+        np.testing.assert_allclose(mean.get_ydata(), samples.mean(0), rtol=1e-5)
+        np.testing.assert_allclose(keyframes.get_ydata(), [-1, 1])
+        wide, narrow = (band.get_paths()[0].vertices for band in ax.collections)
+        middle = narrow[narrow[:, 0] == 2][:, 1]
+        assert np.ptp(middle) == pytest.approx(2) and np.ptp(wide[wide[:, 0] == 2][:, 1]) == pytest.approx(4)
+    fig.draw_without_rendering()
+
+
+def test_broken_bones_are_coloured_by_their_error():
+    skeleton = WALK.skeleton
+    bones = np.array(skeleton.bones)
+    first = WALK.positions[:1].repeat(3, axis=0)
+    lengths = np.linalg.norm(first[0, bones[:, 1]] - first[0, bones[:, 0]], axis=-1)
+    broken = first.copy()
+    joint = max({*range(len(skeleton))} - {*skeleton.parents})  # a leaf: one bone alone changes
+    bone = [child for _, child in skeleton.bones].index(joint)
+    outward = broken[:, joint] - broken[:, skeleton.parents[joint]]
+    broken[:, joint] += 0.05 * outward / np.linalg.norm(outward, axis=-1, keepdims=True)  # 50 mm too long
+    fig, ax = plots.broken_bodies({"whole": first, "broken": broken}, skeleton, lengths, fps=25.0, frames=(0, -1), most=100.0)
+    whole, _, _, last = (group for group in ax.collections if isinstance(group, LineCollection))
+    assert np.ptp(whole.get_color(), axis=0).max() < 0.01
+    odd = np.abs(last.get_color() - whole.get_color()).max(axis=1)
+    assert odd.argmax() == bone and np.delete(odd, bone).max() < 0.01
+    assert last.get_linewidths()[bone] == pytest.approx(2.4, abs=0.01)
+    assert {text.get_text() for text in ax.texts} == {"0.00 s", "0.08 s", "whole", "broken"}
+    assert fig.axes[1].get_xlabel() == "error of the bone's length (mm)"
+    legible(fig)
+
+
+def test_bridging_overview_stays_on_its_sheet():
+    y = np.random.default_rng(0).normal(size=(41, 51))
+    fig, _ = plots.bridging_overview(WALK.positions, y, 2 * y, WALK.positions[None].repeat(3, axis=0), WALK.skeleton)
+    legible(fig)

@@ -13,12 +13,11 @@ import matplotlib as mpl
 import matplotlib.pyplot as plt
 import numpy as np
 import pytest
-import pywt
 import torch
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
-from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
+from matplotlib.layout_engine import ConstrainedLayoutEngine
 
 from mwlib import metrics, plots
 from mwlib.body.skeleton import CMU, H36M17
@@ -30,6 +29,7 @@ from mwlib.plots.chapters.metrics import FUTURES, TRUTHS
 from mwlib.plots.look import INK, OBSERVED
 from mwlib.synthetic.motions import synthetic_motions
 from mwlib.transforms import WaveletTransform
+from tests.plots.legible import contrast, legible, luminance
 
 FPS, HISTORY, FRAMES = 25.0, 8, 32
 WALK = synthetic_motions(1, seconds=2)[0].resample(FPS).cut(0, FRAMES)
@@ -95,37 +95,19 @@ def test_every_picture_is_legible_and_leaves_no_trace(picture):
     before = dict(mpl.rcParams)
     fig, axes = picture()
     assert isinstance(fig, Figure) and all(isinstance(ax, Axes) for ax in np.atleast_1d(axes).flat)
-    with plots.style():
-        fig.draw_without_rendering()
-        box = fig.get_tightbbox()
-    assert dict(mpl.rcParams) == before and not plt.get_fignums()
-    width, height = fig.get_size_inches()
-    assert width <= 6.4 + 1e-9 and height <= 8.5
-    texts = [text for text in fig.findobj(mpl.text.Text) if text.get_text() and text.get_visible()]
-    shown = [text for text in texts if text.axes is None or text.axes.get_visible()]
-    assert all(text.get_fontsize() >= 9 and _contrast(text.get_color()) >= 4.5 for text in shown)
-    assert box.x0 > -0.02 and box.y0 > -0.02 and box.x1 < width + 0.02 and box.y1 < height + 0.02
+    legible(fig)
+    assert dict(mpl.rcParams) == before
     curves = [
         curve for ax in fig.axes for curve in ax.lines if len(set(curve.get_xdata())) > 2 and curve.get_linestyle() != "None"
     ]
     assert all(curve.get_alpha() == 0.25 for curve in curves if curve.get_linewidth() < 1.5)  # raw values behind their mean
 
 
-def _luminance(colour) -> float:
-    rgb = np.array(to_rgb(colour))
-    return float(np.where(rgb <= 0.04045, rgb / 12.92, ((rgb + 0.055) / 1.055) ** 2.4) @ [0.2126, 0.7152, 0.0722])
-
-
-def _contrast(colour) -> float:
-    """With white, after WCAG 2."""
-    return 1.05 / (_luminance(colour) + 0.05)
-
-
 def test_colours_survive_greyscale_and_stand_off_the_page():
-    lightness = np.sort([116 * np.cbrt(_luminance(colour)) - 16 for colour in plots.CYCLE])
+    lightness = np.sort([116 * np.cbrt(luminance(colour)) - 16 for colour in plots.CYCLE])
     assert np.diff(lightness).min() > 6
-    assert min(map(_contrast, (*plots.CYCLE, OBSERVED))) >= 3
-    assert _contrast(INK) >= 7
+    assert min(map(contrast, (*plots.CYCLE, OBSERVED))) >= 3
+    assert contrast(INK) >= 7
 
 
 def test_the_truth_is_black_among_curves():
@@ -196,21 +178,6 @@ def test_projection_change_counts_the_rows_that_change():
     assert "16 of 71" in axes[0].get_title(loc="left") and "9 of 71" in axes[1].get_title(loc="left")
 
 
-def test_coefficients_stand_over_the_frames_they_see():
-    impulse = np.zeros(64)
-    impulse[31] = 1.0
-    _, axes = plots.signal_and_coefficients(impulse, "bior2.8", fps=1.0)
-    for ax in axes[1:]:
-        places, values = ax.lines[-1].get_data()
-        assert np.average(places, weights=values**2) == pytest.approx(31, abs=0.6)
-
-
-def test_padding_modes_draw_what_pywavelets_does():
-    _, axes = plots.padding_modes(X[:, 8], modes=["reflect"], pad=5)
-    before, after, inside = (curve.get_ydata() for curve in axes[0, 0].lines)
-    assert np.allclose(np.concatenate([before[:-1], inside, after[1:]]), pywt.pad(X[:, 8].numpy(), 5, "reflect"))
-
-
 def test_energy_is_shown_as_shares():
     _, ax = plots.energy_bars({"aa": 3.0, "da": 1.0})
     assert [bar.get_width() for bar in ax.patches] == [75, 25]
@@ -230,11 +197,6 @@ def test_metric_pictures_carry_the_metric_and_its_links(name):
         assert np.linalg.norm(lengths.reshape(6, frames), axis=1).mean() == pytest.approx(value)
     else:
         assert lengths.mean() == pytest.approx(value)
-
-
-def test_metric_picture_knows_its_names():
-    with pytest.raises(ValueError, match="metric is 'mpjpe'; expected one of apd"):
-        plots.metric_picture("mpjpe")
 
 
 DATA = {"time": np.arange(4) / 3, "band": torch.arange(6.0).reshape(3, 2) / 7, "name": ["a", "b"]}
@@ -269,16 +231,6 @@ def test_saved_table_holds_rows_and_origin(tmp_path):
         plots.save_table([{"a": 1}], tmp_path, "no/scores", provenance={})
 
 
-def test_histogram_has_area_one_and_paths_end_at_the_samples(generator):
-    numbers = torch.randn(2000, generator=generator)
-    _, (ax,) = plots.histograms({"noise": numbers}, density=NORMAL)
-    heights, edges, _ = ax.patches[0].get_data()
-    assert (heights * np.diff(edges)).sum() == pytest.approx(1, abs=0.01)
-    _, (left, _) = plots.sampling_paths([3, 0], torch.stack([numbers, 2 * numbers]), density=NORMAL, shown=5)
-    assert [line.get_ydata()[-1] for line in left.lines[:5]] == pytest.approx((2 * numbers[:5]).tolist())
-    assert [line.get_color() for line in left.lines[:5]] == [plots.CYCLE[int(number > 0)] for number in numbers[:5]]
-
-
 @pytest.mark.parametrize(
     ("change", "error", "message"),
     [
@@ -311,6 +263,18 @@ def test_same_picture_same_bytes_in_another_process(tmp_path):
     assert first == second
 
 
+def test_the_layout_is_solved_once(line, tmp_path, monkeypatch):
+    solved = []
+    solve = ConstrainedLayoutEngine.execute
+    monkeypatch.setattr(ConstrainedLayoutEngine, "execute", lambda engine, fig: solved.append(solve(engine, fig)))
+    monkeypatch.setattr("IPython.display.display", lambda *data, **extra: None)
+    before = line.axes[0].get_position().bounds
+    plots.show(line, "A line.")
+    shown = line.axes[0].get_position().bounds
+    plots.save(line, tmp_path, "fig", data={"a": [1]}, alt="A line.", provenance={})
+    assert len(solved) == 1 and before != shown == line.axes[0].get_position().bounds
+
+
 def test_show_displays_picture_and_words_and_lets_go(monkeypatch):
     shown = {}
     monkeypatch.setattr("IPython.display.display", lambda data, **extra: shown.update(extra, data=data))
@@ -330,24 +294,10 @@ def test_use_style_changes_the_readers_own_plots():
     assert mpl.rcParams["axes.spines.top"]
 
 
-@pytest.mark.parametrize(
-    ("value", "text"),
-    [
-        (0.4, "0.400"),
-        (0.0999999, "0.100"),
-        (12.345, "12.3"),
-        (1234.6, "1235"),
-        (0.99996, "1.00"),
-        (0.0, "0"),
-        (-0.0123456, "-0.0123"),
-        (1.2e-7, "1.20e-07"),
-        (3.5e9, "3.50e+09"),
-        (float("nan"), "–"),
-        (float("inf"), "∞"),
-    ],
-)
-def test_three_significant_digits(value, text):
-    assert plots.significant(value) == text
+def test_three_significant_digits():
+    values = [0.4, 0.0999999, 12.345, 1234.6, 0.99996, 0.0, -0.0123456, 1.2e-7, 3.5e9, np.nan, np.inf, -np.inf]
+    texts = "0.400 0.100 12.3 1235 1.00 0 -0.0123 1.20e-07 3.50e+09 – ∞ −∞".split()
+    assert [plots.significant(value) for value in values] == texts
 
 
 def test_results_table_rounds_marks_and_lists():
@@ -368,13 +318,6 @@ def test_results_table_rounds_marks_and_lists():
     assert html.count("<tr>") == 4 and html.count('<th scope="col"') == 4
     assert "ours | &lt;b&gt;" in html and "<strong>0.376 ± 0.0042</strong>" in html
     assert "data" in repr(plots.results_table(rows))
-
-
-def test_results_table_says_what_it_needs():
-    with pytest.raises(ValueError, match="no rows"):
-        plots.results_table([])
-    with pytest.raises(ValueError, match="better is 'up'"):
-        plots.results_table([{"a": 1.0}], better={"a": "up"})
 
 
 def test_any_skeleton_can_be_drawn():

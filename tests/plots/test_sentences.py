@@ -63,12 +63,6 @@ def test_who_stays_is_not_blown_up():
     assert axes[0, 0].get_xlim() == (-0.6, 0.6)
 
 
-@pytest.mark.parametrize("rows", [{}, {"walks": [body(0, 1)], "runs": []}])
-def test_a_sentence_without_a_motion_is_refused(rows):
-    with pytest.raises(ValueError, match="expected at least one motion in each"):
-        plots.ways(rows)
-
-
 def test_an_emerging_way_grows_darker_step_by_step():
     paths = [torch.rand(FRAMES, 2) * n for n in range(1, 7)]
     limbs = [np.linspace(0, n, FRAMES) for n in range(1, 7)]
@@ -86,12 +80,6 @@ def test_an_emerging_way_grows_darker_step_by_step():
     legible(fig)
 
 
-def test_an_emerging_way_needs_equally_many_of_each():
-    path, limb = np.zeros((FRAMES, 2)), np.zeros(FRAMES)
-    with pytest.raises(ValueError, match="2 paths, 1 levels and 2 limbs; expected equally many"):
-        plots.emerging_way([path, path], [0.5], limbs=[limb, limb], fps=20)
-
-
 @pytest.mark.parametrize("text", ["a person walks", CAPTION, f"{CAPTION}, and sits down, and stands up again, and waves"])
 def test_the_overview_shows_the_clip_its_noise_and_three_losses(text):
     features, noisy = torch.randn(FRAMES, 263), 9 * torch.ones(FRAMES, 263)
@@ -104,7 +92,7 @@ def test_the_overview_shows_the_clip_its_noise_and_three_losses(text):
     (caption,) = [found for found in ax.texts if found.get_text().startswith("“")]
     said = caption.get_text().strip("“”").replace("\n", " ")
     assert said == text or (said.endswith(" …") and text.startswith(said.removesuffix(" …")))
-    legible(fig)
+    legible(fig, least=3)  # what stands beside the losses is grey
     frames = [patch.get_window_extent() for patch in ax.patches]
     assert any(frame.containsx(e.x0) and frame.containsx(e.x1) and frame.containsy(e.y0) and frame.containsy(e.y1)
                for e in [caption.get_window_extent()] for frame in frames)  # fmt: skip

@@ -16,7 +16,7 @@ MUTANTS = [
         ("ticks-of-changes-are-left-to-matplotlib", "ax.set_xticks(_three_ticks(*ax.get_xlim()))", "pass"),
     ),
     *of(
-        "plots/routes.py", "plots/test_passages.py",
+        "plots/routes.py", "plots/test_routes.py",
         ("way-runs-to-the-left", "onward >= 0 else", "onward < 0 else"),
         ("camera-in-front-of-the-way", "float(np.degrees(angle)) - 90", "float(np.degrees(angle))"),
     ),
@@ -25,7 +25,7 @@ MUTANTS = [
         ("step-at-its-first-frame", "(np.arange(frames - 1) + 0.5) / fps", "np.arange(frames - 1) / fps"),
         ("seam-after-the-keyframe-only", "for step in (k - 1, k) if", "for step in (k,) if"),
         ("cosines-at-twice-their-frequency", "fps / (2 * len(x))", "fps / len(x)"),
-        ("bone-errors-in-metres", "1000 * np.abs(", "np.abs(", "plots/test_passages.py"),
+        ("bone-errors-in-metres", "1000 * np.abs(", "np.abs("),
         ("clean-keyframes-of-the-first-step", "x[-1, given], \"o\"", "x[0, given], \"o\""),
     ),
     *of(
@@ -53,5 +53,79 @@ MUTANTS = [
         ("loop-without-its-last-frame", "range((shown.frames - 1) % step, shown.frames, step)",
          "range(0, shown.frames - step, step)"),
         ("limit-forgotten", "if size <= most_bytes:", "if True:"),
+    ),
+    *of(
+        "plots/lines.py", "plots/test_frequencies.py",
+        ("dots-beside-their-line", "places[marked], values[marked]", "places[marked], values[marked - 1]"),
+        ("bars-behind-each-other", "(number - (len(series) - 1) / 2) * thick", "0"),
+        ("fan-of-eight-tenths", "(0.9, 0.5) if", "(0.8, 0.5) if",
+         "plots/test_plots.py::test_fan_holds_the_median_and_the_middle_of_the_samples"),
+        ("future-begins-with-the-film", "array(x)[-len(values) :]", "array(x)[: len(values)]",
+         "plots/test_diffusion.py::test_predicted_curves_line_up_with_the_future"),
+    ),
+    *of(
+        "plots/axes.py", "plots/test_sentences.py::test_each_sentence_has_a_panel_of_the_same_scale",
+        ("columns-without-their-label", "if ax.get_visible() or not lowest", "if True"),
+    ),
+    *of(
+        "plots/saving.py", "plots/test_plots.py::test_saved_files_hold_numbers_words_and_origin",
+        ("short-columns-end-in-zeros", 'fillvalue=""', 'fillvalue="0"'),
+        ("text-on-several-lines", '" ".join(alt.split())', "alt"),
+        ("layout-by-the-readers-settings", "layout.execute(fig)", "pass",
+         "plots/test_plots.py::test_the_layout_is_solved_once"),
+    ),
+    *of(
+        "plots/tables.py", "plots/test_plots.py::test_results_table_rounds_marks_and_lists",
+        ("the-worst-is-bold", '(min if which == "lower" else max)', '(max if which == "lower" else min)'),
+    ),
+    *of(
+        "plots/coefficients.py", "plots/test_plots.py",
+        ("projection-against-nothing", " - np.eye(len(analysis))", ""),
+        ("shares-of-one", "100 * row[band]", "row[band]"),
+    ),
+    *of(
+        "plots/bodies.py", "plots/test_plots.py::test_every_skeleton_knows_where_it_faces",
+        ("bodies-face-backwards", "np.arctan2(-x, y)", "np.arctan2(x, -y)"),
+    ),
+    *of(
+        "plots/chapters/wavelets.py", "plots/test_wavelets.py",
+        ("taps-a-frame-late", "2 * k + 1 - np.arange(len(taps))", "2 * k + 2 - np.arange(len(taps))"),
+        ("coefficients-over-other-frames", "return 2 * np.arange(count) + 1 -", "return 2 * np.arange(count) + 5 -"),
+        ("marks-of-a-series-on-one-line", "(number - (len(values) - 1) / 2) * step", "0"),
+    ),
+    *of(
+        "plots/chapters/diffusion.py", "plots/test_diffusion.py",
+        ("histogram-of-any-area", "(len(values) * np.diff(edges))", "len(values)"),
+        ("paths-coloured-by-their-beginning", "path[-1] > parting", "path[0] > parting"),
+    ),
+    *of(
+        "plots/chapters/frequencies.py", "plots/test_frequencies.py",
+        ("coefficients-counted-from-zero", "start=1, **options", "start=0, **options"),
+        ("share-of-one-more", "share[few - 1]", "share[few]"),
+    ),
+    *of(
+        "plots/chapters/phase.py", "plots/test_diffusion.py",
+        ("sine-across", "x, y = cosine[:, channel], sine[:, channel]", "x, y = sine[:, channel], cosine[:, channel]"),
+    ),
+    *of(
+        "plots/chapters/sentences.py", "plots/test_sentences.py",
+        ("left-is-right", "joints[0, right] - joints[0, left]", "joints[0, left] - joints[0, right]"),
+    ),
+    *of(
+        "plots/chapters/metrics.py", "plots/test_plots.py::test_metric_pictures_carry_the_metric_and_its_links",
+        ("links-to-the-farthest", "np.argmin", "np.argmax"),
+    ),
+    *of(
+        "plots/chapters/diagrams.py", "plots/test_guidance.py::test_diagrams_hold_the_data_they_are_given",
+        ("noise-left-out-of-the-diagram", "array(y_t).T)\n    box(ax, (5.6", "array(y).T)\n    box(ax, (5.6"),
+    ),
+    *of(
+        "plots/chapters/guidance.py", "plots/test_guidance.py",
+        ("changes-from-nothing", 'row["mean"][metric] - base["mean"][metric]', 'row["mean"][metric]'),
+        ("marks-beside-the-mask", "np.full(len(rows), -1.8), rows", "np.full(len(rows), -1.8), rows + 1"),
+    ),
+    *of(
+        "plots/player_widget.py", "plots/test_player.py::test_the_widget_takes_all_that_a_page_takes",
+        ("player-begins-with-its-second-frame", "traitlets.Int(0)", "traitlets.Int(1)"),
     ),
 ]  # fmt: skip

@@ -25,8 +25,6 @@ def test_energy_is_drawn_with_and_without_its_mean():
     assert mean.get_ydata() == [POWER[0]] and mean.get_xdata()[0] < 1
     assert [tick.get_text() for tick in left.get_xticklabels()] == ["0", "1", "10"]
     legible(fig)
-    with pytest.raises(ValueError, match="rates: 8 coefficients; expected more than few, 8"):
-        plots.energy_by_coefficient({"rates": np.ones(8)}, few=8)
 
 
 def test_snr_curves_are_parallel_and_end_at_the_threshold():
@@ -85,20 +83,3 @@ def test_coupling_is_a_bar_for_each_noise():
     middles = [bar.get_x() + bar.get_width() / 2 for bar in axes[0].patches]
     assert middles == pytest.approx([-0.2, 0.8, 0.2, 1.2])
     legible(fig)
-    with pytest.raises(ValueError, match="bound, alone: 2 errors; expected 3, one for each noise"):
-        plots.coupling_bars({"bound": rows}, [0.2, 0.4, 0.8])
-
-
-@pytest.mark.parametrize("draw", [plots.energy_by_coefficient, plots.known_share])
-def test_more_rows_than_looks_are_refused(draw):
-    with pytest.raises(ValueError, match="7 rows; expected at most 6"):
-        draw({str(i): POWER for i in range(7)})
-
-
-def test_more_coefficients_and_samplers_than_looks_are_refused():
-    with pytest.raises(ValueError, match="7 coefficients; expected at most 6"):
-        plots.parallel_snr(POWER, A_BAR, range(1, 8))
-    with pytest.raises(ValueError, match="7 samplers; expected at most 6"):
-        plots.kept_power({"T": {str(i): POWER for i in range(7)}})
-    with pytest.raises(ValueError, match="7 rows; expected at most 6"):
-        plots.recovery_by_coefficient({str(i): POWER for i in range(7)}, steps=9)

@@ -1,4 +1,4 @@
-"""Pictures of time and frequency: curves stand where the numbers say, tiles have one area, the loop makes every coefficient."""
+"""Pictures of wavelets: curves stand where the numbers say, tiles have one area, every basis has a card."""
 
 from __future__ import annotations
 
@@ -7,12 +7,16 @@ import io
 import numpy as np
 import pytest
 import pywt
+import torch
 from PIL import Image
 
 from mwlib import plots
 from mwlib.plots.chapters.wavelets import _slid
+from mwlib.transforms import WaveletTransform
 from tests.plots.legible import legible
 
+X = torch.randn(40, 12, generator=torch.Generator().manual_seed(0)).cumsum(0)
+VALUES = {"paper": {"haar": 7e-5, "dmey": 1e-3}, "measured": {"dmey": 1.1e-3}}
 SIGNAL = np.sin(np.arange(16) / 3)
 ALT = "A filter slides over a curve and leaves a coefficient at each place."
 
@@ -78,3 +82,54 @@ def test_the_taps_stand_where_their_inner_product_is_the_coefficient():
     shown = dict(zip(*top.lines[1].get_data(), strict=True))
     points = next(line for line in middle.lines if line.get_marker() == "o")
     assert sum(shown[frame] * tap for frame, tap in zip(*points.get_data(), strict=True)) == pytest.approx(coefficients[4])
+
+
+def _marks(ax) -> dict[str, list[tuple[float, float]]]:
+    """Series -> (value, row) of its marks."""
+    return {bars.get_label(): [*zip(*bars[0].get_data(), strict=True)] for bars in ax.containers}
+
+
+def test_dots_stand_at_their_values_in_the_row_of_their_name():
+    fig, ax = plots.dots(VALUES, xlabel="RMSE (m)", log=True)
+    marks = _marks(ax)
+    assert [label.get_text() for label in ax.get_yticklabels()] == ["haar", "dmey"]
+    assert ax.get_xscale() == "log" and ax.yaxis_inverted()
+    legible(fig)
+    assert [value for value, _ in marks["paper"]] == [7e-5, 1e-3] and [value for value, _ in marks["measured"]] == [1.1e-3]
+    assert all(round(row) == place for place, (_, row) in enumerate(marks["paper"]))
+    assert round(marks["measured"][0][1]) == 1 and marks["measured"][0][1] != marks["paper"][1][1]
+
+
+def test_dots_draw_a_spread_where_there_is_one():
+    _, ax = plots.dots(VALUES, xlabel="RMSE (m)", spread={"measured": {"dmey": 1e-4}})
+    paper, measured = ax.containers
+    assert not paper.has_xerr and measured.has_xerr
+    ((low, _), (high, _)) = measured[2][0].get_segments()[0]
+    assert (low, high) == pytest.approx((1e-3, 1.2e-3))
+
+
+@pytest.mark.parametrize("wavelet", ["haar", "bior2.8", "bior3.1", "dmey", "rbio6.8", "db38", "sym20", "coif17"])
+def test_a_card_holds_the_filters_and_sub_bands_of_its_basis(wavelet):
+    fig, axes = plots.basis_card(wavelet, X)
+    tf, bank = WaveletTransform(40, 12, wavelet), pywt.Wavelet(wavelet)
+    legible(fig)
+    assert np.allclose(axes[1, 0].lines[1].get_ydata(), bank.dec_lo) and np.allclose(axes[1, 1].lines[1].get_ydata(), bank.dec_hi)
+    assert len(axes[0, 0].lines) == (2 if bank.orthogonal else 3)  # with the line at 0
+    drawn = np.concatenate([ax.images[0].get_array().T for ax in (axes[2, 0], axes[3, 0], axes[2, 1], axes[3, 1])], axis=1)
+    assert np.allclose(drawn, tf(X.double()))
+    assert " × ".join(map(str, tf.shape)) in fig.get_suptitle()
+
+
+def test_coefficients_stand_over_the_frames_they_see():
+    impulse = np.zeros(64)
+    impulse[31] = 1.0
+    _, axes = plots.signal_and_coefficients(impulse, "bior2.8", fps=1.0)
+    for ax in axes[1:]:
+        places, values = ax.lines[-1].get_data()
+        assert np.average(places, weights=values**2) == pytest.approx(31, abs=0.6)
+
+
+def test_padding_modes_draw_what_pywavelets_does():
+    _, axes = plots.padding_modes(X[:, 8], modes=["reflect"], pad=5)
+    before, after, inside = (curve.get_ydata() for curve in axes[0, 0].lines)
+    assert np.allclose(np.concatenate([before[:-1], inside, after[1:]]), pywt.pad(X[:, 8].numpy(), 5, "reflect"))
