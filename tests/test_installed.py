@@ -16,7 +16,7 @@ import pytest
 import yaml
 
 from mwlib import __version__
-from mwlib.__main__ import main
+from mwlib.cli import main
 from mwlib.course.working_copy import lay_out
 from mwlib.data.formats.h36m import write_h36m
 from mwlib.paths import carried, course_folder, home, installed
@@ -29,7 +29,7 @@ SMALL = {"train_steps": 2, "batch": 4, "width": 16, "layers": 2, "heads": 2, "fe
 # Several commands in one process, for starting is what takes time; what each printed.
 TOGETHER = """
 import contextlib, io, json, sys
-from mwlib.__main__ import main
+from mwlib.cli import main
 told = []
 for words in json.loads(sys.argv[1]):
     with contextlib.redirect_stdout(io.StringIO()) as printed:
@@ -158,7 +158,7 @@ def test_the_course_around_the_working_folder_comes_first(tmp_path, monkeypatch)
 
 
 def test_installed_notebooks_are_not_executed_in_place(monkeypatch, capsys):
-    monkeypatch.setattr("mwlib.course.commands.PACKAGED", ROOT)
+    monkeypatch.setattr("mwlib.paths.PACKAGED", ROOT)
     assert main(["execute-notebooks", "01"]) == 1
     assert "mwlib course FOLDER" in capsys.readouterr().err
 
@@ -166,7 +166,7 @@ def test_installed_notebooks_are_not_executed_in_place(monkeypatch, capsys):
 def test_a_command_says_what_to_install(monkeypatch, capsys, tmp_path):
     for name in ("nbformat", "jinja2"):
         monkeypatch.setitem(sys.modules, name, None)
-    for name in ("learner", "index"):
+    for name in ("learner", "exhibits"):
         monkeypatch.delitem(sys.modules, f"mwlib.course.{name}", raising=False)
     assert main(["learner-copies", "--out", str(tmp_path)]) == 1
     assert 'pip install "motion-wavelet-notebooks[notebooks]"' in capsys.readouterr().err

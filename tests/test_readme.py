@@ -30,7 +30,7 @@ def test_examples_run(monkeypatch, tmp_path, capsys):
 
 
 def test_commands_named_in_readme_exist(capsys):
-    from mwlib.__main__ import main
+    from mwlib.cli import main
 
     named = set(re.findall(r"^mwlib ([a-z0-9-]+)|`mwlib ([a-z0-9-]+)", README, re.M))
     for command in {a or b for a, b in named} - {""}:

@@ -7,7 +7,7 @@ import io
 import json
 import re
 import tokenize
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -171,7 +171,7 @@ def resolve(offered: Mapping[str, Parameter], given: Mapping[str, Any]) -> dict[
     return {name: _fit(parameter, given.get(name, parameter.default)) for name, parameter in offered.items()}
 
 
-def from_text(offered: Mapping[str, Parameter], assignments: list[str]) -> dict[str, Any]:
+def from_text(offered: Mapping[str, Parameter], assignments: Sequence[str]) -> dict[str, Any]:
     """Values of ``name=text`` words, each read as its parameter's type demands: for `str` the text as it stands,
     otherwise a Python literal.
 

@@ -119,6 +119,18 @@ def read_grids(path: Path | None = None) -> dict[str, Grid]:
     return {name: _grid(f"{path}: {name}", name, body) for name, body in tree.get("grids", {}).items()}
 
 
+def read_grid(name: str, path: Path | None = None) -> Grid:
+    """One grid of a file; None = the course's.
+
+    Raises:
+        FileNotFoundError, ValueError: as in `read_grids`, or there is none of that name; the message lists those there are.
+    """
+    known = read_grids(path)
+    if name not in known:
+        raise ValueError(f"grid is {name!r}; {path or grids_file()} has {', '.join(known)}")
+    return known[name]
+
+
 # What a field of the file may hold; the first entry of a pair is what a message calls it.
 MAPPING, LIST, TEXT = ("a mapping", (dict, type(None))), ("a list", (list,)), ("a text", (str,))
 TRUTH = ("true or false", (bool,))

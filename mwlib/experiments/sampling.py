@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from pathlib import Path
+from typing import TypeVar
 
 import numpy as np
 
@@ -15,7 +16,27 @@ from mwlib.networks.matching import UNIT
 from mwlib.text_to_motion.model import TextToMotion
 from mwlib.text_to_motion.motions import motion_of
 
-INBETWEENING_MODEL = "inbetween"  # the model that comes with the package
+INBETWEENING_MODEL, SENTENCE_MODEL = "inbetween", "sentences"  # the models that come with the package
+MOST = 1000  # samples of a sentence: the next sentence's motions have noise of their own
+Model = TypeVar("Model")
+
+
+def model_of(run: str | Path | Model, kind: type[Model], system: str) -> Model:
+    """A trained model of one system.
+
+    Args:
+        run: folder of a finished run, a name that `load_run` knows, or the model itself.
+        kind: of the system's models.
+        system: its name, for the message.
+
+    Raises:
+        FileNotFoundError: there is no such run.
+        ValueError: it is one of another system.
+    """
+    model = run if isinstance(run, kind) else load_run(run)  # pyright: ignore[reportArgumentType]  (narrowed by isinstance)
+    if not isinstance(model, kind):
+        raise ValueError(f"{run} is a run of another system; expected one of {system}")
+    return model
 
 
 def inbetween(
@@ -51,14 +72,7 @@ def inbetween(
     >>> motion.positions.shape, motion.fps, np.allclose(motion.positions[0], walk.positions[0], atol=1e-5)
     ((32, 17, 3), 30.0, True)
     """
-    bridge = run if isinstance(run, Bridge) else load_run(run)
-    if not isinstance(bridge, Bridge):
-        raise ValueError(f"{run} is a run of another system; expected one of in-betweening")
-    return filled(bridge, start, end, frames, samples, seed, progress)
-
-
-SENTENCE_MODEL = "sentences"  # the model that comes with the package
-MOST = 1000  # samples of a sentence: the next sentence's motions have noise of their own
+    return filled(model_of(run, Bridge, "in-betweening"), start, end, frames, samples, seed, progress)
 
 
 def generate(
@@ -92,9 +106,7 @@ def generate(
     >>> walk.positions.shape, walk.fps, walk.skeleton.name
     ((60, 22, 3), 20.0, 'HUMANML22')
     """
-    model = run if isinstance(run, TextToMotion) else load_run(run)
-    if not isinstance(model, TextToMotion):
-        raise ValueError(f"{run} is a run of another system; expected one of text_to_motion")
+    model = model_of(run, TextToMotion, "text_to_motion")
     texts = [texts] if isinstance(texts, str) else [*texts]
     lasting = [float(seconds)] * len(texts) if isinstance(seconds, int | float | np.number) else [float(each) for each in seconds]
     if wrong := [each for each in lasting if not math.isfinite(each)]:

@@ -59,7 +59,7 @@ class System(Protocol):
         ...
 
 
-_MODULES = {
+MODULES = {
     "prediction": "mwlib.prediction.system",
     "rebuilding": "mwlib.prediction.rebuilding",
     "inbetweening": "mwlib.inbetweening.system",
@@ -83,7 +83,7 @@ def register(system: Any) -> None:
     if missing:
         raise ValueError(f"{system} has no {', '.join(missing)}; expected all that System asks for")
     name = system.Config.system
-    if name in _MODULES or _REGISTERED.get(name, system) is not system:
+    if name in MODULES or _REGISTERED.get(name, system) is not system:
         raise ValueError(f"system is {name!r}, which is taken; expected another name")
     _REGISTERED[name] = system
 
@@ -94,10 +94,10 @@ def system(name: str) -> System:
     Raises:
         ValueError: there is none; the message lists those there are.
     """
-    if name in _MODULES:
-        return importlib.import_module(_MODULES[name])  # pyright: ignore[reportReturnType]  (checked by a test)
+    if name in MODULES:
+        return importlib.import_module(MODULES[name])  # pyright: ignore[reportReturnType]  (checked by a test)
     if name not in _REGISTERED:
-        raise ValueError(f"system is {name!r}; expected one of {', '.join([*_MODULES, *_REGISTERED])}")
+        raise ValueError(f"system is {name!r}; expected one of {', '.join([*MODULES, *_REGISTERED])}")
     return _REGISTERED[name]
 
 

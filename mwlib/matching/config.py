@@ -76,10 +76,11 @@ PRESETS: dict[str, dict[str, Any]] = {
 }  # fmt: skip
 # A hundred clips: too few to halve, and for more than the sizes of tiny. It tells captions of people never seen from each other
 # hardly better than guessing does.
-PRESETS["cmu"] = PRESETS["tiny"] | dict(data="cmu", half="all", train_steps=400, pool=16)
+PRESETS |= {"cmu": PRESETS["tiny"] | dict(data="cmu", half="all", train_steps=400, pool=16)}
 # One name builds the figures of all systems.
 PRESETS |= {"laptop_paper": PRESETS["laptop"], "cmu_paper": PRESETS["cmu"]}
-PRESETS |= {name: PRESETS["humanml3d"] for name in ("mdm", "stablemofusion", "h36m", "humaneva")}
+_PUBLISHED = PRESETS["humanml3d"]
+PRESETS |= {"mdm": _PUBLISHED, "stablemofusion": _PUBLISHED, "h36m": _PUBLISHED, "humaneva": _PUBLISHED}
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,7 @@ import pytest
 from nbformat.v4 import new_notebook
 
 from mwlib import files
-from mwlib.__main__ import main
+from mwlib.cli import main
 from mwlib.course import execute
 from mwlib.course.execute import NotDone, run_notebook
 from mwlib.course.manifest import FILES

@@ -7,11 +7,10 @@ from dataclasses import replace
 
 import matplotlib.pyplot as plt
 import numpy as np
-import pytest
 
 from mwlib import Motion, load_motions, windows, write_bvh
-from mwlib.__main__ import main
 from mwlib.body.skeleton import H36M17
+from mwlib.cli import main
 from mwlib.data.check import check_data
 from mwlib.data.collections.h36m import WINDOWS
 from mwlib.data.meaning import height
@@ -92,8 +91,8 @@ def test_humaneva_counts_its_test_windows(tmp_path):
 
 def test_written_synthetic_motions_are_those_one_loads(tmp_path, capsys, monkeypatch):
     motions = synthetic_motions(subjects=2, seconds=3)
-    for module in ("commands", "check"):
-        monkeypatch.setattr(f"mwlib.data.{module}.synthetic_motions", lambda seed=0: motions)
+    for module in ("cli.data", "data.check"):
+        monkeypatch.setattr(f"mwlib.{module}.synthetic_motions", lambda seed=0: motions)
     file = tmp_path / "synthetic.npz"
     assert main(["write-synthetic", str(file)]) == 0
     assert str(file) in capsys.readouterr().out
@@ -195,12 +194,3 @@ def test_statements_and_picture_from_the_command_line(tmp_path, capsys):
         assert told in capsys.readouterr().err
     assert main([*words, "--picture", str(picture), "--clip", "z"]) == 1
     assert "clip is 'z'; expected one of a.npy" in capsys.readouterr().err
-
-
-def test_help_lists_the_commands(capsys):
-    with pytest.raises(SystemExit) as caught:
-        main(["--help"])
-    assert caught.value.code == 0
-    text = capsys.readouterr().out
-    assert "check-data" in text
-    assert "write-synthetic" in text

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from mwlib.__main__ import main
+from mwlib.cli import main
 from mwlib.data.collections import COLLECTIONS, NAMED_SOURCES
 from mwlib.data.collections.record import Collection, listed
 from mwlib.data.fetching import fetch
@@ -136,7 +136,7 @@ def test_help_helps(capsys):
     with pytest.raises(SystemExit):
         main(["fetch", "--help"])
     told = capsys.readouterr().out
-    assert all(name in told for name in COLLECTIONS) and "--to FOLDER" in told and "--accept-licence" in told
+    assert all(name in told for name in COLLECTIONS) and "--to TO" in told and "--accept-licence" in told
     with pytest.raises(SystemExit):
         main(["fetch", "nothing"])
     assert "invalid choice: 'nothing'" in capsys.readouterr().err

@@ -10,7 +10,7 @@ import pytest
 import yaml
 
 from mwlib import plots
-from mwlib.__main__ import main
+from mwlib.cli import main
 from mwlib.course.notebooks import course
 from mwlib.experiments import committed, committed_pairs, lines, measure, read_grids, tables
 from mwlib.experiments.grids import changes, row_config

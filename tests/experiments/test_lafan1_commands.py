@@ -10,9 +10,9 @@ from pathlib import Path
 import pytest
 
 import mwlib as mw
-from mwlib.__main__ import main
+from mwlib.cli import benchmark, main
 from mwlib.data.sources import Split
-from mwlib.experiments import get_run, lafan1_commands
+from mwlib.experiments import get_run
 from mwlib.inbetweening import lafan1
 from mwlib.inbetweening.lafan1 import published
 from mwlib.inbetweening.windows import ready
@@ -67,7 +67,7 @@ def test_all_files_meet_the_published_digits_or_not(folder, monkeypatch, capsys)
     assert main(["lafan1-benchmark", "--data", str(folder)]) == 1
     told = capsys.readouterr().out
     assert "The published digits are NOT met:\n  L2P of interpolation at 15 frames is " in told
-    monkeypatch.setattr(lafan1_commands, "misses", lambda rows: [])
+    monkeypatch.setattr(lafan1, "misses", lambda rows: [])
     assert main(["lafan1-benchmark", "--data", str(folder)]) == 0
     assert "All published digits of the two baselines are met." in capsys.readouterr().out
 
@@ -104,7 +104,7 @@ def test_a_trained_model_gets_its_rows(folder, run, tmp_path, capsys):
     given = ["lafan1-benchmark", "--data", str(folder), "--model", str(run), "--samples", "2"]
     assert main([*given, "--out", str(tmp_path)]) == 0
     told = " ".join(capsys.readouterr().out.split())
-    rows = [row for row in rows_of(tmp_path / "benchmark_model.csv") if row["source"] == lafan1_commands.MEASURED]
+    rows = [row for row in rows_of(tmp_path / "benchmark_model.csv") if row["source"] == benchmark.MEASURED]
     names = ["zero velocity", "interpolation", f"{run.name}, single samples", f"{run.name}, average of 2"]
     assert [row["method"] for row in rows] == [name for name in names for _ in range(4)]
     for row, metric, digits in ((rows[9], "L2P", 4), (rows[14], "L2Q", 3)):
@@ -141,7 +141,7 @@ def test_runs_of_one_name_are_averaged(folder, run, tmp_path):
 
 def test_a_model_that_does_not_fit_is_refused_before_anything_is_measured(folder, run, monkeypatch, capsys):
     given = ["lafan1-benchmark", "--data", str(folder), "--model"]
-    monkeypatch.setattr(lafan1_commands, "lafan1_benchmark", None)
+    monkeypatch.setattr(lafan1, "lafan1_benchmark", None)
     assert main([*given, "inbetween"]) == main([*given, "cmu"]) == main([*given, "nowhere"]) == 1
     assert main([*given, str(run), "--samples", "0"]) == 1
     told = capsys.readouterr().err
@@ -152,7 +152,7 @@ def test_a_model_that_does_not_fit_is_refused_before_anything_is_measured(folder
 
 def test_the_committed_table_says_what_it_is():
     rows, about = rows_of(COMMITTED), json.loads(COMMITTED.with_suffix(".json").read_text(encoding="utf-8"))
-    measured = [row for row in rows if row["source"] == lafan1_commands.MEASURED]
+    measured = [row for row in rows if row["source"] == benchmark.MEASURED]
     assert len(measured) == 8 and {row["windows"] for row in measured} == {str(sum(about["test_windows"].values()))}
     assert "CC BY-NC-ND 4.0" in about["acknowledgement"] and "Robust Motion In-Betweening" in about["acknowledgement"]
     assert about["verdict"].startswith("NOT COMPARABLE") and about["clips"] == 10

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 import yaml
 
-from mwlib.__main__ import main
+from mwlib.cli import main
 from mwlib.experiments.claims import KINDS, MADE_WITH, OTHERWISE, PENDING, REFERENCE, Tables, decide, holds, read_claims
 from mwlib.experiments.claims import reproduction as report
 from mwlib.experiments.grids import read_grids

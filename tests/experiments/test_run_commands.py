@@ -9,7 +9,7 @@ import pytest
 from PIL import Image
 
 import mwlib as mw
-from mwlib.__main__ import main
+from mwlib.cli import main
 from tests.sample_settings import SMALL
 
 
@@ -61,14 +61,3 @@ def test_mistakes_are_told(run, tmp_path, capsys):
     assert main(["predict", str(tmp_path), "synthetic"]) == 1
     told = capsys.readouterr().err
     assert "config.yaml is missing" in told and "samples is 0" in told and "before 0.2" in told and "Traceback" not in told
-
-
-@pytest.mark.parametrize(("words", "shown"), [([], "tabg_sigma"), (["--system", "text_to_motion"], "lf_band")])
-def test_the_help_of_training_lists_the_settings_of_the_system(words, shown, capsys):
-    with pytest.raises(SystemExit) as stopped:
-        main(["train", *words, "--help"])
-    said = capsys.readouterr().out
-    assert stopped.value.code == 0 and shown in said and ("lf_band" in said) == bool(words)
-    with pytest.raises(SystemExit) as stopped:
-        main(["train", "--system", "telepathy", "--help"])
-    assert stopped.value.code == 2 and "expected one of prediction" in capsys.readouterr().err

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import mwlib as mw
-from mwlib.__main__ import main
+from mwlib.cli import main
 from mwlib.data.formats.humanml import joints_of
 from mwlib.experiments import sampling
 from mwlib.text_to_motion.motions import fused_joints

@@ -8,7 +8,6 @@ import pytest
 import torch
 
 import mwlib as mw
-from mwlib.__main__ import main
 from mwlib.experiments import get_run, load_run
 from mwlib.experiments.shipped import CARD, METRICS, RECIPES, card, recipe, ship
 from mwlib.experiments.systems import read_config
@@ -79,9 +78,3 @@ def test_a_shipped_model_is_its_run_in_half_precision(tmp_path, monkeypatch):
     changes = {name: small().get(name) for name in ("history", "future")}
     monkeypatch.setitem(RECIPES, "synthetic", ("Somebody", "prediction", "tiny", changes))
     assert recipe("synthetic")[1].get("history") == 6
-
-
-def test_the_command_says_which_models_there_are(capsys):
-    with pytest.raises(SystemExit):
-        main(["ship", "nobody"])
-    assert "'synthetic', 'cmu'" in capsys.readouterr().err.replace("synthetic, cmu", "'synthetic', 'cmu'")

@@ -48,7 +48,7 @@ MUTANTS = [
         ("everybody-keeps-the-arms", "torch.randperm(len(x), generator=generator)", "torch.arange(len(x))"),
     ),
     *of(
-        "data/commands.py", "data/test_collections.py",
+        "cli/data.py", "data/test_collections.py",
         ("silence-accepts-a-licence", 'in ("y", "yes")', 'in ("y", "yes", "")'),
         ("nobody-to-ask-accepts", "sys.stdin.isatty() and input(", "not sys.stdin.isatty() or input("),
     ),

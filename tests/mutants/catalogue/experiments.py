@@ -4,7 +4,7 @@ from tests.mutants.mutant import of
 
 MUTANTS = [
     *of(
-        "experiments/lafan1_commands.py", "experiments/test_lafan1_commands.py",
+        "cli/benchmark.py", "experiments/test_lafan1_commands.py",
         ("missed-digits-are-success", "return 1 if missed else 0", "return 0"),
     ),
     *of(
@@ -23,8 +23,24 @@ MUTANTS = [
         ("quotes-not-looked-up", "if place.prints and not any(", "if place.prints and all("),
     ),
     *of(
-        "experiments/grid_options.py", "test_command_line.py",
-        ("data-of-a-grid-not-heard", '({"data": args.data} if args.data else {}) | parse_changes', "parse_changes"),
+        "cli/__init__.py", "test_command_line.py",
+        ("defaults-of-options-that-are-not-given", "argument_default=argparse.SUPPRESS", "argument_default=None"),
+        ("nothing-is-near", "cutoff=0.5", "cutoff=1.0"),
+        ("settings-of-prediction-whatever-the-system", ".parse_known_args(words)[0].system", ".get_default('system')"),
+    ),
+    *of(
+        "cli/source.py", "test_command_line.py",
+        ("required-options-may-be-left-out", '{} if default else {"required": True}', "{}"),
+        ("options-of-a-group-left-out", 'yield from (each for each in shared if each[0][0] == "-")', "yield from ()"),
+        ("advanced-settings-among-the-others", "ADVANCED if advanced else group, []", "group, []"),
+        ("advanced-settings-first", "key=ADVANCED.__eq__", "key=ADVANCED.__ne__"),
+        ("settings-of-the-base-left-out", "yield from _bases(module, ast.unparse(base))", "pass"),
+        ("meanings-before-a-field-not-read", 'if before.startswith("# ") else ""', 'if False else ""'),
+        ("other-words-than-the-choices", '== "one of":', '== "of one":'),
+    ),
+    *of(
+        "cli/options.py", "test_command_line.py",
+        ("data-of-a-grid-not-heard", '({"data": data} if data else {}) | parse_changes', "parse_changes"),
     ),
     *of(
         "experiments/shipped.py", "experiments/test_shipped.py",
@@ -84,7 +100,7 @@ MUTANTS = [
         ("budget-has-no-say-in-trainings", "return self.trains if said is None else said", "return self.trains"),
     ),
     *of(
-        "experiments/lafan1_commands.py", "experiments/test_lafan1_commands.py",
+        "cli/benchmark.py", "experiments/test_lafan1_commands.py",
         ("one-training-speaks-for-all", "{metric: mean(values)", "{metric: values[0]"),
     ),
     *of(

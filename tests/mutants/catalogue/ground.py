@@ -25,10 +25,6 @@ MUTANTS = [
         ("stubs-are-not-read", "if stub.is_file() else", "if False else"),
     ),
     *of(
-        "__main__.py", "test_command_line.py",
-        ("every-room-for-one-command", "for room in asked or ROOMS:", "for room in ROOMS:"),
-    ),
-    *of(
         "paths.py", "experiments/test_shipped.py",
         ("a-name-comes-before-a-folder", "if not (own / CONFIG).exists() and str(name) in shipped():",
          "if str(name) in shipped():"),

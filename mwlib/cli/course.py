@@ -1,0 +1,157 @@
+"""Commands on notebooks: course, run-notebook, execute-notebooks, learner-copies, index-page, site-sources, run-experiment.
+
+Jupyter's packages are imported by the command that needs them, and none imports torch: notebooks run in kernels of their own.
+"""
+
+from __future__ import annotations
+
+import logging
+import os
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from mwlib import paths
+from mwlib.cli import options
+from mwlib.cli.options import Repeated
+from mwlib.course import manifest as exhibits
+from mwlib.course import notebooks as chapters
+from mwlib.version import __version__
+
+
+def course(folder: Path) -> None:
+    """Lay out a working copy of the course: notebooks, grids, committed results, Snakefile.
+
+    Nothing that exists is overwritten.
+
+    Args:
+        folder: made if missing.
+    """
+    from mwlib.course.working_copy import lay_out, told
+
+    print(told(folder, lay_out(folder), __version__))
+
+
+def run_notebook(
+    notebook: str,
+    *,
+    out: Path | None = None,
+    set: Repeated[str] = (),
+    parameters: Path | None = None,
+    timeout: float = chapters.TIMEOUT,
+) -> int:
+    """Run one notebook with other parameters.
+
+    Args:
+        notebook: a path, a name, or a number: 05, 05b.
+        out: folder for the results (default: build/runs/<notebook>-<hash of the parameters>).
+        set: one parameter; may be repeated.
+        parameters: a YAML file of parameters; --set wins over it.
+        timeout: seconds for one cell, then the kernel is killed (default: 86400, a day).
+    """
+    from mwlib.course.execute import NotDone, run_notebook
+
+    _prepare()
+    try:
+        path = chapters.find_notebook(notebook)
+        given = chapters.read_values(parameters) if parameters else {}
+        offered = chapters.read_parameters(chapters.read_notebook(path))
+        print(run_notebook(path, out, {**given, **chapters.from_text(offered, set)}, timeout))
+    except NotDone as error:
+        print(error, file=sys.stderr)
+        return 1
+    return 0
+
+
+def execute_notebooks(notebooks: Sequence[str] = ()) -> int:
+    """Execute the committed notebooks in place and filter their outputs.
+
+    Args:
+        notebooks: paths, names or numbers (default: the whole course).
+    """
+    from nbclient.exceptions import CellExecutionError, DeadKernelError
+
+    from mwlib.course.execute import execute_notebook
+
+    _prepare()
+    found, failed = [chapters.find_notebook(name) for name in notebooks] or chapters.course(), 0
+    if any(path.is_relative_to(paths.PACKAGED) for path in found):
+        raise ValueError("the notebooks of an installed mwlib stay as they are; expected a copy: `mwlib course FOLDER`, cd there")
+    for path in found:
+        try:
+            execute_notebook(path)
+            print(f"{path.stem}: executed, {path.stat().st_size / 1000:.0f} kB")
+        except (CellExecutionError, DeadKernelError) as error:
+            failed = 1
+            print(f"{path.stem}: left as it was\n{error}", file=sys.stderr)
+    return failed
+
+
+def learner_copies(*, out: Path | None = None) -> None:
+    """Write copies of the notebooks without the solutions.
+
+    Args:
+        out: folder (default: build/learner).
+    """
+    from mwlib.course.learner import write_learner_copies
+
+    out = out or paths.home() / "build" / "learner"
+    written = write_learner_copies(out, chapters.course())
+    print(f"{len(written)} notebooks written to {out}; those that were there already are kept")
+
+
+def index_page(
+    build: Path, *, notebooks: Path = chapters.NOTEBOOKS, manifest: Path = exhibits.MANIFEST, set: Repeated[str] = ()
+) -> None:
+    """Write index.html for a folder of notebook runs.
+
+    Args:
+        build: folder with one sub-folder per notebook, as run-notebook leaves them.
+        notebooks: folder of the notebooks (default: the course).
+        manifest: list of the exhibits (default: figures/manifest.yaml).
+        set: a parameter that every notebook of the build was to get; one that got another is shown as out of date; may be
+            repeated.
+    """
+    from mwlib.course.exhibits import write_index
+
+    print(write_index(build, chapters.course(notebooks), manifest, set))
+
+
+def site_sources(folder: Path) -> None:
+    """Lay out what Sphinx turns into the site: chapters, exhibits, texts, pages of the library.
+
+    `make site` runs both.
+
+    Args:
+        folder: where to; made if missing.
+    """
+    from mwlib.course.site import write_site_sources
+
+    print(f"{len(write_site_sources(folder, paths.CHECKOUT))} files for Sphinx in {folder}")
+
+
+def run_experiment(row: int, seed: int, *, timeout: float = chapters.TIMEOUT, **choice_of: Any) -> int:
+    """Run one row of a grid of figures/grids.yaml, at one seed, by papermill.
+
+    Args:
+        row: its number, from 0.
+        seed: of the sampling, and of the training where each row has its own.
+        timeout: seconds for one cell, then the kernel is killed (default: 86400, a day).
+    """
+    from mwlib.course.execute import NotDone, run_experiment
+
+    _prepare()
+    try:
+        chosen = options.choice_of(**choice_of)
+        print(run_experiment(chosen.grid, row, seed, chosen.preset, chosen.changes, chosen.out, timeout))
+    except (NotDone, LookupError) as error:
+        print(error, file=sys.stderr)
+        return 1
+    return 0
+
+
+def _prepare() -> None:
+    os.environ.setdefault("OMP_NUM_THREADS", "1")  # several notebooks run side by side
+    os.environ["MW_STATIC"] = "1"  # nothing of a widget is kept, and nbclient may wait for one for ever
+    logging.getLogger("papermill").setLevel(logging.ERROR)  # names and types are checked here, before papermill sees them

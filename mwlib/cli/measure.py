@@ -1,0 +1,126 @@
+"""Commands that train and measure: train, grid-table, ship, storyboards, reproduction."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from mwlib import plots
+from mwlib.cli import options
+from mwlib.cli.options import Repeated
+from mwlib.experiments import claims as claiming
+from mwlib.experiments import report, shipped
+from mwlib.experiments.runs import get_model, get_run
+from mwlib.experiments.sampling import model_of
+from mwlib.experiments.systems import system as system_named
+from mwlib.experiments.tables import details, differences, lines, measure, provenance
+from mwlib.files import write_atomic
+from mwlib.paths import CONFIG, run_folder
+from mwlib.prediction.config import Config
+from mwlib.prediction.predictor import Predictor
+from mwlib.prediction.system import load_data
+from mwlib.settings import parse_changes
+
+
+def train(*, system: str = "prediction", preset: str = "laptop", set: Repeated[str] = ()) -> None:
+    """Train a preset, or go on with a run that was stopped; prints the run's folder.
+
+    Presets and settings of the system stand below.
+
+    Args:
+        system: prediction, rebuilding, inbetweening, text_to_motion or matching.
+        preset: one of `mwlib.prediction.config.PRESETS` ... (default: laptop).
+        set: change one setting, e.g. data=my/folder or lr=1e-3; may be repeated.
+    """
+    print(get_run(system_named(system).Config.preset(preset, **parse_changes(set)), progress=True))
+
+
+def grid_table(**choice_of: Any) -> None:
+    """Write the table of a grid, computing the rows that are missing."""
+    chosen = options.choice_of(**choice_of)
+    asked, given, kind = chosen.grid, [*chosen.changes], system_named(chosen.grid.system)
+    found = measure(asked, chosen.cfg, progress=True, given=given)
+    tables = {
+        "": lines(found, kind.METRICS, errors=True),
+        "_details": lines(found, details(kind), errors=True) if details(kind) else [],
+        "_paired": differences(found, {**kind.METRICS, **details(kind)}, asked.reference),
+        "_actions": [
+            {"row": row["name"], "action": action, **means} for row in found for action, means in row["actions"].items()
+        ],
+    }
+    about = provenance(asked, chosen.cfg, found, given) | {"preset": chosen.preset}
+    for ending, rows in tables.items():
+        if rows and len(rows[0]) > 1:
+            plots.save_table(rows, chosen.out, f"{asked.id}{ending}", provenance=about)
+    shown = lines(found, kind.METRICS)
+    best = {column.heading: column.better for column in kind.METRICS.values() if column.better and column.heading in shown[0]}
+    table = plots.results_table(shown, better=best)
+    write_atomic(chosen.out / f"{asked.id}.md", f"{table}\n")
+    print(table)
+
+
+def ship(name: str, *, out: Path = Path("build/models")) -> None:
+    """Make a model that comes with the package again: train it, measure it, write its card.
+
+    synthetic and the sentences take about an hour of one core, evaluators and critics some minutes, cmu and inbetween half an
+    hour; names of CMU need the clips under MWLIB_DATA. A graphics card is used where there is one. A training that was stopped
+    goes on.
+
+    Args:
+        name: one of `mwlib.experiments.shipped.RECIPES`.
+        out: gets a folder of that name.
+    """
+    title, cfg = shipped.recipe(name)
+    shipped.ship(cfg, out / name, title, f"mwlib ship {name}", progress=True)
+    print((out / name / shipped.CARD).read_text(encoding="utf-8"), end="")
+
+
+def storyboards(
+    *,
+    preset: str = "laptop",
+    set: Repeated[str] = (),
+    run: str = "",
+    clips: Sequence[str] = (),
+    out: Path = Path("build/storyboards"),
+) -> None:
+    """Draw predictions of people never seen, their end poses, and the loss curves; trains the model if it is missing.
+
+    Args:
+        preset: one of `mwlib.prediction.config.PRESETS` (default: laptop).
+        set: change one setting, e.g. data=my/folder or lr=1e-3; may be repeated.
+        run: a finished run, or the name of a model that comes with the package, instead of a preset; draws no loss curves.
+        clips: test clips (default: three windows).
+        out: folder.
+    """
+    if run and set:
+        raise ValueError("both --run and --set are given; expected one of them: a finished run has its settings")
+    if run:
+        predictor, folder = model_of(run, Predictor, "prediction"), run_folder(run)
+        assert folder is not None  # the model came from there
+        cfg = Config.from_yaml(folder / CONFIG)
+        split = load_data(cfg)
+    else:
+        cfg = Config.preset(preset, **parse_changes(set))
+        split = load_data(cfg)
+        predictor = get_model(cfg, split, progress=True)
+        report.write_curves(cfg, split, out)
+    report.write_storyboards(cfg, split, predictor, out, clips)
+    report.write_ends(cfg, split, predictor, out, clips)
+    print(out)
+
+
+def reproduction(*, claims: Path | None = None, tables: Path | None = None, out: Path = Path("REPRODUCTION.md")) -> None:
+    """Write the report on the paper's claims: what holds, what does not, what cannot be tested, and where to look.
+
+    Numbers come from measured tables, verdicts from conditions over them. A verdict that no longer follows from its table is
+    refused, and so is a link to a section that a notebook does not have; the message names the claim, what was found and what was
+    expected.
+
+    Args:
+        claims: their file (default: figures/claims.yaml).
+        tables: folder of measured tables (default: figures/cmu).
+        out: the page.
+    """
+    write_atomic(out, claiming.reproduction(claims, claiming.Tables(tables)))
+    print(out)

@@ -1,0 +1,230 @@
+"""Commands that sample: predict, export-bvh, loop, inbetween, generate."""
+
+from __future__ import annotations
+
+import io
+import json
+import re
+import sys
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from tqdm import tqdm
+
+from mwlib import plots
+from mwlib.body.motion import Motion
+from mwlib.data import load_motions
+from mwlib.data.collections import acknowledgement
+from mwlib.data.formats.bvh_writing import write_bvh
+from mwlib.experiments import sampling
+from mwlib.files import write_atomic, write_together
+from mwlib.prediction.predictor import Predictor, predicted_motions
+from mwlib.version import __version__
+
+
+def predict(*, out: Path = Path("predictions.npz"), **continued: Any) -> None:
+    """Continue motions: sampled futures of each clip's last frames, as one .npz file.
+
+    The file holds, by the clip's name, positions (samples, frames, joints, 3) in metres, observed frames first; joints, parents,
+    fps, up and history say how to read them.
+
+    Args:
+        out: the file.
+    """
+    predictor, found = _continued(**continued)
+    bodies, history = predictor.bodies, predictor.representation.history
+    about = {"joints": bodies.skeleton.joints, "parents": bodies.skeleton.parents, "fps": bodies.fps, "up": bodies.up}
+    arrays = {name: np.stack([motion.positions for motion in row]) for name, row in found.items()}
+    buffer = io.BytesIO()
+    np.savez_compressed(
+        buffer, allow_pickle=False, **{k: np.array(v) for k, v in about.items()}, history=np.array(history), **arrays
+    )
+    write_atomic(out, buffer.getvalue())
+    row = next(iter(found.values()))
+    print(f"{out}: {len(row)} futures of {len(found)} clips, {row[0].duration:.2f} s each")
+
+
+def export_bvh(*, out: Path = Path("build/bvh"), **continued: Any) -> None:
+    """Write a run's predictions as BVH files, to be opened in Blender.
+
+    One file per clip and sample: the observed frames, then the predicted ones; bones keep their median lengths, and the distance
+    of the written joints from the predicted ones is printed. The root stays where it was last seen: the model does not predict
+    it.
+
+    Args:
+        out: folder.
+    """
+    _, found = _continued(**continued)
+    files = {f"{name}_sample{i}": motion for name, row in found.items() for i, motion in enumerate(row, 1)}
+    errors = [write_bvh(m, out / f"{name}.bvh") for name, m in tqdm(files.items(), "writing", disable=not sys.stderr.isatty())]
+    mean, largest = np.mean([e.mean for e in errors]), max(e.max for e in errors)
+    print(f"{out}: {len(errors)} files; joints are {1000 * mean:.1f} mm from the predicted ones, {1000 * largest:.0f} mm at most")
+
+
+def loop(
+    run: Path,
+    source: str,
+    *,
+    samples: int = 3,
+    seed: int = 0,
+    clip: str = "",
+    start: int = 0,
+    width: int = 900,
+    out: Path = Path("loop.webp"),
+    **meaning: Any,
+) -> None:
+    """Write a looping picture of a clip: the truth, and sampled futures beside it.
+
+    Beside the picture stand its alternative text (.txt) and its provenance (.json).
+
+    Args:
+        run: folder of a finished training run, as train prints it.
+        source: motions to continue: 'synthetic', a file or a folder.
+        samples: futures of each clip.
+        seed: of the sampling.
+        clip: which clip (default: the first).
+        start: first observed frame, at the model's rate.
+        width: pixels.
+        out: .webp, .gif or .png.
+    """
+    predictor, motions = _predictor(run, samples), load_motions(source, **meaning)
+    named = [motion for motion in motions if clip in ("", motion.name)]
+    if not named:
+        raise ValueError(f"clip is {clip!r}; {source} has {', '.join(_names(motions))}")
+    (shown,), cut = predictor.bodies.prepare(named[:1]), predictor.representation
+    if not 0 <= start <= len(shown) - cut.frames:
+        raise ValueError(f"start is {start}; {shown.name} has {len(shown)} frames, and {cut.frames} are shown")
+    truth, history = shown.cut(start, start + cut.frames), cut.history
+    (futures,), x = predictor.predict([truth.cut(0, history)], samples, seed), truth.root_relative()
+    bodies = {f"sample {n}": np.concatenate([x[:history], future]) for n, future in enumerate(futures, 1)}
+    alt = (
+        f"Stick figures side by side, moving in a loop: {shown.name} ({shown.action}), observed in grey for "
+        f"{history / shown.fps:.1f} s, then the truth in black and {samples} futures sampled by the model in colour."
+    )
+    picture = plots.loop(
+        {"truth": x, **bodies}, shown.skeleton, fps=shown.fps, history=history, alt=alt, pictures_per_second=25, width=width,
+        most_bytes=4_000_000,
+    )  # fmt: skip
+    about = {
+        "run": str(run), "data": source, "clip": shown.name, "start_frame": start, "samples": samples,
+        "seeds": {"sampling": seed}, "fps": shown.fps, "mwlib": __version__, **acknowledgement(source),
+    }  # fmt: skip
+    content, said = picture.encoded(out.suffix), json.dumps(about, indent=2, sort_keys=True)
+    write_together({out: content, out.with_suffix(".txt"): f"{alt}\n", out.with_suffix(".json"): f"{said}\n"})
+    print(f"{out}: {len(picture)} pictures of {picture.size[0]} x {picture.size[1]} pixels, {len(content)} bytes")
+
+
+def inbetween(
+    start: str,
+    end: str | None = None,
+    *,
+    keyframes: Sequence[int] | None = None,
+    between: int | None = None,
+    run: str = sampling.INBETWEENING_MODEL,
+    samples: int = 3,
+    seed: int = 0,
+    out: Path = Path("build/bvh"),
+    **meaning: Any,
+) -> None:
+    """Sample motions between given poses, as BVH files.
+
+    Read one motion file, or two. Between two or more frames of the one (--keyframes), or the last frame of the first and the
+    first frame of the second (--between), sample motions that meet these poses, and write each as a BVH file that Blender
+    opens. Frames are counted at the model's rate. A model that was given a past also looks at those before the first pose. A
+    model of rotations keeps the file's skeleton; the model that comes with the package has places of 17 joints, to which
+    known skeletons are carried over.
+
+    Args:
+        start: file of the motion whose frames are the keyframes, or that ends in the first.
+        end: file of the motion that begins with the last keyframe.
+        keyframes: frames of the one file, rising, from 0.
+        between: frames between two files' poses (default: the model's own).
+        run: folder of a finished run (default: the shipped model).
+        samples: motions.
+        seed: of their noise.
+        out: folder.
+    """
+    if (end is None) != (keyframes is not None):
+        raise ValueError("expected either one file and --keyframes, or two files")
+    last = _one(end, meaning) if end is not None else keyframes or []
+    found = sampling.inbetween(_one(start, meaning), last, between, samples, seed, run, progress=sys.stderr.isatty())
+    name = Path(start).name.split(".")[0]
+    _write({f"{name}_between_{number}": motion for number, motion in enumerate(found, 1)}, out)
+
+
+def generate(
+    texts: Sequence[str],
+    *,
+    seconds: float = 4.0,
+    samples: int = 1,
+    seed: int = 0,
+    run: str = sampling.SENTENCE_MODEL,
+    plain: bool = False,
+    out: Path = Path("build/bvh"),
+) -> None:
+    """Motions from sentences, as BVH files.
+
+    Sample motions that do what a sentence says, and write each as a BVH file that Blender opens. The model that comes with the
+    package has learnt from synthetic people: they walk, run, turn, jump, wave, kick, sit and reach.
+
+    Args:
+        texts: sentences, each in quotes.
+        seconds: length of each motion.
+        samples: motions of each sentence.
+        seed: of their noise.
+        run: folder of a finished run (default: the shipped model).
+        plain: read the joints' places alone, as the field does; the default reads their steps, too.
+        out: folder.
+    """
+    found = sampling.generate(texts, seconds, samples, seed, run, progress=sys.stderr.isatty(), fused=not plain)
+    stems = ["_".join(re.findall(r"[a-z0-9]+", motion.name.lower()))[:60] or "motion" for motion in found]
+    _write({f"{n:02d}_{stem}": motion for n, (stem, motion) in enumerate(zip(stems, found, strict=True), 1)}, out)
+
+
+def _predictor(run: Path, samples: int) -> Predictor:
+    if samples < 1:
+        raise ValueError(f"samples is {samples}; expected at least 1")
+    return sampling.model_of(run, Predictor, "prediction")
+
+
+def _continued(
+    run: Path, source: str, *, samples: int = 3, seed: int = 0, clips: int = 0, **meaning: Any
+) -> tuple[Predictor, dict[str, list[Motion]]]:
+    """The model, and by a file name for each clip its sampled continuations.
+
+    Args:
+        run: folder of a finished training run, as train prints it.
+        source: motions to continue: 'synthetic', a file or a folder.
+        samples: futures of each clip.
+        seed: of the sampling.
+        clips: only the first so many clips; 0 stands for all.
+    """
+    predictor, motions = _predictor(run, samples), load_motions(source, **meaning)[: clips or None]
+    found = predicted_motions(predictor, motions, samples, seed, progress=sys.stderr.isatty())
+    return predictor, dict(zip(_names(motions), found, strict=True))
+
+
+def _names(motions: list[Motion]) -> list[str]:
+    """A file name for each clip, all different."""
+    names: list[str] = []
+    for number, m in enumerate(motions, 1):
+        name = "".join(c if c.isalnum() or c in "-_." else "_" for c in m.name) or f"clip_{number}"
+        names.append(name if name not in names else f"{name}_{number}")
+    return names
+
+
+def _one(path: str, meaning: Mapping[str, Any]) -> Motion:
+    motions = load_motions(path, **meaning)
+    if len(motions) != 1:
+        raise ValueError(f"{path} holds {len(motions)} motions; expected a file with one")
+    return motions[0]
+
+
+def _write(motions: Mapping[str, Motion], out: Path) -> None:
+    """A BVH file for each motion."""
+    for name, motion in motions.items():
+        file = out / f"{name}.bvh"
+        away = write_bvh(motion, file)
+        print(f"{file}: {len(motion)} frames at {motion.fps:g} Hz; joints {1000 * away.mean:.1f} mm from the sampled ones")
