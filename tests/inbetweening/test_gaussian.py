@@ -202,14 +202,14 @@ def test_for_as_many_evaluations_few_steps_repeated_beat_many_steps():
 
 
 def test_five_frames_at_each_end_are_no_cure():
-    """Mean of ten random cases: without keyframes, with the paper's scheme, with ten repeats."""
+    """Mean of three random cases: without keyframes, with the paper's scheme, with ten repeats."""
     errors = []
-    for x in drawn(KERNEL, 10):
+    for x in drawn(KERNEL, 3):
         bridge = GaussianBridge(squared_exponential(T), {k: float(x[k]) for k in [*range(5), *range(-5, 0)]})
         names = ("unconditional", "replacement (paper)", "RePaint, r = 10")
         errors.append([measure(bridge, sample(bridge, SCHEMES[name], 2, None))["mean_error"] for name in names])
     assert errors[0] == pytest.approx([0.795, 0.759, 0.678], abs=0.002)
-    assert np.mean(errors, axis=0) == pytest.approx([0.738, 0.643, 0.550], abs=0.002)
+    assert np.mean(errors, axis=0) == pytest.approx([0.980, 0.885, 0.718], abs=0.002)
 
 
 def test_the_table_has_a_plain_row_for_the_truth_and_each_scheme():
