@@ -99,6 +99,9 @@ def page(browser, address, request) -> Iterator[Page]:
 
 def test_the_site_is_built():
     assert "index.html" in NAMES and any(name.startswith("notebooks/") for name in NAMES), "make site comes first"
+    root = SITE.parents[1]
+    modules = {".".join(file.relative_to(root).with_suffix("").parts) for file in (root / "mwlib").rglob("[a-z]*.py")}
+    assert {name for name in modules if "_material" not in name} <= {name[4:-5] for name in NAMES if name.startswith("api/")}
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -139,7 +142,7 @@ def test_solutions_are_folded_until_asked_for(page, address):
 def test_search_finds_a_function_without_a_network(page, address):
     page.goto(address + "search.html?q=wavelet_matrices")
     page.wait_for_selector("ul.search li a")
-    assert "api/transforms" in page.locator("ul.search li a").first.get_attribute("href")
+    assert "api/mwlib.transforms" in page.locator("ul.search li a").first.get_attribute("href")
 
 
 def test_dark_pages_are_dark(browser, address):
