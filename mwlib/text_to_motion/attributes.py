@@ -6,7 +6,7 @@ can be held against the sentence without another network.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from functools import cached_property
 from typing import NamedTuple
 
@@ -137,12 +137,18 @@ class BodySignals:
                 joined.append([start, stop])
         return [slice(start, stop) for start, stop in joined if stop - start >= shortest * self.fps]
 
-    def around(self, spells: list[slice], seconds: float) -> Bool[np.ndarray, " T"]:
-        """Frames within so many seconds of any of these spells."""
+    def around(self, events: Iterable[Event], seconds: float) -> Bool[np.ndarray, " T"]:
+        """Frames within so many seconds of any of these events."""
         near = np.zeros(len(self.positions), bool)
-        for spell in spells:
+        for _, spell, _ in events:
             near[max(0, int(spell.start - seconds * self.fps)) : int(spell.stop + seconds * self.fps)] = True
         return near
+
+    def by_side(self, happens: Bool[np.ndarray, "2 T"], shortest: float, gap: float = 0.0) -> tuple[int, list[slice]]:
+        """The side (0: left) on which something happens more often, and its `spells`."""
+        spells = [self.spells(own, shortest, gap) for own in happens]
+        side = int(len(spells[1]) > len(spells[0]))
+        return side, spells[side]
 
 
 Attributes = Mapping[str, str | float]
@@ -195,14 +201,14 @@ def measured_attributes(positions: Float[np.ndarray, "T J 3"], fps: float = 20.0
 def _events(body: BodySignals) -> list[Event]:
     """All that happens, in no order."""
     jumps = _jumps(body)
-    flying = body.around([event.spell for event in jumps], 0.45)
+    flying = body.around(jumps, 0.45)
     travel = _travels(body, flying)
-    going = body.around([event.spell for event in travel], 0.0)
+    going = body.around(travel, 0.0)
     busy = going & (np.linalg.norm(body.velocity, axis=-1) > 0.35)
     punches = _punches(body, flying | busy)
-    boxing = body.around([event.spell for event in punches], 0.5)
+    boxing = body.around(punches, 0.5)
     low, kicks = _lows(body, flying | busy), _kicks(body, flying | busy)
-    swinging = body.around([event.spell for event in (*low, *kicks)], 0.3)  # arms keep the balance
+    swinging = body.around([*low, *kicks], 0.3)  # arms keep the balance
     hands = _hands(body, flying | boxing | busy | swinging)
     return [*jumps, *travel, *kicks, *punches, *low, *hands, *_turns(body, going & busy)]
 
@@ -266,24 +272,20 @@ def _travels(body: BodySignals, flying: Bool[np.ndarray, " T"]) -> list[Event]:
 def _kicks(body: BodySignals, busy: Bool[np.ndarray, " T"]) -> list[Event]:
     """A foot far ahead and above the floor while the other stands."""
     out = (body.ahead("ankle") > 0.42 * body.leg) & (body.ankles > 0.06 * body.leg) & (body.ankles[::-1] < 0.12 * body.leg)
-    spells = [body.spells(kicks & ~busy, 0.1, gap=0.1) for kicks in out]
-    foot = int(len(spells[1]) > len(spells[0]))
-    if not spells[foot]:
+    foot, spells = body.by_side(out & ~busy, 0.1, gap=0.1)
+    if not spells:
         return []
-    height = np.median([body.ankles[foot, spell].max() for spell in spells[foot]]) / body.leg
-    attributes = {"foot": SIDES[foot], "count": len(spells[foot]), "height": _class(float(height), KICK_HEIGHTS, _HEIGHTS)}
-    return [Event("kick", _whole(spells[foot]), attributes)]
+    height = np.median([body.ankles[foot, spell].max() for spell in spells]) / body.leg
+    attributes = {"foot": SIDES[foot], "count": len(spells), "height": _class(float(height), KICK_HEIGHTS, _HEIGHTS)}
+    return [Event("kick", _whole(spells), attributes)]
 
 
 def _punches(body: BodySignals, busy: Bool[np.ndarray, " T"]) -> list[Event]:
     """One arm stretched forward while the other is held bent before the chest."""
     level = np.abs(body.wrists) < 0.2
     out = (body.extension > 0.88) & level & (body.extension[::-1] < 0.62) & (body.wrists[::-1] > -0.2)
-    spells = [body.spells(punches & ~busy, 0.0, gap=0.1) for punches in out]
-    hand = int(len(spells[1]) > len(spells[0]))
-    if not spells[hand]:
-        return []
-    return [Event("box", _whole(spells[hand]), {"hand": SIDES[hand], "count": len(spells[hand])})]
+    hand, spells = body.by_side(out & ~busy, 0.0, gap=0.1)
+    return [Event("box", _whole(spells), {"hand": SIDES[hand], "count": len(spells)})] if spells else []
 
 
 def _lows(body: BodySignals, busy: Bool[np.ndarray, " T"]) -> list[Event]:

@@ -154,21 +154,17 @@ def stage_weights(
     [[0.0, 0.0, 1.0], [1.0, 0.0, 0.0]]
     """
     steps = len(alpha_bar)
-    if stage == "none":
-        low = torch.ones(len(t))
-        return low, low
     if stage == "snr":
         if power is None:
             raise ValueError("stage is snr without the power of the low cosines; expected it with the training data")
         a = alpha_bar[t].float()[:, None]
         low = (a * power < 1 - a).float().mean(-1)
         return low, 1 - low
-    if stage == "eq16":
-        low = t <= int(EQ16 * steps)
-        return low.float(), (~low).float()
-    low = t >= HIGH * steps
-    if stage == "prose":
-        return low.float(), (~low).float()
-    if stage == "mdm_code":
-        return low.float(), (t <= MDM_LOW * steps).float()
-    raise ValueError(f"stage is {stage!r}; expected prose, mdm_code, eq16, none or snr")
+    late, early, all_of_them = t >= HIGH * steps, t <= int(EQ16 * steps), t >= 0
+    readings = {
+        "prose": (late, ~late), "mdm_code": (late, t <= MDM_LOW * steps), "eq16": (early, ~early), "none": (all_of_them,) * 2,
+    }  # fmt: skip
+    if stage not in readings:
+        raise ValueError(f"stage is {stage!r}; expected {', '.join(readings)} or snr")
+    low, semantic = readings[stage]
+    return low.float(), semantic.float()

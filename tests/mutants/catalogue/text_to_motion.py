@@ -54,8 +54,7 @@ MUTANTS = [
         ("reward-of-everything", "-(close - threshold).clamp_min(0)", "-(close - threshold)"),
         ("penalty-instead-of-a-reward", "return -(close - threshold)", "return (close - threshold)"),
         ("eq16-without-its-last-step", "t <= int(EQ16 * steps)", "t < int(EQ16 * steps)"),
-        ("prose-stage-turned-round", "return low.float(), (~low).float()\n    if stage == \"mdm",
-         "return (~low).float(), low.float()\n    if stage == \"mdm"),
+        ("prose-stage-turned-round", '"prose": (late, ~late)', '"prose": (~late, late)'),
     ),
     *of(
         "data/captioned.py", "data/test_captioned.py",
@@ -83,7 +82,7 @@ MUTANTS = [
         "text_to_motion/attributes.py", "text_to_motion/test_attributes.py",
         ("circles-to-the-other-side", '"left" if change > 0 else "right", "circle"',
          '"left" if change < 0 else "right", "circle"'),
-        ("the-foot-that-stands", "foot = int(len(spells[1]) > len(spells[0]))", "foot = int(len(spells[1]) < len(spells[0]))"),
+        ("the-foot-that-stands", "side = int(len(spells[1]) > len(spells[0]))", "side = int(len(spells[1]) < len(spells[0]))"),
         ("the-last-action-first", "found[\"action\"] = events[0].action", "found[\"action\"] = events[-1].action"),
     ),
     *of(
