@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 import pytest
+import torch
 from filelock import FileLock
 
 from mwlib.experiments import get_model, get_result, get_run, load_run, results, runs, system_of, train_run
@@ -26,6 +27,8 @@ from mwlib.paths import CONFIG
 from mwlib.prediction.config import Config
 from mwlib.text_to_motion.config import Config as SentencesConfig
 from mwlib.training import CHECKPOINT, CURVES, MODEL
+from tests.experiments import placed_kills
+from tests.forked import done, started
 from tests.sample_settings import small, two_people
 
 ROOT = Path(__file__).parents[2]
@@ -36,7 +39,13 @@ def test_results_are_believed_only_when_whole(tmp_path):
     write_result(tmp_path, {"ade": 0.5}, "abc", {})
     assert read_result(tmp_path, "abc") == {"ade": 0.5} and read_result(tmp_path, "abd") is None
     text = (tmp_path / results.RESULT).read_text()
-    for broken in (text[:-5], "[]", json.dumps({"status": "running", "hash": "abc"}), ""):
+    for broken in (
+        text[:-5],
+        "[]",
+        json.dumps({"status": "running", "hash": "abc"}),
+        json.dumps({"status": "ok", "hash": "abc"}),
+        "",
+    ):
         write_atomic(tmp_path / results.RESULT, broken)
         assert read_result(tmp_path, "abc") is None
 
@@ -47,21 +56,20 @@ def test_the_hash_of_a_notebooks_parameters_leaves_out_where_results_go():
     assert results.parameters_hash(parameters) != results.parameters_hash(parameters | {"level": 3})
 
 
-ASK = """
-import sys, torch; torch.set_num_threads(1)
-from mwlib.experiments import get_run
-from tests.sample_settings import small, two_people
-path = get_run(small(), two_people())
-print(path, (path / "model.safetensors").stat().st_mtime_ns)
-"""
+def ask() -> None:
+    torch.set_num_threads(1)
+    runs.PATIENCE = 0.2
+    folder = get_run(small(), two_people())
+    print(folder, (folder / MODEL).stat().st_mtime_ns, flush=True)
 
 
 def test_two_processes_train_a_run_once(tmp_path):
-    environment = {**os.environ, "MWLIB_RUNS": str(tmp_path), "OMP_NUM_THREADS": "1"}
-    asking = dict(cwd=ROOT, env=environment, stdout=subprocess.PIPE, text=True)
-    askers = [subprocess.Popen([sys.executable, "-c", ASK], **asking) for _ in range(2)]
-    answers = [asker.communicate(timeout=300)[0] for asker in askers]
-    assert answers[0] == answers[1] != "" and len(list(tmp_path.iterdir())) == 1
+    logs = [tmp_path / "0.log", tmp_path / "1.log"]
+    askers = [started(ask, log=log, cwd=ROOT, env={"MWLIB_RUNS": str(tmp_path / "runs")}) for log in logs]
+    for asker in askers:
+        asker.join(300)
+    answers = [log.read_text() for log in logs]
+    assert answers[0] == answers[1] != "" and len(list((tmp_path / "runs").iterdir())) == 1
 
 
 def test_runs_folder_follows_the_environment(monkeypatch, tmp_path):
@@ -138,20 +146,9 @@ def test_a_run_of_a_former_version_is_refused_with_the_reason(tmp_path):
 
 def test_a_run_killed_at_any_of_its_writes_goes_on_to_the_same_bits(tmp_path):
     """Before, amid and after each write, rename and removal; see `placed_kills`."""
-    command = [sys.executable, "-m", "tests.experiments.placed_kills", str(tmp_path)]
-    answer = subprocess.run(command, cwd=ROOT, env={**os.environ, "OMP_NUM_THREADS": "1"}, capture_output=True, text=True)
-    assert answer.returncode == 0, answer.stderr
-    places, lost = answer.stdout.split(maxsplit=1)
+    told = done(placed_kills.main, tmp_path / "runs", log=tmp_path / "log", cwd=ROOT)
+    places, lost = told.split(maxsplit=1)
     assert int(places) >= 40 and lost.strip() == "[]"
-
-
-ONE_OF_TWO = """
-import sys, torch; torch.set_num_threads(1)
-from mwlib.experiments import get_run, runs
-from tests.sample_settings import small, two_people
-runs.PATIENCE = 0.2
-print(get_run(small(), two_people()))
-"""
 
 
 def test_several_processes_do_not_hang_when_another_finishes_their_run(monkeypatch, tmp_path):
@@ -161,19 +158,19 @@ def test_several_processes_do_not_hang_when_another_finishes_their_run(monkeypat
     made = get_run(cfg, data)
     monkeypatch.setenv("MWLIB_RUNS", str(tmp_path / "runs"))
     folder = Run(cfg, data).folder
-    world = {**os.environ, "MASTER_ADDR": "127.0.0.1", "MASTER_PORT": str(free_port()), "WORLD_SIZE": "2", "OMP_NUM_THREADS": "1"}
+    world = {"MASTER_ADDR": "127.0.0.1", "MASTER_PORT": str(free_port()), "WORLD_SIZE": "2", "ACCELERATE_USE_CPU": "true"}
+    logs = [tmp_path / "0.log", tmp_path / "1.log"]
     with locked(folder / ".lock"):
         ranks = [
-            subprocess.Popen(
-                [sys.executable, "-c", ONE_OF_TWO], cwd=ROOT, stdout=subprocess.PIPE, text=True,
-                env={**world, "RANK": str(rank), "LOCAL_RANK": str(rank), "ACCELERATE_USE_CPU": "true"},
-            )
-            for rank in range(2)
-        ]  # fmt: skip
-        time.sleep(6)
+            started(ask, log=log, cwd=ROOT, env={**world, "RANK": str(rank), "LOCAL_RANK": str(rank)})
+            for rank, log in enumerate(logs)
+        ]
+        time.sleep(3)
         shutil.copytree(made, folder, dirs_exist_ok=True, ignore=shutil.ignore_patterns(".lock"))
-    assert [rank.communicate(timeout=120)[0].strip() for rank in ranks] == [str(folder)] * 2
-    assert all(rank.returncode == 0 for rank in ranks)
+    for rank in ranks:
+        rank.join(120)
+    assert [log.read_text().split()[-2:] for log in logs] == [[str(folder), str((folder / MODEL).stat().st_mtime_ns)]] * 2
+    assert all(rank.exitcode == 0 for rank in ranks)
 
 
 def free_port() -> int:
@@ -304,7 +301,9 @@ def measured(**accepting):
     if os.fork() == 0:
         os.environ.update(accepting)
         from mwlib.experiments import get_result
-        from tests.sample_settings import small, two_people
+        from tests.experiments import placed_kills
+from tests.forked import done, started
+from tests.sample_settings import small, two_people
         found = get_result(small(test_windows=3), two_people()._replace(test=two_people().validation))
         print(json.dumps([found["mean"]["ade"], found["depends"].get("older_code", [])]), flush=True)
         os._exit(0)

@@ -78,8 +78,8 @@ MUTANTS = [
          "experiments/test_runs.py::test_results_are_believed_only_when_whole"),
         ("the-place-of-results-counts", 'if name != "out"', "if name",
          "experiments/test_runs.py::test_the_hash_of_a_notebooks_parameters_leaves_out_where_results_go"),
-        ("locks-outlive-errors", "        lock.release()", "        pass",
-         "experiments/test_runs.py::test_a_lock_is_free_again_after_an_error"),
+        ("nobody-waits-for-a-lock", "lock.acquire(timeout=patience)", "pass",
+         "experiments/test_runs.py::test_the_second_waits_until_the_first_is_dead"),
     ),
     *of(
         "experiments/grids.py", "experiments/test_tables.py",
