@@ -14,7 +14,7 @@ from mwlib.cli.options import Repeated
 from mwlib.data.collections import acknowledgement
 from mwlib.data.load import load_motions
 from mwlib.data.sources import data_fingerprint
-from mwlib.experiments.results import models_used
+from mwlib.experiments.results import models_used, of_older_code
 from mwlib.experiments.sampling import model_of
 from mwlib.inbetweening import lafan1
 from mwlib.inbetweening.bridge import Bridge
@@ -61,7 +61,8 @@ def lafan1_benchmark(
     print(f"\n{_verdict(benchmark, missed)}")
     if out:
         command = f"mwlib lafan1-benchmark --data {data}"
-        provenance = _provenance(benchmark, data, missed) | _about_models(models, samples, seed, command)
+        provenance = _provenance(benchmark, data, missed) | {"command": command}
+        provenance |= _about_models(models, samples, seed, command) if models else {}
         for path in plots.save_table(rows, out, "benchmark_model" if models else "benchmark", provenance=provenance):
             print(path)
     return 1 if missed else 0
@@ -92,7 +93,7 @@ def _averaged(rows: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
 
 
 def _about_models(models: Models, samples: int, seed: int, command: str) -> dict[str, Any]:
-    """The command, and what the rows of models depend on."""
+    """What the rows of models depend on."""
     found = [
         {
             "name": name, "run": run, "file": models_used.get(run), "settings": cfg.hash(), "past": cfg.task.past,
@@ -104,11 +105,7 @@ def _about_models(models: Models, samples: int, seed: int, command: str) -> dict
         for run, cfg in ((run, bridge.cfg) for run, bridge in runs.items())
     ]  # fmt: skip
     words = [command, *(f'--model "{each["name"]}={each["run"]}"' for each in found), f"--samples {samples} --seed {seed}"]
-    return (
-        {"models": found, "seeds": f"{seed}, of the models' noise", "command": " ".join(words)}
-        if models
-        else {"command": command}
-    )
+    return {"models": found, "seeds": f"{seed}, of the models' noise", "command": " ".join(words)}
 
 
 def _verdict(benchmark: Benchmark, missed: Sequence[str]) -> str:
@@ -155,4 +152,4 @@ def _provenance(benchmark: Benchmark, data: str, missed: Sequence[str]) -> dict[
         "sources": "quoted: from a thread of users of the code; other export: their data went through another tool, which "
         "moves the baselines by about 1 %",
         "seeds": "none: nothing is drawn", "mwlib": __version__
-    } | acknowledgement("lafan1")  # fmt: skip
+    } | of_older_code() | acknowledgement("lafan1")  # fmt: skip

@@ -19,6 +19,7 @@ from mwlib.data import load_motions
 from mwlib.data.collections import acknowledgement
 from mwlib.data.formats.bvh_writing import write_bvh
 from mwlib.experiments import sampling
+from mwlib.experiments.results import of_older_code
 from mwlib.files import write_atomic, write_together
 from mwlib.prediction.predictor import Predictor, predicted_motions
 from mwlib.version import __version__
@@ -109,7 +110,7 @@ def loop(
     )  # fmt: skip
     about = {
         "run": str(run), "data": source, "clip": shown.name, "start_frame": start, "samples": samples,
-        "seeds": {"sampling": seed}, "fps": shown.fps, "mwlib": __version__, **acknowledgement(source),
+        "seeds": {"sampling": seed}, "fps": shown.fps, "mwlib": __version__, **of_older_code(), **acknowledgement(source),
     }  # fmt: skip
     content, said = picture.encoded(out.suffix), json.dumps(about, indent=2, sort_keys=True)
     write_together({out: content, out.with_suffix(".txt"): f"{alt}\n", out.with_suffix(".json"): f"{said}\n"})

@@ -15,6 +15,7 @@ from mwlib import plots
 from mwlib.data.collections import acknowledgement
 from mwlib.data.sources import Split
 from mwlib.data.windows import Windows
+from mwlib.experiments.results import of_older_code
 from mwlib.experiments.runs import get_run
 from mwlib.prediction.config import Config
 from mwlib.prediction.predictor import Predictor
@@ -31,7 +32,7 @@ def provenance(cfg: Config, split: Split) -> dict[str, Any]:
         "settings": cfg.changed_from(Config()), "training_hash": cfg.training_hash(),
         "seeds": {"training": cfg.training.seed, "sampling": cfg.sampling.sampling_seed},
         "mwlib": __version__, "torch": torch.__version__.split("+")[0], "machine": platform.machine(),
-    } | acknowledgement(cfg.data.data)  # fmt: skip
+    } | of_older_code() | acknowledgement(cfg.data.data)  # fmt: skip
 
 
 def _closest(futures: Tensor, truth: Tensor) -> Tensor:
@@ -42,12 +43,11 @@ def _closest(futures: Tensor, truth: Tensor) -> Tensor:
 def _picked(every: Windows, clips: Sequence[str], count: int) -> dict[str, int]:
     """Windows to draw, by the picture's name: the middle one of each clip; without clips `count`, spread evenly."""
     if not clips:
-        return {str(n + 1): int(i) for n, i in enumerate(torch.linspace(0, len(every) - 1, 2 * count + 1).long()[1::2])}
-    inside = {name: [i for i, clip in enumerate(every.clip.tolist()) if every.motions[clip].name == name] for name in clips}
-    if missing := [name for name, windows in inside.items() if not windows]:
-        known = sorted({every.motions[clip].name for clip in every.clip.tolist()})
-        raise ValueError(f"clips are {', '.join(missing)}; expected some of the test people: {', '.join(known)}")
-    return {name: windows[len(windows) // 2] for name, windows in inside.items()}
+        return {str(n): int(i) for n, i in enumerate(torch.linspace(0, len(every) - 1, 2 * count + 1).long()[1::2], 1)}
+    names = [every.motions[clip].name for clip in every.clip.tolist()]
+    if missing := sorted({*clips} - {*names}):
+        raise ValueError(f"clips are {', '.join(missing)}; expected some of the test people: {', '.join(sorted({*names}))}")
+    return {clip: [i for i, name in enumerate(names) if name == clip][names.count(clip) // 2] for clip in clips}
 
 
 def write_storyboards(
@@ -98,25 +98,23 @@ def write_ends(cfg: Config, split: Split, predictor: Predictor, out: Path, clips
         ValueError: as `write_storyboards`.
     """
     about, every = provenance(cfg, split), test_windows(split, cfg.windows)
-    picked = _picked(every, clips, count)
-    chosen = [*picked.values()]
+    chosen = [*_picked(every, clips, count).values()]
     futures, truth = predictor.predict(every.x_history[chosen], window_ids=chosen), every.x_future[chosen]
     named = [every.motions[int(every.clip[i])] for i in chosen]
     titles = [f"{clip.action.replace('_', ' ')} ({clip.name})" for clip in named]
-    skeleton, drawn = split.test[0].skeleton, range(min(10, futures.shape[1]))
+    skeleton, ten = split.test[0].skeleton, futures[0, :10]
     windows = about | {"clips": [clip.name for clip in named], "start_frames": [int(every.start[i]) for i in chosen]}
 
-    fig, _ = plots.end_poses({t: (f, x) for t, f, x in zip(titles, futures, truth, strict=True)}, skeleton)
+    fig, _ = plots.end_poses(dict(zip(titles, zip(futures, truth, strict=True), strict=True)), skeleton)
     shown = f"the last pose of {futures.shape[1]} futures sampled by MotionWavelet"
     alt = f"One panel for each of {', '.join(titles)}: {shown}, laid over each other, and the true pose in black."
     data = {f"truth_{n}": x[-1].numpy() for n, x in enumerate(truth, 1)}
     data |= {f"samples_{n}": f[:, -1].T.numpy() for n, f in enumerate(futures, 1)}
     plots.save(fig, out, "end_poses", data=data, alt=alt, provenance=windows)
 
-    places = {("", str(k + 1)): futures[0, k : k + 1] for k in drawn}
-    fig, _ = plots.pose_grid(places, skeleton, truth=truth[0])
-    alt = f"{len(drawn)} panels: the last pose of one future each of {titles[0]} by MotionWavelet, and the true pose in black."
-    data = {"truth": truth[0, -1].numpy(), "samples": futures[0, : len(drawn), -1].T.numpy()}
+    fig, _ = plots.pose_grid({("", str(k)): future[None] for k, future in enumerate(ten, 1)}, skeleton, truth=truth[0])
+    alt = f"{len(ten)} panels: the last pose of one future each of {titles[0]} by MotionWavelet, and the true pose in black."
+    data = {"truth": truth[0, -1].numpy(), "samples": ten[:, -1].T.numpy()}
     plots.save(fig, out, "ten", data=data, alt=alt, provenance=windows | {"clip": named[0].name})
 
 
