@@ -1,4 +1,4 @@
-"""Which motions a configuration names, who is held out, and how data are recognised again."""
+"""Configured motions: loading, people held out, and fingerprints."""
 
 from __future__ import annotations
 

@@ -15,7 +15,7 @@ from jaxtyping import Float, Int
 from scipy.ndimage import gaussian_filter1d
 
 from mwlib.body.kinematics import bone_lengths
-from mwlib.data.formats.humanml import HUMANML3D, Array, FeatureLayout, joints_of, turned
+from mwlib.data.formats.humanml import HUMANML3D, Array, FeatureLayout
 
 Heading = Literal["correct", "humanml3d"]
 SMOOTHING = 20.0  # frames, deviation of the Gaussian over which the facing direction is averaged
@@ -85,34 +85,6 @@ def placed(positions: Float[np.ndarray, "T J 3"], layout: FeatureLayout = HUMANM
     origin = positions[0, 0] * [1, 0, 1] + [0, positions[..., 1].min(), 0]
     x, _, z = _facing(positions[:1], layout, "correct")[0]
     return _about_up(positions - origin, -np.arctan2(x, z)[None]).astype(positions.dtype)
-
-
-def joints_of_rotations(
-    features: Float[np.ndarray, "T D"],
-    lengths: Sequence[float] | Float[np.ndarray, " J"],
-    layout: FeatureLayout = HUMANML3D,
-    heading: Heading = "correct",
-) -> Float[np.ndarray, "T J 3"]:
-    """Joints that the block of rotations describes: kinematics along the chains, with bones of given lengths.
-
-    Args:
-        features: raw, made with the same `heading`.
-        lengths: of the bone to each joint, in the layout's units; the root's is not used.
-        layout: of the features.
-        heading: as in `features_of`.
-    """
-    features = np.asarray(features, float)
-    six = features[:, layout.blocks["rotations"]].reshape(len(features), -1, 2, 3)
-    first, second = six[:, :, 0], six[:, :, 1]
-    turns = np.stack([first, second, np.cross(first, second)], axis=-1)
-    angle = -turned(torch.from_numpy(features[:, 0])).numpy()
-    joints = np.zeros((len(features), len(layout.skeleton), 3))
-    for chain in layout.chains:
-        turn = _start(angle, heading)
-        for before, joint in zip(chain, chain[1:], strict=False):
-            turn = turn @ turns[:, joint - 1]
-            joints[:, joint] = joints[:, before] + lengths[joint] * (turn @ layout.rests(heading)[joint])
-    return (joints if heading == "humanml3d" else _about_up(joints, angle)) + joints_of(features, layout)[:, :1]
 
 
 def with_bones(

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
+import torch
 from scipy.ndimage import gaussian_filter1d
 from scipy.spatial.transform import Rotation
 
-from mwlib.data.formats.humanml import HUMANML3D, FeatureLayout
+from mwlib.data.formats.humanml import HUMANML3D, FeatureLayout, joints_of, turned
 
 
 def wandering(frames: int = 60, layout: FeatureLayout = HUMANML3D, seed: int = 0, rounds: float = 1.5) -> np.ndarray:
@@ -41,6 +44,24 @@ def published_rates(to_z: np.ndarray) -> np.ndarray:
     """Yaw rates as the published code has them: the arcsine of a product's part, whichever sign the product has."""
     half = np.arctan2(np.sin(to_z), np.cos(to_z)) / 2
     return np.arcsin(np.sin(np.diff(half)))
+
+
+def joints_of_rotations(
+    features: np.ndarray, lengths: Sequence[float], layout: FeatureLayout = HUMANML3D, heading: str = "correct"
+) -> np.ndarray:
+    """Joints that the block of rotations describes: kinematics along the chains, with bones of given lengths."""
+    features = np.asarray(features, float)
+    first, second = np.moveaxis(features[:, layout.blocks["rotations"]].reshape(len(features), -1, 2, 3), 2, 0)
+    turns = np.stack([first, second, np.cross(first, second)], axis=-1)
+    back = about_y(-turned(torch.from_numpy(features[:, 0])).numpy()).as_matrix()
+    joints = np.zeros((len(features), len(layout.skeleton), 3))
+    for chain in layout.chains:
+        turn = back.swapaxes(1, 2) if heading == "humanml3d" else np.eye(3)
+        for before, joint in zip(chain, chain[1:], strict=False):
+            turn = turn @ turns[:, joint - 1]
+            joints[:, joint] = joints[:, before] + lengths[joint] * (turn @ layout.rests(heading)[joint])
+    world = joints if heading == "humanml3d" else np.einsum("tab,tjb->tja", back, joints)
+    return world + joints_of(features, layout)[:, :1]
 
 
 def slow_features(world: np.ndarray, layout: FeatureLayout, heading: str) -> np.ndarray:

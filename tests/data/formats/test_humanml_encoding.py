@@ -10,8 +10,8 @@ import torch
 
 from mwlib.body.kinematics import bone_lengths
 from mwlib.data.formats.humanml import HUMANML3D, KIT, joints_of
-from mwlib.data.formats.humanml_encoding import features_of, joints_of_rotations, mirrored, placed, with_bones
-from tests.data.formats.sample_features import about_y, published_rates, slow_features, wandering
+from mwlib.data.formats.humanml_encoding import features_of, mirrored, placed, with_bones
+from tests.data.formats.sample_features import about_y, joints_of_rotations, published_rates, slow_features, wandering
 
 LAYOUTS = pytest.mark.parametrize("layout", [HUMANML3D, KIT], ids=["HumanML3D", "KIT"])
 HEADINGS = pytest.mark.parametrize("heading", ["correct", "humanml3d"])
