@@ -24,7 +24,7 @@ import pytest
 import mwlib as mw
 from mwlib.data.collections import COLLECTIONS, acknowledgement, named_source
 from mwlib.data.collections.record import Archive, Collection, Download, Listed, list_file, listed
-from mwlib.data.fetching import PROOF, FetchError, NotOfferedError, at, bring, clips_of, motion_digest, motion_fault
+from mwlib.data.fetching import PROOF, FetchError, NotOfferedError, at, bring, clips_of, motion_digest, motion_fault, write_list
 from mwlib.data.sources import fingerprint, split_motions
 from mwlib.data.untrusted import read_bytes
 from mwlib.prediction.config import Config
@@ -392,6 +392,14 @@ def test_a_kill_amid_the_archive_leaves_what_was_whole(publisher, lafan1, tmp_pa
     killed_amid(publisher, lafan1, tmp_path, "lafan1.zip")
     assert visible(tmp_path / "lafan1") == {"license.txt"}
     assert visible(bring(lafan1, tmp_path, HASTY)) == LAFAN1_WHOLE and publisher.asked == ["lafan1.zip"]
+
+
+def test_a_list_is_written_from_the_very_files(tmp_path, monkeypatch):
+    publish_two_people(tmp_path / "there")
+    for module in ("fetching", "collections.record"):
+        monkeypatch.setattr(f"mwlib.data.{module}.list_file", lambda name: tmp_path / f"{name}.csv")
+    write_list("own", tmp_path / "there")
+    assert listed("own") == clips_of(tmp_path / "there") and len(listed("own")) == 4
 
 
 def test_records_say_what_is_published():

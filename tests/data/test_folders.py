@@ -73,6 +73,12 @@ def test_files_that_do_not_belong_are_passed_over_even_broken(folder):
     assert check_data(folder)[1]
 
 
+def test_hidden_files_are_nobodys_motions(folder):
+    there = names(folder)
+    (folder / ".hidden.bvh").write_text(BVH)
+    assert names(folder) == there
+
+
 def test_a_motion_that_is_cut_off_is_reported(folder):
     positions = np.random.default_rng(0).normal(size=(50, 17, 3)).astype(np.float32)
     np.savez(folder / "own.npz", positions=positions, skeleton="H36M17", fps=50)

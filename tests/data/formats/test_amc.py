@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import random
 from pathlib import Path
 
 import numpy as np
@@ -10,7 +9,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from mwlib import MotionFormatError, load_motions
-from tests.sample_motions import AMC, ASF, mutate
+from tests.sample_motions import AMC, ASF
 
 INCHES = 0.0254 / 0.45
 
@@ -92,77 +91,3 @@ def test_the_skeleton_is_the_subjects_or_the_only_one(tmp_path):
     (tmp_path / "06.asf").unlink()
     with pytest.raises(MotionFormatError, match="no .asf file"):
         load_motions(tmp_path / "05_01.amc")
-
-
-@pytest.mark.parametrize(
-    ("old", "new", "message"),
-    [
-        ("larm -6\n", "", "frame 1: found no larm"),
-        ("larm -6\n", "larm -6 7\n", "larm with 2 numbers; expected 1"),
-        ("larm -6\n", "tail -6\n", "tail with 1 numbers"),
-        ("larm -6\n", "lleg 1 2 3\n", "again"),
-        ("larm -6\n", "larm nan\n", "finite"),
-        ("larm -6.5e-1\n", "", "not a multiple"),
-        ("larm -6.5e-1\n", "barm -6.5e-1\n", "line of larm: found 'barm'"),
-        ("larm -6.5e-1\n", "larm x\n", "larm ry"),
-        ("larm -6.5e-1\n", "larm 1e300\n", "finite number up to"),
-        ("\n2\nroot", "\n3\nroot", "after frame 1: found frame 3"),
-        ("\n2\nroot", "\nroot", "frame 1: found root with 6 numbers again"),
-        (AMC.split(":DEGREES")[1], "", "no frame"),
-        (AMC, "", "no frame"),
-    ],
-)
-def test_a_spoilt_amc_is_refused_by_name_and_place(tmp_path, old, new, message):
-    assert old in AMC
-    with pytest.raises(MotionFormatError, match=message) as caught:
-        read(tmp_path, AMC.replace(old, new, 1))
-    assert "05_01.amc" in str(caught.value)
-
-
-@pytest.mark.parametrize(
-    ("old", "new", "message"),
-    [
-        ("name rleg", "name lleg", "bone lleg: found it twice"),
-        ("name rleg", "name root", "bone root"),
-        ("     name rleg\n", "", "no name"),
-        ("direction 0.6 -0.8 0", "direction 0.6 -0.8", "2 words; expected three"),
-        ("direction 0.6 -0.8 0", "direction 6 -8 0", "unit vector"),
-        ("length 10", "length -10", "expected 0 or more"),
-        ("length 10", "length inf", "'inf'"),
-        ("length 0.45", "length 0", "0.001 to 1000"),
-        ("angle deg", "angle turns", "deg or rad"),
-        ("-90 0 20 XYZ", "-90 0 20 ZYX", "'ZYX'; expected XYZ"),
-        ("dof ry", "dof ry ry", "different ones"),
-        ("dof ry", "dof rx ry", "larm with 1 numbers; expected 2"),
-        ("dof ry", "dof tx", "different ones of rx"),
-        ("order TX TY TZ", "order TX TY TY", "tx ty ty"),
-        ("    chest larm\n", "", "larm does not hang"),
-        ("    chest larm\n", "    chest larm\n    lleg larm\n", "larm under lleg"),
-        ("    chest larm\n", "    larm larm\n", "larm does not hang"),
-        ("    chest larm\n", "    chest tail\n", "tail under chest"),
-        (":hierarchy", ":bonedata", "this section twice"),
-        ("  begin\n     id 2", "     id 2", "begin to end"),
-        (ASF, "", "0 whole bones"),
-    ],
-)
-def test_a_spoilt_asf_is_refused_by_name_and_place(tmp_path, old, new, message):
-    assert old in ASF
-    with pytest.raises(MotionFormatError, match=message):
-        read(tmp_path, asf=ASF.replace(old, new, 1))
-
-
-@pytest.mark.parametrize("which", ["amc", "asf"])
-def test_no_injury_gets_past_the_reader(tmp_path, which):
-    rng = random.Random(1)
-    outcomes = set()
-    for _ in range(800):
-        texts = {"amc": AMC.encode(), "asf": ASF.encode()}
-        texts[which] = mutate(texts[which], rng)
-        try:
-            motion = read(tmp_path, **texts)
-        except MotionFormatError:
-            outcomes.add("refused")
-        else:
-            outcomes.add("read")
-            assert np.isfinite(motion.positions).all()
-    assert outcomes == {"refused", "read"}

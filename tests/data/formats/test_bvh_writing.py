@@ -144,6 +144,12 @@ def test_angles_in_the_file_do_not_jump(tmp_path):
     assert np.abs(np.diff(table[:, 3:], axis=0)).max() < 1.01 * np.abs(np.diff(given[:, 3:], axis=0)).max()
 
 
+def test_the_last_joints_get_end_sites_which_other_readers_want(tmp_path):
+    write_bvh(synthetic_motions(subjects=1, seconds=1.0)[0], tmp_path / "a.bvh")
+    leaves = set(range(17)) - set(H36M17.parents)
+    assert (tmp_path / "a.bvh").read_text().count("End Site") == len(leaves) == 5
+
+
 @pytest.mark.parametrize("skeleton", SKELETONS.values(), ids=SKELETONS)
 def test_positions_only_come_back_on_the_same_skeleton(tmp_path, skeleton):
     """Every known skeleton, also one whose joints a BVH file has to list in another order."""

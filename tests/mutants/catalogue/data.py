@@ -74,7 +74,7 @@ MUTANTS = [
         ("tables-of-any-size", "if rows * columns > most:", "if False:"),
         ("objects-are-arrays", 'if dtype.kind not in "biufU" or', 'if dtype.kind not in "biufUO" or'),
         ("dictionaries-of-any-size", "LZMADecompressor(memlimit=UNPACK_MEMORY)", "LZMADecompressor()", "data/test_reading.py"),
-        ("nan-is-a-number", "if not abs(value) <= LARGEST:", "if abs(value) > LARGEST:", "data/formats/test_bvh.py"),
+        ("nan-is-a-number", "if not abs(value) <= LARGEST:", "if abs(value) > LARGEST:", "data/formats/test_malformed.py"),
         ("more-than-the-limit", "if len(data) > limit:", "if False:", "data/test_reading.py"),
     ),
     *of(
