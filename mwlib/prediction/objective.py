@@ -31,7 +31,7 @@ class DenoisingLoss:
         self.alpha_bar = alpha_bar(diffusion.schedule, diffusion.steps)
         weight = torch.as_tensor(representation.motion.deviation) ** 2
         self.weight = weight / weight.mean() if options.loss_weight == "metric" else None
-        self.level = snr_weights(self.alpha_bar).float() if options.level_weight == "snr" else None
+        self.level = snr_weights(self.alpha_bar) if options.level_weight == "snr" else None
 
     def __call__(self, network: nn.Module, x: Float[Tensor, "B T C"], generator: torch.Generator) -> Float[Tensor, ""]:
         """Mean squared error of the network's output; t uniform in 1..M-1, condition dropped at random."""
