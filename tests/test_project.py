@@ -39,7 +39,7 @@ def imported(folder: Path, skip: str = "") -> dict[str, str]:
     """Top-level modules that a folder's files import -> one file that does; imports inside functions count too."""
     found = {}
     for path in folder.rglob("*.py"):
-        if skip and skip in path.relative_to(folder).parts:
+        if skip and skip in path.relative_to(folder).with_suffix("").parts:
             continue
         for node in ast.walk(ast.parse(path.read_text())):
             names = [alias.name for alias in node.names] if isinstance(node, ast.Import) else []

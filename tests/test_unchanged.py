@@ -7,12 +7,12 @@ import pytest
 from tests import unchanged
 from tests.unchanged import ROOT, behind, key, keys
 
-DWT, README = ROOT / "tests" / "transforms" / "test_dwt.py", ROOT / "tests" / "test_readme.py"
+LINEAR, README = ROOT / "tests" / "transforms" / "test_linear.py", ROOT / "tests" / "test_readme.py"
 SENTENCES = ROOT / "mwlib" / "text_to_motion" / "system.py"
 
 
 def test_imports_are_followed_through_stubs_and_names_in_quotes():
-    assert ROOT / "mwlib" / "transforms" / "dwt.py" in behind(DWT) and SENTENCES not in behind(DWT)
+    assert ROOT / "mwlib" / "transforms" / "dwt.py" in behind(LINEAR) and SENTENCES not in behind(LINEAR)
     assert SENTENCES in behind(README), "README generates a motion by a function that is imported at its first use"
     assert SENTENCES in behind(ROOT / "tests" / "experiments" / "test_tables.py"), "systems are found by their names"
 
@@ -21,9 +21,9 @@ def test_imports_are_followed_through_stubs_and_names_in_quotes():
     "file, again", [("mwlib/transforms/dwt.py", True), ("tests/conftest.py", True), ("mwlib/text_to_motion/system.py", False)]
 )
 def test_another_file_counts_if_it_is_behind_the_test(monkeypatch, file, again):
-    before, old = key(DWT), unchanged.hashed
+    before, old = key(LINEAR), unchanged.hashed
     monkeypatch.setattr(unchanged, "hashed", lambda one: "other" if one == ROOT / file else old(one))
-    assert (key(DWT) != before) == again
+    assert (key(LINEAR) != before) == again
 
 
 def test_who_starts_processes_depends_on_everything(monkeypatch):

@@ -1,4 +1,4 @@
-"""What a notebook shows and keeps: pictures, tables, and the result that proves that it got to its end."""
+"""The page of a notebook: its pictures, its tables, and the result that proves that it got to its end."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How the trained models that come with the package are made: by one command, each with a card that says what it can do."""
+"""The trained models that come with the package: made by one command, each with a card that says what it can do."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Whether predictions move as people do: how fast, how far, how smoothly; and how the error grows with the horizon.
+"""Measures of how people move: speed, distance, smoothness, and the error's growth with the horizon.
 
 Errors of the best of many samples do not tell: standing still, or shaking, can have a good one. Each number here is to be
 read beside the same number of the truth.

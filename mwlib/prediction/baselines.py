@@ -1,4 +1,4 @@
-"""What a learned predictor has to beat: standing still, going on, and looking up what is known."""
+"""Baselines without training: standing still, going on, and looking up what is known."""
 
 from __future__ import annotations
 

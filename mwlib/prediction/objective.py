@@ -1,4 +1,4 @@
-"""What MotionWavelet trains: Eq. 5 and its siblings, on random windows of motion."""
+"""The training objective of MotionWavelet: Eq. 5 and its siblings, on random windows of motion."""
 
 from __future__ import annotations
 

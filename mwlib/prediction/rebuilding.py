@@ -1,4 +1,4 @@
-"""What a representation loses: motions of people held out, coded and rebuilt. A system that the experiments know, without a net.
+"""Errors of coding and rebuilding motions of people held out, as a system without a net.
 
 Its grid is `phase_sweep`. Its rows change the settings of the prediction, and those of `RebuildingConfig`.
 """
