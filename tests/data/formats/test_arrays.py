@@ -64,6 +64,8 @@ def test_a_known_skeleton_goes_by_its_name(tmp_path):
     np.save(tmp_path / "b.npy", array)
     (motion,) = load_motions(tmp_path / "b.npy", up="z")
     assert motion.skeleton == H36M17
+    (tmp_path / "skeleton.json").write_text(json.dumps(OWN))
+    assert load_motions(tmp_path / "a.npz")[0].skeleton == H36M17, "the file itself knows best"
 
 
 def test_a_unit_that_nobody_states_is_inferred(tmp_path):

@@ -6,7 +6,7 @@ MUTANTS = [
     *of(
         "data/fetching.py", "data/test_fetching.py",
         ("web-pages-are-data", 'if head.startswith(b"<"):', 'if head.startswith(b"<<"):'),
-        ("a-byte-a-second-is-enough", "self.patience.grace + size / self.patience.slowest", "1e9"),
+        ("a-byte-a-second-is-enough", "passed > self.patience.grace +", "passed > 20 * self.patience.grace +"),
         ("any-number-of-bytes", "if size > self.most:", "if size > 100 * self.most:"),
         ("busy-servers-are-asked-once", "_BrokenError if response.status_code in BUSY else NotOfferedError", "NotOfferedError"),
         ("digest-of-the-skeleton-alone", "motion.positions.astype(np.float64)", "0 * motion.positions.astype(np.float64)"),
