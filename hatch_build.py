@@ -15,6 +15,6 @@ class Material(BuildHookInterface):
     def initialize(self, version: str, build_data: dict[str, Any]) -> None:
         """Called by hatchling before it builds."""
         root = Path(self.root)
-        carried = runpy.run_path(str(root / "mwlib" / "material.py"))["carried"]
+        carried = runpy.run_path(str(root / "mwlib" / "paths.py"))["carried"]
         if version == "standard":
             build_data["force_include"] |= {str(f): f"mwlib/_material/{f.relative_to(root).as_posix()}" for f in carried(root)}
