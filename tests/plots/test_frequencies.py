@@ -35,6 +35,8 @@ def test_snr_curves_are_parallel_and_end_at_the_threshold():
     dots = [line for line in ax.lines if line.get_marker() == "o"]
     last = [int(np.flatnonzero(A_BAR * POWER[k] / (1 - A_BAR) >= 2)[-1]) for k in (1, 4, 60)]
     assert [int(dot.get_xdata()[0]) for dot in dots] == last
+    heights = [10 * np.log10(A_BAR[t] * POWER[k] / (1 - A_BAR[t])) for k, t in zip((1, 4, 60), last, strict=True)]
+    assert [float(dot.get_ydata()[0]) for dot in dots] == pytest.approx(heights)
     assert f"k = 4, until t = {last[1]}" in [line.get_label() for line in ax.lines]
     legible(fig)
 

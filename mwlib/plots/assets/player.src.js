@@ -1,5 +1,5 @@
 // A player of moving skeletons: panels side by side or one over the other, a bar to play, stop and search, an orbiting camera.
-// Python (mwlib/plots/player.py) makes the payload; three.js draws; `make player` bundles this file into player.js.
+// Python (mwlib/plots/playing.py) makes the payload; three.js draws; `make player` bundles this file into player.js.
 // One WebGL context serves all players of a page, as browsers allow about sixteen; each player shows a copy of its pixels.
 import { PCFShadowMap, PerspectiveCamera, Vector3, WebGLRenderer } from "three";
 import { OrbitControls } from "three/addons/controls/OrbitControls.js";
