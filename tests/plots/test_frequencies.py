@@ -20,6 +20,7 @@ def test_energy_is_drawn_with_and_without_its_mean():
     fig, (left, right) = plots.energy_by_coefficient({"positions": POWER, "rates": np.ones(40)}, few=8)
     assert _curves(right)["positions"].get_label() == f"positions: {100 * POWER[:8].sum() / POWER.sum():.0f} %"
     assert _curves(right)["rates"].get_ydata() == pytest.approx(100 * np.arange(1, 41) / 40)
+    assert _curves(right)["rates"].get_label() == "rates: 20 %"
     first, _, mean, _ = left.lines[:4]
     assert np.array_equal(first.get_ydata(), POWER[1:]) and first.get_xdata()[0] == 1
     assert mean.get_ydata() == [POWER[0]] and mean.get_xdata()[0] < 1
