@@ -62,8 +62,6 @@ MUTANTS = [
         ("completion-with-a-pose-for-a-displacement",
          "self.representation.modelled(pad_history(x_history, self.representation.frames), x_history)",
          "pad_history(x_history, self.representation.frames)"),
-        ("mask-before-the-projection", "[*self._after_steps(x_history, noise), after_step]",
-         "[after_step, *self._after_steps(x_history, noise)]", "prediction/test_control.py"),
     ),
     *of(
         "prediction/representation.py", "prediction/test_representation.py",
