@@ -13,7 +13,8 @@ from pathlib import Path
 from typing import Any
 
 PACKAGE = Path(__file__).resolve().parent
-BESIDE_RESULTS = ("mwlib.course", "mwlib.experiments", "mwlib.plots")  # rooms that compute nothing that a result holds
+# Rooms that compute nothing that a result holds.
+BESIDE_RESULTS = ("mwlib.cli", "mwlib.course", "mwlib.experiments", "mwlib.plots")
 
 
 def sha256(parts: Iterable[bytes | str]) -> str:
@@ -46,12 +47,13 @@ def package_hash(package: Path = PACKAGE, modules: Collection[str] | None = None
 
     Args:
         package: the library's folder.
-        modules: names of the modules whose code counts; None = all but the course's tooling, which changes no result.
+        modules: names of the modules whose code counts; None = all but the command line and the course's tooling, which
+            change no result.
     """
     parts: list[bytes | str] = []
     for path in sorted(package.rglob("*")):
         inside = path.relative_to(package)
-        if not path.is_file() or inside.parts[0] in ("course", "_material") or "__pycache__" in inside.parts:
+        if not path.is_file() or inside.parts[0] in ("cli", "course", "_material") or "__pycache__" in inside.parts:
             continue
         name = ".".join(["mwlib", *inside.with_suffix("").parts]).removesuffix(".__init__")
         if path.suffix != ".py" or modules is None or name in modules:

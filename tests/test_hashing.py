@@ -64,7 +64,8 @@ def test_the_library_counts_but_for_the_courses_tooling(tmp_path):
 
     before = written()
     for name, text, counts in [
-        ("course/c.py", "z = 2", False), ("__pycache__/d.pyc", "2", False), ("data/a.py", "x = 1  # one", False),
+        ("course/c.py", "z = 2", False),
+        ("cli/f.py", "z = 2", False), ("__pycache__/d.pyc", "2", False), ("data/a.py", "x = 1  # one", False),
         ("data/a.py", "x = 2", True), ("d.csv", "2", True), ("e.py", "", True),
     ]:  # fmt: skip
         assert (written(**{name: text}) != before) == counts, name
@@ -106,7 +107,7 @@ def test_code_behind_a_system_holds_its_samplers_and_no_pictures():
     found = {*code_behind("mwlib.prediction.system")}
     assert {"mwlib.prediction.config", "mwlib.diffusion.samplers", "mwlib.metrics.prediction", "mwlib.training.loop"} <= found
     assert "mwlib.body.skeleton" in found, "at second hand"
-    assert not [name for name in found if name.startswith(("mwlib.plots", "mwlib.course", "mwlib.experiments"))]
+    assert not [name for name in found if name.startswith(("mwlib.plots", "mwlib.course", "mwlib.experiments", "mwlib.cli"))]
     assert "mwlib.text_to_motion.config" not in found
 
 

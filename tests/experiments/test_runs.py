@@ -99,9 +99,11 @@ def test_a_kill_between_the_last_checkpoint_and_the_result_costs_nothing(monkeyp
     folder = get_run(cfg, data)
     whole = json.loads((folder / results.RESULT).read_text())
     (folder / results.RESULT).unlink()
+    (folder / ".model.safetensors.4711.part").write_text("half a file")
     kept = {name: (folder / name).stat().st_mtime_ns for name in (MODEL, CHECKPOINT)}
     assert get_run(cfg, data) == folder
-    assert json.loads((folder / results.RESULT).read_text()) == whole and whole["metrics"]["loss"] > 0
+    assert json.loads((folder / results.RESULT).read_text()) == whole and not list(folder.glob(".*.part"))
+    assert whole["metrics"]["loss"] > 0 and whole["metrics"]["validation"] > 0
     assert kept == {name: (folder / name).stat().st_mtime_ns for name in kept}
     training = get_result(cfg.override(test_windows=3), data)["training"]
     assert training == whole["metrics"] and training["steps"] == cfg.training.train_steps
