@@ -76,7 +76,7 @@ def write_exhibit(folder: Path, stem: str, rows: list[list], *, picture: bool) -
         csv.writer(file).writerows(rows)
     (folder / f"{stem}.json").write_text(json.dumps({"figure": stem, "preset": "tiny", "data": "synthetic", "seeds": [0, 1]}))
     if picture:
-        (folder / f"{stem}.txt").write_text('Bars of "four" bands.\n')
+        (folder / f"{stem}.txt").write_text('Bars of "four" *bands* <x>.\n')
         (folder / f"{stem}.png").write_bytes(b"png")
 
 
@@ -144,7 +144,7 @@ def test_index_shows_what_was_made_and_says_what_is_missing(tmp_path):
     absent = {**ROW, **paper, "id": "absent", "stem": "absent", "caption": "Errors of all"}
     planned = {**absent, "id": "planned", "stem": "planned", "status": "planned"}
     page = write_index(build, notebooks, write_manifest(tmp_path, ROW, absent, planned)).read_text()
-    assert 'src="01_sample/bands.png" alt="Bars of &quot;four&quot; bands."' in page
+    assert 'src="01_sample/bands.png" alt="Bars of &quot;four&quot; *bands* &lt;x&gt;."' in page
     assert "Energy &amp; bands" in page and "data: synthetic · preset: tiny · seeds: 0, 1" in page
     assert '<a href="01_sample/bands.csv">numbers</a>' in page and '<a href="01_sample/bands.txt">' in page
     assert (
