@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Collection, Mapping, Sequence
 from math import isfinite, nan
 from pathlib import Path
@@ -40,9 +41,14 @@ def measure(
 
     Raises:
         ValueError: rows of the grid differ in a given field.
+
+    Warns:
+        of one test clip, before anything is trained: its windows are no independent draws.
     """
     kind = system(grid.system)
     data = data or kind.load_data(cfg)
+    if len(getattr(data, "test", ())) == 1:
+        warnings.warn("one test clip: the table will have no standard errors; two or more would do", stacklevel=2)
     found = []
     for row in grid.rows:
         configs = [row_config(grid, row, cfg, seed, given) for seed in grid.seeds(row, cfg)]

@@ -6,9 +6,11 @@ import base64
 import csv
 import io
 import json
+import math
 from collections.abc import Mapping, Sequence
 from itertools import zip_longest
 from pathlib import Path
+from typing import Any
 
 import matplotlib as mpl
 import matplotlib.pyplot as plt
@@ -136,7 +138,7 @@ def as_csv(data: Mapping[str, np.ndarray] | Sequence[Mapping[str, object]]) -> s
 
 
 def origin(kind: str, stem: str, provenance: Mapping[str, object]) -> str:
-    """The text of a provenance file: under `kind`, "figure" or "table", the stem; then the provenance.
+    """The text of a provenance file: under `kind`, "figure" or "table", the stem; then the provenance, NaN as null.
 
     Raises:
         ValueError: the stem is not a plain file name.
@@ -144,7 +146,16 @@ def origin(kind: str, stem: str, provenance: Mapping[str, object]) -> str:
     """
     if not stem or Path(stem).name != stem:
         raise ValueError(f"stem is {stem!r}; expected a plain file name without a folder")
-    return json.dumps({kind: stem, **provenance}, indent=2, sort_keys=True, allow_nan=False) + "\n"
+    return json.dumps({kind: stem, **_existing(provenance)}, indent=2, sort_keys=True, allow_nan=False) + "\n"
+
+
+def _existing(tree: Any) -> Any:
+    """A JSON tree with None for numbers that do not exist, like a standard error over one clip."""
+    if isinstance(tree, Mapping):
+        return {key: _existing(value) for key, value in tree.items()}
+    if isinstance(tree, list | tuple):
+        return [_existing(value) for value in tree]
+    return None if isinstance(tree, float) and math.isnan(tree) else tree
 
 
 def described(alt: str) -> str:

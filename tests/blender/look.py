@@ -1,6 +1,6 @@
 """What Blender makes of a BVH file. For a Python that has bpy: look.py IN.bvh OUT.npz [OUT.png]
 
-OUT.npz gets `positions` (frames, joints, 3) in the file's unit with y up, `names` and `fps`, as Blender has them after its own
+OUT.npz gets `positions` (frames, joints, 3) in Blender's units with y up, `names` and `fps`, as Blender has them after its own
 import; OUT.png a picture of some frames side by side, spheres at the joints and sticks for the bones, rendered on the CPU.
 """
 
@@ -18,10 +18,10 @@ COLOURS = ((0.1, 0.3, 0.7, 1), (0.8, 0.3, 0.1, 1), (0.2, 0.2, 0.2, 1))  # names 
 
 
 def open_bvh(file: str):
-    """A scene with nothing but the file's armature; y up becomes z up, one unit one Blender unit."""
+    """A scene with nothing but the file's armature; y up becomes z up, a centimetre 0.01 units: what the how-to says."""
     bpy.ops.wm.read_factory_settings(use_empty=True)
     bpy.ops.import_anim.bvh(
-        filepath=file, axis_forward="-Z", axis_up="Y", global_scale=1.0, rotate_mode="NATIVE", update_scene_fps=True,
+        filepath=file, axis_forward="-Z", axis_up="Y", global_scale=0.01, rotate_mode="NATIVE", update_scene_fps=True,
         update_scene_duration=True,
     )  # fmt: skip
     return next(thing for thing in bpy.data.objects if thing.type == "ARMATURE")

@@ -33,7 +33,7 @@ def look(file: Path, picture: Path | None = None):
     done = subprocess.run(command, capture_output=True, text=True)
     assert done.returncode == 0, done.stdout[-2000:] + done.stderr[-2000:]
     seen = np.load(out)
-    return seen["positions"] / 100, list(seen["names"]), float(seen["fps"])
+    return seen["positions"], list(seen["names"]), float(seen["fps"])
 
 
 def agrees(motion: Motion, folder: Path, picture: Path | None = None) -> None:
@@ -77,4 +77,6 @@ def test_an_in_between(tmp_path):
     picture = tmp_path / "between.png"
     (motion,) = inbetween(walk.cut(0, 1), walk.cut(31, 32), frames=30)
     agrees(motion, tmp_path, picture)
+    heights = np.ptp(look(tmp_path / "a.bvh")[0][..., 1], axis=1)
+    assert 1.0 < heights.min() < heights.max() < 2.5, "a person is as tall as one, in Blender's units"
     assert 0.01 < (np.asarray(Image.open(picture).convert("L")) < 250).mean() < 0.3

@@ -140,3 +140,21 @@ def test_a_row_names_its_machines_adds_up_its_trainings_and_leaves_out_what_is_n
     row = measure(grid_of(True), Config.preset("tiny"), data=DATA)[0]
     assert row["machines"] == ["card 0 with torch 2.0", "card 1 with torch 2.0"]
     assert row["training_seconds"] == 7.0 * row["seeds"] == 21 and "speed" not in row["mean"]
+
+
+def test_one_test_clip_is_told_before_the_training_and_gives_a_table_without_errors(monkeypatch, tmp_path):
+    asked: list[bool] = []
+
+    def result(cfg, data, progress):
+        asked.append(True)
+        one = {m: 1.0 for m in METRICS}
+        return {"mean": one, "standard_error": dict.fromkeys(METRICS, float("nan")), "windows": 5, "seconds": 1.0}
+
+    monkeypatch.setattr("mwlib.experiments.tables.get_result", result)
+    monkeypatch.setattr("warnings.warn", lambda text, **_: asked.append(text.startswith("one test clip: ")))
+    grid, cfg = grid_of(False), Config.preset("tiny")
+    found = measure(grid, cfg, data=DATA._replace(test=DATA.test[:1]))
+    assert asked[0] is True and len(asked) == 1 + len(grid.rows) * found[0]["seeds"]
+    _, about = save_table(lines(found, METRICS, errors=True), tmp_path, "one", provenance=provenance(grid, cfg, found))
+    assert json.loads(about.read_text())["standard_error_over_clips"][grid.rows[0].name]["ade"] is None
+    assert "–" in str(results_table(lines(found, METRICS, errors=True)))
