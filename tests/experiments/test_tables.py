@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import json
 from statistics import mean, stdev
+from types import SimpleNamespace
 
 import pytest
 
 from mwlib.experiments import tables
 from mwlib.experiments.grids import Budget, Grid, Row, row_config
-from mwlib.experiments.tables import differences, lines, measure
+from mwlib.experiments.tables import differences, lines, measure, provenance
 from mwlib.metrics import Column
+from mwlib.plots import results_table, save_table
 from mwlib.prediction.config import Config
 from mwlib.prediction.system import METRICS
 
@@ -153,8 +156,8 @@ def test_one_test_clip_is_told_before_the_training_and_gives_a_table_without_err
     monkeypatch.setattr("mwlib.experiments.tables.get_result", result)
     monkeypatch.setattr("warnings.warn", lambda text, **_: asked.append(text.startswith("one test clip: ")))
     grid, cfg = grid_of(False), Config.preset("tiny")
-    found = measure(grid, cfg, data=DATA._replace(test=DATA.test[:1]))
-    assert asked[0] is True and len(asked) == 1 + len(grid.rows) * found[0]["seeds"]
+    found = measure(grid, cfg, data=SimpleNamespace(test=["the only clip"]))
+    assert asked[0] is True and len(asked) == 1 + sum(row["seeds"] for row in found)
     _, about = save_table(lines(found, METRICS, errors=True), tmp_path, "one", provenance=provenance(grid, cfg, found))
     assert json.loads(about.read_text())["standard_error_over_clips"][grid.rows[0].name]["ade"] is None
     assert "–" in str(results_table(lines(found, METRICS, errors=True)))

@@ -108,6 +108,7 @@ MUTANTS = [
         ("deviation-of-a-population", "stdev(v) if", "stdev(v) * ((len(v) - 1) / len(v)) ** 0.5 if"),
         ("standard-error-of-the-last-seed", 'results[0]["standard_error"].get(m)', 'results[-1]["standard_error"].get(m)'),
         ("standard-error-in-metres", '= scale * error', '= error'),
+        ("one-test-clip-goes-unsaid", 'if len(getattr(data, "test", ())) == 1:', "if False:"),
         ("deviation-in-metres", "(value, scale * spread)", "(value, spread)"),
         ("numbers-of-the-first-seed", "m: mean(v) for", "m: v[0] for"),
     ),
