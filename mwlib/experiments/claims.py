@@ -105,6 +105,10 @@ class Tables:
             text if text.isdigit() else significant(float(text), digits) for text, digits in zip(texts, (3, 2), strict=False)
         )
 
+    def about(self, name: str) -> dict[str, Any]:
+        """What the JSON file beside a table says of it."""
+        return json.loads((self.folder / f"{name}.json").read_text(encoding="utf-8"))
+
     def filled(self, text: str) -> str:
         """A sentence with its numbers."""
         full = REFERENCE.sub(lambda found: self.printed(*found.groups()), text)
@@ -114,7 +118,7 @@ class Tables:
 
     def link(self, name: str) -> str:
         """A link to a table with its windows and seeds; a table made with a grid's has those of the grid's."""
-        about = json.loads((self.folder / f"{name}.json").read_text(encoding="utf-8"))
+        about = self.about(name)
         rows = self.rows(MADE_WITH.sub("", name)).values()
         windows = {row["windows"] for row in rows if row.get("windows")} or {str(about.get("windows", "?"))}
         seeds = max((int(row["seeds"]) for row in rows if row.get("seeds")), default=1)
