@@ -5,8 +5,9 @@ from __future__ import annotations
 import difflib
 import json
 import math
+import operator
 import types
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, fields, replace
 from functools import cache
 from itertools import chain
@@ -245,6 +246,51 @@ def checked(name: str, value: Any, hint: Any) -> Any:
     for rule in rules:
         _check_rule(name, value, rule)
     return value
+
+
+def whole(name: str, value: object, least: int = 0, most: int | None = None) -> int:
+    """An argument as a whole number: Python's, NumPy's or PyTorch's, but no text, fraction, True or False.
+
+    Raises:
+        ValueError: it is none, or out of range; the message names the argument.
+
+    >>> whole("samples", 3, 1)
+    3
+    """
+    try:
+        number = None if "bool" in str(getattr(value, "dtype", type(value))) else operator.index(value)  # pyright: ignore[reportArgumentType]
+    except (TypeError, RuntimeError):
+        number = None
+    if number is None:
+        raise ValueError(f"{name} is {shown(value)}; expected a whole number, at least {least}")
+    if number < least:
+        raise ValueError(f"{name} is {shown(number)}; expected at least {least}")
+    if most is not None and number > most:
+        raise ValueError(f"{name} is {shown(number)}; expected at most {most}")
+    return number
+
+
+def wholes(name: str, values: object, least: int = 0, most: int | None = None) -> list[int]:
+    """An argument as several whole numbers.
+
+    Raises:
+        ValueError: it is not several, or one is no such number; the message names the argument and the place.
+    """
+    if isinstance(values, str | bytes) or not isinstance(values, Iterable):
+        raise ValueError(f"{name} is {shown(values)}; expected several whole numbers")
+    try:
+        each = list(values)
+    except (TypeError, ValueError, RuntimeError):  # a tensor without numbers, or of no dimension
+        raise ValueError(f"{name} is {shown(values)}; expected several whole numbers") from None
+    return [whole(f"{name}[{place}]", value, least, most) for place, value in enumerate(each)]
+
+
+def shown(value: object) -> str:
+    """A value in a message, short: of an array its kind and shape."""
+    if hasattr(value, "shape") and hasattr(value, "dtype"):
+        return f"{type(value).__name__} of shape {tuple(getattr(value, 'shape'))}"  # noqa: B009  (of no known type)
+    text = f"{value:.6g}" if isinstance(value, int) and abs(value) > 10**15 and abs(value) < 10**300 else repr(value)[:60]
+    return f"{text} ({type(value).__name__})" if not isinstance(value, int | float | str | None) else text
 
 
 def _number(value: Any, kind: type) -> Any:

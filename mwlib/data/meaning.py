@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from itertools import islice
@@ -96,16 +97,39 @@ def height(positions: Float[np.ndarray, "T joints 3"], skeleton: Skeleton) -> fl
     if len(skeleton) < 2:
         return 0.0
     frames = np.linspace(0, len(positions) - 1, min(len(positions), 100)).astype(int)
-    every = bone_lengths(positions[frames], skeleton)
-    lengths = np.median(every, axis=0)
-    low, high = np.percentile(every, (10, 90), axis=0)
+    return float(heights(positions[None, frames], skeleton)[0])
+
+
+def heights(positions: Float[np.ndarray, "N T joints 3"], skeleton: Skeleton) -> Float[np.ndarray, " N"]:
+    """The same of many clips, all their frames looked at."""
+    every = bone_lengths(positions, skeleton)
+    lengths = np.median(every, axis=1)
+    low, high = np.percentile(every, (10, 90), axis=1)
     lengths = np.where(high - low > SWING * lengths, 0.0, lengths)
-    deepest, longest = np.zeros(len(skeleton)), 0.0
-    for (parent, child), length in reversed(list(zip(skeleton.bones, lengths, strict=True))):
+    deepest, longest = np.zeros((len(skeleton), len(positions))), np.zeros(len(positions))
+    for (parent, child), length in reversed(list(zip(skeleton.bones, lengths.T, strict=True))):
         way = deepest[child] + length
-        longest = max(longest, deepest[parent] + way)
-        deepest[parent] = max(deepest[parent], way)
-    return HEIGHT_BY_REACH * float(longest)
+        longest = np.maximum(longest, deepest[parent] + way)
+        deepest[parent] = np.maximum(deepest[parent], way)
+    return HEIGHT_BY_REACH * longest
+
+
+def check_people(positions: Float[np.ndarray, "N T joints 3"], skeleton: Skeleton, names: Sequence[str]) -> None:
+    """Refuse poses of no human's size among the arguments of a call, in metres as models take them.
+
+    Args:
+        positions: metres; so many frames of each clip as it takes to see how long its bones are.
+        names: of the arguments, one each.
+
+    Raises:
+        ValueError: a body is too small or too large; the message names the first one and the likely unit.
+    """
+    tall = heights(np.asarray(positions, np.float64), skeleton) if len(skeleton) > 1 else np.ones(len(positions))
+    if len(wrong := np.flatnonzero(~((tall >= SMALLEST) & (tall <= TALLEST)))):
+        first = int(wrong[0])
+        readings = _readings(tall[first], [name for name in METRIC if name in _fitting(tall[first])])
+        size = f"{names[first]} shows a body of {tall[first]:.3g} m{readings}"
+        raise ValueError(f"{size}; expected metres, and a human of {SMALLEST} to {TALLEST} m")
 
 
 def infer_unit(

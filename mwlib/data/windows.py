@@ -20,6 +20,7 @@ from mwlib.body.motion import Motion
 from mwlib.body.skeleton import H36M17, Skeleton
 from mwlib.data.collections import known_skeleton
 from mwlib.data.mirroring import unmirrored
+from mwlib.settings import shown, whole
 
 
 @dataclass(frozen=True)
@@ -312,22 +313,74 @@ def windows(motions: Sequence[Motion], history: int, future: int, stride: int) -
     frames yields none.
 
     Args:
-        motions: clips of one skeleton, one up-axis and one frame rate.
-        history, future: H and F, frames.
-        stride: frames between starts.
+        motions: clips of one skeleton, one up-axis and one frame rate. Own choice: of any size, as nothing is sampled here.
+        history, future: H and F, frames, at least 1.
+        stride: frames between starts, at least 1.
+
+    Warns:
+        UserWarning: some clips are too short to give a window; the message names them.
 
     Raises:
-        ValueError: the clips do not match each other, or none is longer than H+F frames.
+        ValueError: there are no motions, poses are not finite, a number is no whole one or below 1, the clips do not match each
+            other, or none is longer than H+F frames.
 
     >>> motion = mw.Motion(np.zeros((60, 17, 3)), 25.0, mw.load_motions("synthetic")[0].skeleton)
     >>> cut = windows([motion], history=10, future=30, stride=10)
     >>> cut.x.shape, cut.x_history.shape, cut.start.tolist()
     (torch.Size([2, 40, 48]), torch.Size([2, 10, 48]), [0, 10])
     """
+    history, future, stride = (
+        whole(name, n, 1, MOST_FRAMES) for name, n in (("history", history), ("future", future), ("stride", stride))
+    )
+    motions = clips_given("motions", motions)
     clips, frames = _joined(motions), history + future
     clips.require(frames, parts=PARTS, remedy=REMEDY)
+    if short := too_short(motions, frames):
+        names = ", ".join(f"{m.name or 'a clip'} ({len(m)} frames)" for m in short[:5]) + ", ..." * (len(short) > 5)
+        found = f"{len(short)} of {len(motions)} clips give no window, as none is longer than {frames} frames{PARTS}: {names}"
+        warnings.warn(f"{found}; {REMEDY}", stacklevel=2)
     clip, start = clips.starts(frames, stride)
     return Windows(clips.take(clip, start, frames), clip, start, history, motions)
+
+
+MOST_FRAMES = 1_000_000  # of a history, a future, a stride: own choice, hours of motion
+
+
+def clips_given(name: str, source: object, others: str = "") -> list[Motion]:
+    """An argument as clips; a single one is a list of one.
+
+    Args:
+        name: of the argument.
+        source: what was given.
+        others: what else is accepted there, in the message.
+
+    Raises:
+        ValueError: there are none, something else is among them, or a pose is not finite.
+    """
+    accepted = f"Motions{others and ', '}{others}"
+    clips = [source] if isinstance(source, Motion) else list(source) if isinstance(source, Sequence) else None
+    if clips is None or isinstance(source, str):
+        raise ValueError(f"{name} is {shown(source)}; expected {accepted}")
+    if not clips or not all(isinstance(m, Motion) for m in clips):
+        raise ValueError(f"{name} holds {sorted({type(m).__name__ for m in clips}) or 'nothing'}; expected {accepted}")
+    for number, m in enumerate(clips):
+        check_finite(f"{name}[{number}]", m)
+    return clips
+
+
+def check_finite(name: str, motion: Motion) -> None:
+    """Refuse a clip whose places are not all numbers.
+
+    Raises:
+        ValueError: some are not; the message names the first frame.
+    """
+    kind = getattr(motion.positions.dtype, "kind", "?")
+    if kind not in "fiu":
+        raise ValueError(f"{name} has positions of {motion.positions.dtype}; expected real numbers")
+    if not (finite := np.isfinite(motion.positions)).all():
+        frame = int(np.argmin(finite.all(axis=(1, 2))))
+        called = f" ({motion.name})" if motion.name else ""
+        raise ValueError(f"{name}{called} is not finite in frame {frame}; expected metres")
 
 
 def _joined(motions: Sequence[Motion]) -> JoinedClips:

@@ -14,7 +14,8 @@ from torch import Tensor
 
 from mwlib.body.kinematics import bones_of, scale_bones
 from mwlib.body.motion import Motion
-from mwlib.data.windows import Bodies, Windows
+from mwlib.data.meaning import check_people
+from mwlib.data.windows import Bodies, Windows, clips_given
 from mwlib.diffusion import (
     AfterStep,
     OnEstimate,
@@ -31,6 +32,7 @@ from mwlib.networks import TransLinear
 from mwlib.prediction.config import Config
 from mwlib.prediction.guidance import TABG, NetworkBranches, guided, make_network
 from mwlib.prediction.representation import Representation, restored_representation
+from mwlib.settings import whole
 from mwlib.training import TrainedModel, chunks, identities, with_weights
 from mwlib.transforms import ScaledTransform, pad_history
 
@@ -53,11 +55,21 @@ def histories(source: Histories, bodies: Bodies, history: int) -> Float[Tensor, 
     if isinstance(source, Windows):
         return _checked(_of_windows(source, bodies), bodies, history)
     if isinstance(source, (Tensor, np.ndarray)):
-        return _checked(torch.as_tensor(source), bodies, history)
-    if not source or not all(isinstance(m, Motion) for m in source):
-        kinds = sorted({type(m).__name__ for m in source}) or "nothing"
-        raise ValueError(f"the source holds {kinds}; expected Motions, Windows or a tensor (N, {history}, C)")
-    return _checked(_of_motions(bodies.prepare(source), history), bodies, history)
+        return _checked(_tensor(source), bodies, history)
+    clips = clips_given("source", source, f"Windows or a tensor (N, {history}, C)")
+    return _checked(_of_motions(bodies.prepare(clips), history), bodies, history)
+
+
+def _tensor(source: Tensor | np.ndarray) -> Tensor:
+    """Numbers that a network can take."""
+    try:
+        x = torch.as_tensor(source)
+    except (TypeError, ValueError, RuntimeError):
+        raise ValueError(f"source is an array of {source.dtype}; expected real numbers") from None
+    if x.is_complex() or x.dtype == torch.bool or x.layout != torch.strided or x.is_meta or x.is_quantized:
+        kind = "a tensor without numbers, on the device meta" if x.is_meta else f"a tensor of {x.dtype}, {x.layout}"
+        raise ValueError(f"source is {kind}; expected a dense one of real numbers")
+    return x.detach() if x.is_floating_point() else x.float()
 
 
 def _of_motions(motions: Sequence[Motion], history: int) -> Float[Tensor, "N H C"]:
@@ -91,6 +103,8 @@ def _checked(x: Tensor, bodies: Bodies, history: int) -> Float[Tensor, "N H C"]:
         raise ValueError("there are no windows; expected at least one history")
     if not x.isfinite().all():
         raise ValueError(f"x_history of window {int((~x.isfinite()).nonzero()[0, 0])} is not finite; expected metres")
+    joints = np.pad(x.cpu().double().numpy().reshape(len(x), history, -1, 3), ((0, 0), (0, 0), (1, 0), (0, 0)))
+    check_people(joints, bodies.skeleton, [f"x_history of window {window}" for window in range(len(x))])
     return x
 
 
@@ -234,7 +248,8 @@ class Predictor(TrainedModel):
         x_history = histories(source, self.bodies, self.representation.history)
         samples, seed = self.asked(samples, seed)
         ids = identities(window_ids, len(x_history))
-        for part in chunks(len(x_history), chunk or self.chunk(samples), progress):
+        size = self.chunk(samples) if chunk is None else whole("chunk", chunk, 1)
+        for part in chunks(len(x_history), size, progress):
             x = x_history[part].to(self.device, torch.float32)
             for step in self._steps(x, self.noise(seed, ids[part], samples), **imposed(part, x)):
                 last = step
@@ -254,8 +269,8 @@ class Predictor(TrainedModel):
         """Sampled futures, metres, root-relative, on the CPU.
 
         Args:
-            source: motions, of which the last H frames are continued (turned, carried over and resampled as in training);
-                windows; or observed frames (N, H, C) in the form that the model was trained on.
+            source: motions, or one, of which the last H frames are continued (turned, carried over and resampled as in
+                training); windows; or observed frames (N, H, C) in the form that the model was trained on.
             samples: S; None = the settings'.
             seed: of the noise; None = the settings'. The result for a window depends on it and the window's identity, not on
                 `chunk`.
@@ -264,10 +279,12 @@ class Predictor(TrainedModel):
             progress: show a bar.
 
         Raises:
-            ValueError: what is given does not fit the model; the message says why, and what to call.
+            ValueError: what is given does not fit the model: a source of another kind, shape, length or skeleton, poses that are
+                not finite or of no human's size, numbers out of range; or the settings of the sampling make numbers overflow.
+                The message names the argument, what was found, what is expected, and what to call.
         """
         parts = self.sampled(source, samples, seed, window_ids=window_ids, chunk=chunk, progress=progress)
-        return torch.cat([self._future(y, x_history).cpu() for y, x_history in parts])
+        return torch.cat([self.finite(self._future(y, x_history)).cpu() for y, x_history in parts])
 
     def _future(self, y: Float[Tensor, "N S rows columns"], x_history: Float[Tensor, "N H C"]) -> Float[Tensor, "N S F C"]:
         """Coefficients to futures; with bones as long as they were last seen, if the settings say so."""

@@ -10,10 +10,11 @@ import torch
 from torch import Tensor, nn
 from tqdm import tqdm
 
-from mwlib.settings import Settings
+from mwlib.settings import Settings, whole, wholes
 
 Network = TypeVar("Network", bound=nn.Module)
 Model = TypeVar("Model", bound="TrainedModel")
+MOST_SAMPLES = 100_000  # of a window in one call: own choice, no memory holds more
 
 
 class TrainedModel:
@@ -62,21 +63,32 @@ class TrainedModel:
         """How many samples and which seed of the noise: as given, or as the settings say.
 
         Raises:
-            ValueError: no sample is asked for.
+            ValueError: they are no whole numbers, or out of range.
         """
-        count = int(self.sampling.samples if samples is None else samples)
-        if count < 1:
-            raise ValueError(f"samples is {count}; expected at least 1")
-        return count, self.sampling.sampling_seed if seed is None else seed
+        count = whole("samples", self.sampling.samples if samples is None else samples, 1, MOST_SAMPLES)
+        return count, self.sampling.sampling_seed if seed is None else whole("seed", seed)
+
+    def finite(self, samples: Tensor) -> Tensor:
+        """The samples, if they are numbers.
+
+        Raises:
+            ValueError: some are not; the message names the settings of the sampling that differ from their defaults.
+        """
+        if bool(samples.isfinite().all()):
+            return samples
+        changed, owners = self.cfg.changed_from(type(self.cfg)()), self.cfg.owners()
+        own = [f"{name}={value!r}" for name, value in changed.items() if owners[name] in self.sampling_groups]
+        settings = f"the settings of the sampling that differ from the defaults are {', '.join(own) or 'none'}"
+        raise ValueError(f"the samples are not finite: numbers overflowed; {settings}; expected such as keep them finite")
 
 
 def identities(window_ids: Sequence[int] | None, count: int) -> list[int]:
     """The identity of each window, on which its noise depends: as given, or 0..N-1.
 
     Raises:
-        ValueError: there are more or fewer than windows.
+        ValueError: there are more or fewer than windows, or one is no whole number of at least 0.
     """
-    ids = list(range(count)) if window_ids is None else list(window_ids)
+    ids = list(range(count)) if window_ids is None else wholes("window_ids", window_ids)
     if len(ids) != count:
         raise ValueError(f"window_ids has {len(ids)} entries for {count} windows; expected one each")
     return ids

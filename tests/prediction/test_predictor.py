@@ -307,7 +307,7 @@ def test_what_cannot_fit_is_refused_with_the_way_out(predictor, originals):
     bad[1, 2, 3] = torch.nan
     with pytest.raises(ValueError, match="window 1 is not finite"):
         predictor.predict(bad, 1)
-    with pytest.raises(ValueError, match=r"the source holds nothing; expected Motions"):
+    with pytest.raises(ValueError, match=r"source holds nothing; expected Motions"):
         predictor.predict([], 1)
 
 

@@ -112,4 +112,17 @@ MUTANTS = [
         ("owners-of-any-folder", "any(folder.lower().startswith(name) for folder in folders)",
          "any(name in folder.lower() for folder in folders)", "data/test_sources.py"),
     ),
+    *of(
+        "data/windows.py", "experiments/test_spoilt_calls.py",
+        ("windows-from-zero", "whole(name, n, 1, MOST_FRAMES)", "whole(name, n, 0, MOST_FRAMES)"),
+        ("short-clips-silently-left-out", "if short := too_short(motions, frames):", "if short := []:"),
+        ("clips-of-no-numbers", "        check_finite(f", "        str(f"),
+        ("a-text-as-clips", "if clips is None or isinstance(source, str):", "if clips is None:"),
+    ),
+    *of(
+        "data/meaning.py", "experiments/test_spoilt_calls.py",
+        ("giants-among-arguments", "(tall >= SMALLEST) & (tall <= TALLEST)", "tall >= SMALLEST"),
+        ("dwarfs-among-arguments", "(tall >= SMALLEST) & (tall <= TALLEST)", "tall <= TALLEST"),
+        ("the-last-wrong-body", "first = int(wrong[0])", "first = int(wrong[-1])"),
+    ),
 ]  # fmt: skip

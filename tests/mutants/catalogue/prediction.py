@@ -135,4 +135,14 @@ MUTANTS = [
         ("farthest-history", "largest=False", "largest=True"),
         ("neighbours-not-turned", "turn if self.align", "0 * turn if self.align"),
     ),
+    *of(
+        "prediction/predictor.py", "experiments/test_spoilt_calls.py",
+        ("sparse-histories-taken", "or x.layout != torch.strided or", "or"),
+        ("complex-histories-taken", "if x.is_complex() or x.dtype", "if x.dtype"),
+        ("truth-values-as-histories", "or x.dtype == torch.bool or", "or"),
+        ("histories-without-numbers-taken", "or x.is_meta or", "or"),
+        ("histories-of-any-size", "    check_people(joints, bodies", "    (joints, bodies"),
+        ("chunk-zero-is-the-usual-one", "if chunk is None else whole(", "if not chunk else whole("),
+        ("futures-of-no-numbers", "self.finite(self._future(y, x_history))", "self._future(y, x_history)"),
+    ),
 ]  # fmt: skip

@@ -54,7 +54,7 @@ MUTANTS = [
         "training/model.py", "training/test_model.py",
         ("settings-of-the-copy-for-both", "other = copy.copy(self)", "other = self"),
         ("the-trained-model-changes", "if owners[name] not in self.sampling_groups", "if False"),
-        ("no-sample-is-a-sample", "if count < 1:", "if count < 0:"),
+        ("no-sample-is-a-sample", "is None else samples, 1, MOST", "is None else samples, 0, MOST"),
         ("identities-of-other-windows", "if len(ids) != count:", "if len(ids) > count:"),
         ("a-chunk-overlaps-the-next", "yield slice(first, first + size)", "yield slice(first, first + size + 1)"),
         ("new-networks-draw", "with torch.random.fork_rng([]):", "if True:"),
@@ -63,5 +63,18 @@ MUTANTS = [
     *of(
         "training/loop.py", "training/test_model.py",
         ("held-out-noise-of-each-time", "with seeded(7, 7) as", "with seeded(int(torch.randint(9999, ()))) as"),
+    ),
+    *of(
+        "settings.py", "experiments/test_spoilt_calls.py",
+        ("truth-values-are-numbers", 'None if "bool" in', 'None if "truth" in'),
+        ("numbers-without-a-bottom", "if number < least:", "if False:"),
+        ("numbers-without-a-top", "if most is not None and number > most:", "if False:"),
+        ("texts-as-numbers", "if isinstance(values, str | bytes) or not", "if not"),
+    ),
+    *of(
+        "training/model.py", "experiments/test_spoilt_calls.py",
+        ("settings-that-overflow-unnamed", "if owners[name] in self.sampling_groups]", "if not owners[name]]"),
+        ("identities-unchecked", 'wholes("window_ids", window_ids)', "list(window_ids)"),
+        ("seeds-unchecked", 'else whole("seed", seed)', "else seed"),
     ),
 ]  # fmt: skip

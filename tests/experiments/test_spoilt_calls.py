@@ -1,0 +1,147 @@
+"""Spoilt arguments: each is refused by a ValueError that names it, says what was found and what is expected."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+
+import mwlib as mw
+from mwlib.data.windows import prepare
+from mwlib.synthetic import synthetic_motions
+from tests.sample_settings import two_people, untrained
+
+pytestmark = pytest.mark.usefixtures("unchecked")
+
+
+@pytest.fixture(scope="module")
+def predictor():
+    return untrained()
+
+
+@pytest.fixture(scope="module")
+def clips() -> list[mw.Motion]:
+    return prepare(synthetic_motions(subjects=1)[:2], 10.0)
+
+
+def times(motion: mw.Motion, factor: float) -> mw.Motion:
+    """The same numbers in another unit, or none at all."""
+    return replace(motion, positions=motion.positions * factor, rig=None)
+
+
+def past() -> torch.Tensor:
+    return mw.windows(two_people().train, 6, 14, 9).x_history[:5]
+
+
+NO_NUMBERS = [("1", "'1'"), (1.0, "1.0"), (1.5, "1.5"), (True, "True"), (float("nan"), "nan"), ([1], r"\[1\]"), (2j, "2j")]
+SEEDS = [(value, f"seed is {found}.*; expected a whole number, at least 0") for value, found in NO_NUMBERS] + [
+    (-1, "seed is -1; expected at least 0"),
+    (np.float32(1), "seed is float32 of shape .*; expected a whole number"),
+    (np.bool_(True), "seed is .*; expected a whole number"),
+    (torch.tensor(True), "seed is Tensor of shape .*; expected a whole number"),
+]
+SAMPLES = [(value, f"samples is {found}.*; expected a whole number, at least 1") for value, found in NO_NUMBERS]
+SAMPLES += [(0, "samples is 0; expected at least 1"), (-3, "samples is -3; expected at least 1")]
+SAMPLES += [(10**12, "samples is 10{12}; expected at most 100000"), (10**40, r"samples is 1e\+40; expected at most 100000")]
+SOURCES = {
+    "none": (lambda clips: None, "source is None; expected Motions, Windows or a tensor"),
+    "number": (lambda clips: 5, "source is 5; expected Motions"),
+    "text": (lambda clips: "walk", "source is 'walk'; expected Motions"),
+    "lists": (lambda clips: [[0.0] * 48], r"source holds \['list'\]; expected Motions"),
+    "nothing": (lambda clips: [], "source holds nothing; expected Motions"),
+    "with none": (lambda clips: [*clips, None], r"source holds \['Motion', 'NoneType'\]; expected Motions"),
+    "objects": (lambda clips: past().numpy().astype(object), "source is an array of object; expected real numbers"),
+    "texts": (lambda clips: past().numpy().astype(str), "source is an array of <U.*; expected real numbers"),
+    "complex": (lambda clips: past().to(torch.complex64), "source is a tensor of torch.complex64.*; expected a dense one"),
+    "bool": (lambda clips: past() > 0, "source is a tensor of torch.bool.*; expected a dense one"),
+    "sparse": (lambda clips: past().to_sparse(), "source is a tensor of .*torch.sparse_coo; expected a dense one"),
+    "meta": (lambda clips: past().to("meta"), "source is a tensor without numbers, on the device meta; expected a dense one"),
+    "frames": (lambda clips: past()[:, :5], r"x_history has shape \(5, 5, 48\); expected \(N, 6, 48\)"),
+    "two dimensions": (lambda clips: past()[0], r"x_history has shape \(6, 48\); expected \(N, 6, 48\)"),
+    "no windows": (lambda clips: past()[:0], "there are no windows"),
+    "inf": (lambda clips: past().index_fill(0, torch.tensor(3), torch.inf), "x_history of window 3 is not finite; expected met"),
+    "clip nan": (lambda clips: [clips[0], times(clips[1], np.nan)], r"source\[1\] \(.+\) is not finite in frame 0; exp"),
+    "clip of objects": (lambda clips: [replace(clips[0], positions=clips[0].positions.astype(object), rig=None)], "of object"),
+    "mm": (lambda clips: 1000 * past(), r"x_history of window 0 shows a body of 1.+e\+03 m: a person of 1.* if the unit is mm"),
+    "cm": (lambda clips: [clips[0], times(clips[1], 100)], "of window 1 shows a body of 1.. m: .* if the unit is cm"),
+    "small": (lambda clips: 0.1 * past(), r"shows a body of 0.1.* m; expected metres, and a human of 0.5 to 2.5 m"),
+    "one place": (lambda clips: 0 * past(), "shows a body of 0 m; expected metres, and a human"),
+}  # fmt: skip
+OPTIONS = [
+    *[("samples", *row) for row in SAMPLES], *[("seed", *row) for row in SEEDS],
+    ("chunk", 0, "chunk is 0; expected at least 1"), ("chunk", -1, "chunk is -1; expected at least 1"),
+    ("chunk", 2.0, "chunk is 2.0; expected a whole number"), ("chunk", False, "chunk is False; expected a whole number"),
+    ("window_ids", 5, "window_ids is 5; expected several whole numbers"),
+    ("window_ids", "01234", "window_ids is '01234'; expected several"),
+    ("window_ids", [0.5, 1, 2, 3, 4], r"window_ids\[0\] is 0.5; expected a whole number, at least 0"),
+    ("window_ids", [0, 1, None, 3, 4], r"window_ids\[2\] is None; expected a whole number"),
+    ("window_ids", [0, 1, 2, 3, -1], r"window_ids\[4\] is -1; expected at least 0"),
+    ("window_ids", torch.rand(5), r"window_ids\[0\] is Tensor of shape \(\); expected a whole number"),
+    ("window_ids", torch.tensor(3), "window_ids is Tensor of shape .*; expected several"),
+    ("window_ids", range(4), "window_ids has 4 entries for 5 windows"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("source, message", SOURCES.values(), ids=SOURCES)
+def test_predict_refuses_what_no_future_follows_from(predictor, clips, source, message):
+    with pytest.raises(ValueError, match=message):
+        predictor.predict(source(clips), 1)
+
+
+@pytest.mark.parametrize("name, value, message", OPTIONS)
+def test_predict_refuses_numbers_that_are_none(predictor, name, value, message):
+    with pytest.raises(ValueError, match=message):
+        predictor.predict(past(), **{"samples": 1, name: value})
+
+
+def test_predict_takes_numbers_of_any_library_and_a_single_motion(predictor, clips):
+    x, ids = past(), [4, 3, 2, 1, 0]
+    expected = predictor.predict(x, 2, 7, window_ids=ids)
+    for kind in (torch.tensor, np.array, tuple):
+        assert torch.equal(predictor.predict(x, np.int64(2), torch.tensor(7), window_ids=kind(ids), chunk=np.int32(9)), expected)
+    assert torch.equal(predictor.predict(clips[0], 2), predictor.predict(clips[:1], 2))
+    for same in (x.double(), x.numpy().astype(np.float64)):
+        assert torch.equal(predictor.predict(same, 2, 7, window_ids=ids), expected)
+
+
+def test_samples_that_overflow_are_refused_with_the_settings(predictor):
+    hot = predictor.with_sampling(guidance_weight=1e30)
+    with pytest.raises(
+        ValueError, match=r"samples are not finite: .*guidance_weight=1e\+30.*; expected such as keep them finite"
+    ):
+        hot.predict(past(), 1)
+
+
+WINDOWS = [
+    *[(name, -5, f"{name} is -5; expected at least 1") for name in ("history", "future", "stride")],
+    *[(name, 0, f"{name} is 0; expected at least 1") for name in ("history", "future", "stride")],
+    *[(name, 0.5, f"{name} is 0.5; expected a whole number, at least 1") for name in ("history", "future", "stride")],
+    ("stride", True, "stride is True; expected a whole"), ("future", 10**30, r"future is 1e\+30; expected at most 1000000"),
+    ("motions", None, "motions is None; expected Motions"), ("motions", [], "motions holds nothing; expected Motions"),
+    ("motions", [None], r"motions holds \['NoneType'\]; expected Motions"),
+    ("motions", np.zeros((40, 17, 3)), r"motions is ndarray of shape \(40, 17, 3\); expected Motions"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("name, value, message", WINDOWS)
+def test_windows_refuses_what_cannot_be_cut(clips, name, value, message):
+    with pytest.raises(ValueError, match=message):
+        mw.windows(**{"motions": clips, "history": 6, "future": 14, "stride": 5, name: value})
+
+
+def test_windows_refuses_places_that_are_no_numbers_and_takes_one_motion(clips):
+    bad = times(clips[1], 1.0)
+    bad.positions[7, 3, 1] = np.nan
+    with pytest.raises(ValueError, match=r"motions\[1\] \(.+\) is not finite in frame 7; expected metres"):
+        mw.windows([clips[0], bad], 6, 14, 5)
+    assert torch.equal(mw.windows(clips[0], 6, 14, 5).x, mw.windows(clips[:1], 6, 14, 5).x)
+
+
+def test_windows_names_the_clips_that_are_too_short(clips):
+    short = [replace(clips[0].cut(0, 20), name=f"short {n}") for n in range(7)]
+    with pytest.warns(
+        UserWarning, match=r"7 of 8 clips give no window.*longer than 20 frames.*short 0 \(20 frames\).*4 .*, \.\.\.;"
+    ):
+        assert set(mw.windows([clips[0], *short], 6, 14, 5).clip.tolist()) == {0}
