@@ -7,7 +7,7 @@ import json
 import math
 import operator
 import types
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, fields, replace
 from functools import cache
 from itertools import chain
@@ -109,8 +109,8 @@ class Settings:
     def _unknown(self, name: str) -> str:
         if name in self.renamed:
             return f"{name!r} is not a setting any more; it is now called {self.renamed[name]!r}"
-        near = difflib.get_close_matches(name, self.owners(), n=1)
-        hint = f"did you mean {near[0]!r}? Valid ones" if near else "valid ones"
+        match = difflib.get_close_matches(name, self.owners(), n=1)
+        hint = f"did you mean {match[0]!r}? Valid ones" if match else "valid ones"
         return f"unknown setting {name!r}; {hint}: {', '.join(sorted(self.owners()))}"
 
     def get(self, name: str) -> Any:
@@ -155,7 +155,8 @@ class Settings:
         """Read what `to_yaml` wrote; groups or fields left out keep their defaults.
 
         Raises:
-            ValueError: the text is not of this system, was written by a former version, or holds an unknown field or a bad value.
+            ValueError: the text is not of this system, was written by a former version, or holds an unknown field, one
+                twice, or a bad value.
         """
         tree = read_tree(source)
         if tree.pop("system") != cls.system:
@@ -177,17 +178,70 @@ def _hints(kind: type) -> dict[str, Any]:
     return get_type_hints(kind, include_extras=True)
 
 
+class Written(dict[Any, Any]):
+    """A mapping read from YAML that knows in which line it begins, and which line each key stands in."""
+
+    def __init__(self, tree: Mapping[Any, Any] = types.MappingProxyType({}), line: int = 0) -> None:
+        super().__init__(tree)
+        self.line = line
+        self.lines: dict[Any, int] = {}
+
+
+class _TwiceError(yaml.YAMLError):
+    """A key stands in a mapping twice."""
+
+
+class _Loader(yaml.SafeLoader):
+    """Reads plain YAML; mappings become `Written`, and a key that one of them has twice is refused."""
+
+    def compose_mapping_node(self, anchor: Any) -> Any:
+        node, first = super().compose_mapping_node(anchor), {}
+        for key, _ in node.value:  # as written: what << brings comes later, and a mapping's own keys win over it
+            line, name = key.start_mark.line + 1, (key.tag, str(key.value))
+            if name in first:
+                raise _TwiceError(f"line {line}: {key.value!r} is already in line {first[name]}; expected each key once")
+            first[name] = line
+        return node
+
+
+def _written(loader: yaml.SafeLoader, node: yaml.MappingNode) -> Iterator[Written]:
+    found = Written(line=node.start_mark.line + 1)
+    yield found  # so that an alias inside it may name it
+    found.update(loader.construct_mapping(node))
+    found.lines |= {loader.construct_object(key, deep=True): key.start_mark.line + 1 for key, _ in node.value}
+
+
+_Loader.add_constructor("tag:yaml.org,2002:map", _written)
+
+
+def read_yaml(source: str | Path) -> Any:
+    """What a YAML file or text holds; mappings know their lines, see `Written`.
+
+    Raises:
+        FileNotFoundError: there is no such file.
+        ValueError: it is not YAML, or a mapping has a key twice; the message names the file and the line.
+    """
+    try:
+        return yaml.load(source.read_text(encoding="utf-8") if isinstance(source, Path) else source, _Loader)  # noqa: S506
+    except _TwiceError as error:
+        raise ValueError(f"{_place(source)}, {error}") from None
+    except (yaml.YAMLError, RecursionError, ValueError) as error:
+        raise ValueError(f"{_place(source)} is not YAML: {' '.join(str(error).split())}") from None
+
+
+def near(found: object, known: Iterable[str]) -> str:
+    """A hint at the known name that may be meant: " (did you mean 'rows'?)", or nothing."""
+    match = difflib.get_close_matches(str(found), [*known], n=1)
+    return f" (did you mean {match[0]!r}?)" if match else ""
+
+
 def read_tree(source: str | Path) -> dict[str, Any]:
     """A configuration file or text as a mapping that names its system.
 
     Raises:
-        ValueError: it is not YAML, not a mapping, or names no system, as files of versions before 0.2 do not.
+        ValueError: it is not YAML, has a key twice, is no mapping, or names no system, as files of versions before 0.2 do not.
     """
-    text = source.read_text(encoding="utf-8") if isinstance(source, Path) else source
-    try:
-        tree = yaml.safe_load(text)
-    except yaml.YAMLError as error:
-        raise ValueError(f"{_place(source)} is not YAML: {str(error).splitlines()[0]}") from None
+    tree = read_yaml(source)
     if not isinstance(tree, dict):
         raise ValueError(f"{_place(source)} holds {str(tree)[:40]!r}; expected a mapping with system and groups of settings")
     if "system" not in tree:
@@ -315,9 +369,7 @@ def _article(kind: type | types.GenericAlias) -> str:
 
 def _check_choice(name: str, value: Any, choices: Sequence[Any]) -> None:
     if value not in choices:
-        near = difflib.get_close_matches(str(value), choices, n=1)
-        hint = f" (did you mean {near[0]!r}?)" if near else ""
-        raise ValueError(f"{name} is {value!r}; expected one of {', '.join(choices)}{hint}")
+        raise ValueError(f"{name} is {value!r}; expected one of {', '.join(choices)}{near(value, choices)}")
 
 
 def _check_rule(name: str, value: Any, rule: Any) -> None:

@@ -157,6 +157,8 @@ def test_yaml_goes_there_and_back(tmp_path):
         ("system: house\nkitchen: {warmth: 3}", "it is now called 'heat'"),
         ("- 1", "expected a mapping with system and groups"),
         ("{", "is not YAML"),
+        ("system: house\nkitchen: {plates: 6}\nkitchen: {}", "line 3: 'kitchen' is already in line 2; expected each key once"),
+        ("system: house\nkitchen:\n  plates: 6\n  plates: 7", "line 4: 'plates' is already in line 3; expected each key once"),
     ],
 )
 def test_files_that_do_not_fit_are_refused_with_their_place(tmp_path, text, message):

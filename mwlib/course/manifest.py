@@ -8,9 +8,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-import yaml
-
 from mwlib.course.notebooks import ROOT
+from mwlib.settings import read_yaml
 
 MANIFEST = ROOT / "figures" / "manifest.yaml"
 FILES = {"figure": ("png", "pdf", "csv", "txt", "json"), "table": ("csv", "json")}
@@ -51,13 +50,10 @@ def read_manifest(path: Path = MANIFEST) -> list[Exhibit]:
     """All exhibits, in the order of the file.
 
     Raises:
-        ValueError: a row lacks a field, has an unknown one or a value that is not allowed; the message names
+        ValueError: a row lacks a field, has an unknown one, one twice, or a value that is not allowed; the message names
             the file and every such row.
     """
-    try:
-        tree = yaml.safe_load(path.read_text(encoding="utf-8")) or {}
-    except yaml.YAMLError as error:
-        raise ValueError(f"{path} is not YAML: {' '.join(str(error).split())}") from None
+    tree = read_yaml(path) or {}
     rows = tree.get("exhibits", []) if isinstance(tree, dict) else None
     if not isinstance(rows, list) or not all(isinstance(row, dict) for row in rows):
         raise ValueError(f"{path} holds {str(tree)[:40]!r}; expected exhibits: a list of mappings")

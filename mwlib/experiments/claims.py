@@ -13,12 +13,11 @@ from importlib import resources
 from pathlib import Path
 from typing import Any
 
-import yaml
-
 from mwlib.experiments.grids import expect_fields, read_grids
 from mwlib.experiments.results import committed_folder, read_table
 from mwlib.paths import course_folder
 from mwlib.plots.tables import significant
+from mwlib.settings import read_yaml
 
 KINDS = ("holds", "does not hold here", "depends on the reading", "cannot be tested here")  # of verdicts
 WITH_A_REASON = KINDS[2:]
@@ -264,14 +263,11 @@ def read_claims(path: Path | None = None) -> list[Claim]:
 
     Raises:
         FileNotFoundError: there is no such file.
-        ValueError: something lacks a field or has an unknown one, a verdict is none, or a claim has no evidence; the message
-            names file and claim, what was found and what was expected.
+        ValueError: something lacks a field, has an unknown one or one twice, a verdict is none, or a claim has no evidence; the
+            message names file and claim, what was found and what was expected.
     """
     path = claims_file() if path is None else Path(path)
-    try:
-        tree = yaml.safe_load(path.read_text(encoding="utf-8"))
-    except yaml.YAMLError as error:
-        raise ValueError(f"{path} is not YAML: {' '.join(str(error).split())}") from None
+    tree = read_yaml(path)
     if not isinstance(tree, dict) or not isinstance(tree.get("claims"), list):
         raise ValueError(f"{path} holds {str(tree)[:40]!r}; expected a mapping with a list under 'claims'")
     found = []

@@ -4,16 +4,14 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Collection, Mapping
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
-
-import yaml
+from typing import Any, NamedTuple
 
 from mwlib.experiments.systems import system
 from mwlib.paths import course_folder
-from mwlib.settings import Settings
+from mwlib.settings import Settings, Written, near, read_yaml
 
 NAME = re.compile(r"[a-z0-9_]+")
 
@@ -106,17 +104,19 @@ def read_grids(path: Path | None = None) -> dict[str, Grid]:
 
     Raises:
         FileNotFoundError: there is no such file.
-        ValueError: the file holds no grids; a grid or row lacks a field or has an unknown one or one of the wrong kind, two rows
-            share a name, or a change is not a valid setting; the message names the file and the place.
+        ValueError: the file holds no grids, a key twice or an unknown one; a grid, row or budget lacks a field, or one holds
+            what it must not; two rows share a name; budgets do not rise; the paper's number is of no metric of the system; or a
+            change, of a row or a budget, is not a valid setting. The message names the file, the line and the place.
     """
     path = grids_file() if path is None else Path(path)
-    try:
-        tree = yaml.safe_load(path.read_text(encoding="utf-8"))
-    except yaml.YAMLError as error:
-        raise ValueError(f"{path} is not YAML: {' '.join(str(error).split())}") from None
-    if not isinstance(tree, dict) or not isinstance(tree.get("grids", {}), dict):
+    tree = read_yaml(path)
+    for name in tree if isinstance(tree, Written) else ():
+        if name != "grids" and not str(name).startswith("x-"):
+            place = _Place(path, "the top").of(tree, name)
+            raise ValueError(f"{place} has {name!r}; expected grids, or x- and any name{near(name, ['grids'])}")
+    if not isinstance(tree, Written) or not isinstance(tree.get("grids"), Written):
         raise ValueError(f"{path} holds {str(tree)[:40]!r}; expected a mapping with grids by id")
-    return {name: _grid(f"{path}: {name}", name, body) for name, body in tree.get("grids", {}).items()}
+    return {name: _grid(_Place(path, str(name)).of(tree["grids"], name), name, body) for name, body in tree["grids"].items()}
 
 
 def read_grid(name: str, path: Path | None = None) -> Grid:
@@ -131,63 +131,132 @@ def read_grid(name: str, path: Path | None = None) -> Grid:
     return known[name]
 
 
+class _Place(NamedTuple):
+    """Where something stands: what messages begin with."""
+
+    file: Path
+    words: str
+    line: int = 0  # 0 = not known
+
+    def __str__(self) -> str:
+        return f"{self.file}{f', line {self.line}' if self.line else ''}: {self.words}"
+
+    def of(self, found: Any, name: object = None, words: str = "") -> _Place:
+        """A part: the line of a key, or else where the mapping begins; words are added after a comma."""
+        found = found if isinstance(found, Written) else Written()
+        line = found.lines.get(name) or found.line or self.line
+        return _Place(self.file, ", ".join(filter(None, (self.words, words))), line)
+
+
+def _is(*types: type) -> Callable[[Any], bool]:
+    return lambda value: isinstance(value, types) and (bool in types or not isinstance(value, bool))
+
+
+def _within(low: float, *types: type) -> Callable[[Any], bool]:
+    """Of one of these types, more than low, and finite."""
+    return lambda value: _is(*types)(value) and low < value < float("inf")
+
+
 # What a field of the file may hold; the first entry of a pair is what a message calls it.
-MAPPING, LIST, TEXT = ("a mapping", (dict, type(None))), ("a list", (list,)), ("a text", (str,))
-TRUTH = ("true or false", (bool,))
-NUMBER, COUNT = ("a number", (int, float)), ("a whole number", (int, type(None)))
+MAPPING, LIST, TEXT = ("a mapping", _is(dict, type(None))), ("a list", _is(list)), ("a text", _is(str))
+TRUTH, NUMBER = ("true or false", _is(bool)), ("a finite number", _within(float("-inf"), int, float))
+POSITIVE, COUNT = ("a number above 0, finite", _within(0, int, float)), ("a whole number from 1", _within(0, int))
 GRID = {"title": TEXT, "rows": LIST, "system": TEXT, "paper": TEXT, "notebook": TEXT, "trains": TRUTH,
-        "base": MAPPING, "budgets": LIST, "reference": TEXT}  # fmt: skip
-ROW = {"name": ("a name", (str, int, float)), "set": MAPPING, "paper": MAPPING, "seeds": COUNT}
-BUDGET = {"until": NUMBER, "seeds": ("a whole number", (int,)), "share": NUMBER, "set": MAPPING, "trains": TRUTH}
+        "unmeasured": LIST, "base": MAPPING, "budgets": LIST, "reference": TEXT}  # fmt: skip
+ROW = {"name": ("a name", _is(str, int, float)), "set": MAPPING, "paper": MAPPING,
+       "seeds": (COUNT[0], lambda value: value is None or COUNT[1](value))}  # fmt: skip
+BUDGET = {"until": POSITIVE, "seeds": COUNT, "share": POSITIVE, "set": MAPPING, "trains": TRUTH}
 
 
-def _grid(where: str, name: str, body: dict[str, Any]) -> Grid:
+def _grid(where: _Place, name: str, body: Any) -> Grid:
     if not isinstance(name, str) or not NAME.fullmatch(name):
         raise ValueError(f"{where}: the id is {name!r}; expected lower-case letters, digits and underscores")
     _check(where, body, {"title", "rows"}, GRID)
-    rows = []
-    for number, row in enumerate(body["rows"], 1):
-        _check(f"{where}, row {number}", row, {"name"}, ROW)
-        rows.append(Row(str(row["name"]), row.get("set") or {}, row.get("paper") or {}, row.get("seeds")))
+    try:
+        kind = system(body.get("system", "prediction"))
+    except ValueError as error:
+        raise ValueError(f"{where.of(body, 'system')}: {error}") from None
+    metrics = [*kind.METRICS, *getattr(kind, "DETAILS", {}), *map(str, body.get("unmeasured", ()))]
+    plain, base = kind.Config(), body.get("base") or {}
+    rows = [_row(where.of(body, "rows", f"row {n}"), row, metrics) for n, row in enumerate(body["rows"], 1)]
     if not rows or len({row.name for row in rows}) < len(rows):
         raise ValueError(f"{where}: {'two rows have the same name' if rows else 'there are no rows'}; expected different ones")
-    budgets = []
-    for budget in body.get("budgets", ()):
-        _check(f"{where}, budgets", budget, {"until", "seeds"}, BUDGET)
-        shared = (budget.get("share", 1.0), budget.get("set") or {}, budget.get("trains"))
-        budgets.append(Budget(budget["until"], budget["seeds"], *shared))
+    for row, read in zip(rows, body["rows"], strict=True):
+        _fit(where.of(read, words=f"row {row.name!r}"), plain, base, read.get("set") or {})
+    budgets: list[Budget] = []
+    for number, read in enumerate(body.get("budgets", ()), 1):
+        place = where.of(body, "budgets").of(read, words=f"budget {number}")
+        budgets.append(_budget(place, read, budgets))
+        row = next((row for row in rows if not {*row.changes} & {*budgets[-1].changes}), rows[0])
+        _fit(place, plain, read.get("set") or {}, base, row.changes)  # in the order of `changes`
     grid = Grid(
         name, body.get("system", "prediction"), body["title"], body.get("paper", ""), body.get("notebook", ""),
-        bool(body.get("trains")), body.get("base") or {}, tuple(rows), tuple(budgets), body.get("reference") or rows[0].name,
+        bool(body.get("trains")), dict(base), tuple(rows), tuple(budgets), body.get("reference") or rows[0].name,
     )  # fmt: skip
     if grid.reference not in {row.name for row in rows}:
-        raise ValueError(f"{where}: reference is {grid.reference!r}; expected the name of a row")
-    for row in rows:
-        try:
-            system(grid.system).Config().override(**{**grid.base, **row.changes})
-        except (TypeError, ValueError) as error:
-            raise ValueError(f"{where}, row {row.name!r}: {error}") from None
+        known = [row.name for row in rows]
+        raise ValueError(
+            f"{where.of(body, 'reference')}: reference is {grid.reference!r}; "
+            f"expected the name of a row{near(grid.reference, known)}"
+        )
     return grid
 
 
-def expect_fields(where: str, found: Any, needed: set[str], allowed: set[str]) -> None:
+def _row(where: _Place, row: Any, metrics: Collection[str]) -> Row:
+    _check(where, row, {"name"}, ROW)
+    paper = row.get("paper") or {}
+    for name, value in paper.items():
+        if name not in metrics:
+            raise ValueError(
+                f"{where.of(paper, name)}: paper has {name!r}; expected some of {', '.join(metrics)}{near(name, metrics)}"
+            )
+        if not NUMBER[1](value):
+            raise ValueError(f"{where.of(paper, name)}: {name} of the paper is {value!r}; expected {NUMBER[0]}")
+    return Row(str(row["name"]), dict(row.get("set") or {}), dict(paper), row.get("seeds"))
+
+
+def _budget(where: _Place, body: Any, before: Sequence[Budget]) -> Budget:
+    _check(where, body, {"until", "seeds"}, BUDGET)
+    if before and body["until"] <= before[-1].until:
+        raise ValueError(
+            f"{where.of(body, 'until')}: until is {body['until']}; expected more than the {before[-1].until} of the one before"
+        )
+    return Budget(body["until"], body["seeds"], body.get("share", 1.0), dict(body.get("set") or {}), body.get("trains"))
+
+
+def _fit(where: _Place, plain: Settings, *parts: Mapping[str, Any]) -> None:
+    """Refuse settings that the configuration does not take, the last of each name; the line is that of the one it names."""
+    try:
+        plain.override(**{name: value for part in parts for name, value in part.items()})
+    except (TypeError, ValueError) as error:
+        for part in parts:
+            for name in part:
+                if str(error).startswith((f"{name} is ", f"unknown setting {name!r}", f"{name!r} is ")):
+                    where = where.of(part, name)
+        raise ValueError(f"{where}: {error}") from None
+
+
+def expect_fields(where: object, found: Any, needed: set[str], allowed: set[str]) -> None:
     """Refuse what was read from YAML if it is no mapping, lacks a field or has an unknown one.
 
     Raises:
         ValueError: the message names the place, what was found and what was expected.
     """
     if not isinstance(found, dict) or not needed <= {*found} <= needed | allowed:
+        known = needed | allowed
+        meant = [near(name, known) for name in found if name not in known] if isinstance(found, dict) else []
         raise ValueError(f"{where} has {sorted(map(str, found)) if isinstance(found, dict) else found}; expected "
-                         f"{sorted(needed)}, and any of {sorted(allowed)}")  # fmt: skip
+                         f"{sorted(needed)}, and any of {sorted(allowed)}{''.join(meant[:1])}")  # fmt: skip
 
 
-def _check(where: str, found: Any, needed: set[str], fields: Mapping[str, tuple[str, tuple[type, ...]]]) -> None:
-    """Refuse what lacks a field, has an unknown one, or one of the wrong kind."""
-    expect_fields(where, found, needed, {*fields} - needed)
+def _check(where: _Place, found: Any, needed: set[str], fields: Mapping[str, tuple[str, Callable[[Any], bool]]]) -> None:
+    """Refuse what lacks a field, has an unknown one, or one that holds what it must not."""
+    unknown = [name for name in found if name not in fields] if isinstance(found, dict) else []
+    expect_fields(where.of(found, unknown[0] if unknown else None), found, needed, {*fields} - needed)
     for name, value in found.items():
-        kind, types = fields[name]
-        if not isinstance(value, types) or (isinstance(value, bool) and bool not in types):
-            raise ValueError(f"{where}: {name} is {value!r}; expected {kind}")
+        kind, fits = fields[name]
+        if not fits(value):
+            raise ValueError(f"{where.of(found, name)}: {name} is {value!r}; expected {kind}")
 
 
 def changes(grid: Grid, row: Row, cfg: Settings, given: Collection[str] = ()) -> dict[str, Any]:

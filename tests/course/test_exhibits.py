@@ -63,10 +63,10 @@ def test_manifest_names_what_is_wrong(tmp_path, rows, message):
         read_manifest(path)
 
 
-@pytest.mark.parametrize("text", ["- a", "exhibits: {a: 1}", "exhibits: [a]", "a: ]"])
+@pytest.mark.parametrize("text", ["- a", "exhibits: {a: 1}", "exhibits: [a]", "a: ]", "exhibits: []\nexhibits: []"])
 def test_a_manifest_that_is_none_is_told(tmp_path, text):
     (tmp_path / "manifest.yaml").write_text(text)
-    with pytest.raises(ValueError, match=r"manifest\.yaml (holds|is not YAML)"):
+    with pytest.raises(ValueError, match=r"manifest\.yaml( holds| is not YAML|, line 2: 'exhibits' is already)"):
         read_manifest(tmp_path / "manifest.yaml")
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 
 import numpy as np
@@ -59,7 +60,7 @@ def test_the_papers_grids_are_complete():
         ({"rows": [{"name": "a"}, {"name": "a"}]}, "two rows have the same name"),
         ({"rows": [{"set": {}}]}, "row 1 has"),
         ({"seeds": 3}, "bases has"),
-        ({"budgets": [{"seeds": 3}]}, "budgets has"),
+        ({"budgets": [{"seeds": 3}]}, "bases, budget 1 has"),
         ({"rows": 5}, "rows is 5; expected a list"),
         ({"rows": []}, "there are no rows"),
         ({"rows": [3]}, "row 1 has 3"),
@@ -77,7 +78,74 @@ def test_a_grid_that_does_not_fit_is_refused(tmp_path, parts, message):
         read_grids(write(tmp_path, **parts))
 
 
-@pytest.mark.parametrize("text", ["- table_4", "grids: [table_4]", "grids: ]"])
+IN_LINES = "grids:\n  a:\n    title: t\n    rows:\n      - {{ name: one{row} }}\n{rest}"
+BUDGETS = "    budgets:\n      - {{ seeds: 1, {} }}\n"
+
+
+@pytest.mark.parametrize(
+    "row, rest, message",
+    [
+        (", set: { eta: 0.5, eta: 0.9 }", "", "line 5: 'eta' is already in line 5; expected each key once"),
+        ("", "  a: { title: u, rows: [{ name: two }] }\n", "line 6: 'a' is already in line 2; expected each key once"),
+        ("", "grid: {}\n", "line 6: the top has 'grid'; expected grids, or x- and any name (did you mean 'grids'?)"),
+        (", paper: { adee: 0.3 }", "", "line 5: a, row 1: paper has 'adee'; expected some of apd, ade, fde"),
+        (", paper: { ade: abc }", "", "line 5: a, row 1: ade of the paper is 'abc'; expected a finite number"),
+        (", paper: { ade: .nan }", "", "line 5: a, row 1: ade of the paper is nan; expected a finite number"),
+        (", paper: { ade: true }", "", "line 5: a, row 1: ade of the paper is True; expected a finite number"),
+        (", seeds: 0", "", "line 5: a, row 1: seeds is 0; expected a whole number from 1"),
+        (", sets: {}", "", "line 5: a, row 1 has ['name', 'sets']; expected ['name'], and any of"),
+        (", set: { wavlet: haar }", "", "line 5: a, row 'one': unknown setting 'wavlet'; did you mean 'wavelet'?"),
+        ("", "    base:\n      lr: 0.1\n      level: two\n", "line 8: a, row 'one': level is 'two'; expected a whole number"),
+        ("", "    budget: []\n", "'trains', 'unmeasured'] (did you mean 'budgets'?)"),
+        ("", "    reference: onne\n", "line 6: a: reference is 'onne'; expected the name of a row (did you mean 'one'?)"),
+        ("", "    system: predicton\n", "line 6: a: system is 'predicton'; expected one of prediction"),
+        ("", BUDGETS.format(""), "line 7: a, budget 1 has ['seeds']; expected ['seeds', 'until'], and any of"),
+        ("", BUDGETS.format("until: 3, seeds: 2"), "line 7: 'seeds' is already in line 7"),
+        ("", BUDGETS.format("until: .nan"), "line 7: a, budget 1: until is nan; expected a number above 0, finite"),
+        ("", BUDGETS.format("until: .inf"), "line 7: a, budget 1: until is inf; expected a number above 0, finite"),
+        ("", BUDGETS.format("until: 3, share: -1.0"), "line 7: a, budget 1: share is -1.0; expected a number above 0, finite"),
+        ("", BUDGETS.format("until: 3, share: 0"), "line 7: a, budget 1: share is 0; expected a number above 0, finite"),
+        ("", "    budgets: [{ until: 3, seeds: -1 }]\n", "line 6: a, budget 1: seeds is -1; expected a whole number from 1"),
+        (
+            "",
+            BUDGETS.format("until: 3, set: { tranesteps: 3 }"),
+            "line 7: a, budget 1: unknown setting 'tranesteps'; did you mean",
+        ),
+        ("", BUDGETS.format("until: 3, set: { batch: 0 }"), "line 7: a, budget 1: batch is 0; expected at least 1"),
+        (
+            "",
+            BUDGETS.format("until: 5000") + "      - { until: 5000, seeds: 1 }\n",
+            "line 8: a, budget 2: until is 5000; expected more than the 5000 of the one before",
+        ),
+    ],
+)
+def test_what_cannot_be_meant_is_refused_with_its_line(tmp_path, row, rest, message):
+    file = tmp_path / "grids.yaml"
+    file.write_text(IN_LINES.format(row=row, rest=rest))
+    with pytest.raises(ValueError, match=re.escape(message)) as told:
+        read_grids(file)
+    assert str(told.value).startswith(str(file))
+
+
+def test_the_papers_other_numbers_are_named(tmp_path):
+    """What a grid's system does not measure is kept where the grid says so; a merged key may be said again."""
+    file = tmp_path / "grids.yaml"
+    row = ", set: { <<: &lower { level: 1, wavelet: haar }, level: 2 }, paper: { rmse: 0.5 }"
+    file.write_text(IN_LINES.format(row=row, rest="    unmeasured: [rmse]\n"))
+    (found,) = read_grids(file)["a"].rows
+    assert (found.paper, found.changes) == ({"rmse": 0.5}, {"level": 2, "wavelet": "haar"})
+    assert type(found.changes) is dict, "as YAML writes it"
+
+
+def test_a_setting_of_a_budget_is_judged_with_the_rows(tmp_path):
+    """Settings that must fit each other may stand in different places."""
+    file = tmp_path / "grids.yaml"
+    parts = ", set: { steps: 20, ddim_steps: 15 }", BUDGETS.format("until: 3, set: { steps: 10 }")
+    file.write_text(IN_LINES.format(row=parts[0], rest=parts[1]))
+    assert read_grids(file)["a"].budgets[0].changes == {"steps": 10}, "the row's own steps count"
+
+
+@pytest.mark.parametrize("text", ["- table_4", "grids: [table_4]", "grids: ]", "{}", "x-a: 1", "[" * 3000])
 def test_a_file_without_grids_is_told(tmp_path, text):
     (tmp_path / "grids.yaml").write_text(text)
     with pytest.raises(ValueError, match=r"grids\.yaml (holds|is not YAML)"):

@@ -147,10 +147,13 @@ def test_a_claim_without_its_parts_is_refused(tmp_path, claim, message):
         read_claims(write(tmp_path, claim))
 
 
-@pytest.mark.parametrize("text, message", [("claims: {a: 1}", "expected a mapping with a list"), ("a: ]", "is not YAML")])
+@pytest.mark.parametrize(
+    "text, message",
+    [("claims: {a: 1}", "expected a mapping with a list"), ("a: ]", "is not YAML"), ("a: 1\na: 2", "line 2: 'a' is already")],
+)
 def test_a_file_that_holds_no_claims_is_told(tmp_path, text, message):
     (tmp_path / "claims.yaml").write_text(text, encoding="utf-8")
-    with pytest.raises(ValueError, match=rf"claims\.yaml .*{message}|claims\.yaml {message}"):
+    with pytest.raises(ValueError, match=rf"claims\.yaml,? .*{message}|claims\.yaml,? {message}"):
         read_claims(tmp_path / "claims.yaml")
 
 

@@ -110,7 +110,6 @@ class Collection:
         unit: in which files of that skeleton usually are; "" if they say it.
         file_name: what the name of a file says: subject, action.
         preset, fps: the name by which presets and `load_motions` know it, and the rate that goes with that name.
-        people: who trains and tests by convention, as settings.
         protocol: how papers cut it into windows, if otherwise than Human3.6M.
         acknowledgement: what its owners want said beside any result on it.
         steps: how people get it, where no program may download it.
