@@ -19,7 +19,7 @@ from mwlib.body.skeleton import H36M17
 from mwlib.data.collections import COLLECTIONS, h36m, named_source
 from mwlib.data.collections.record import Protocol
 from mwlib.data.load import caller_says, find_source, motion_files, readings
-from mwlib.data.meaning import ADULT, UPRIGHT, Reading, Stated, clips_row, height, standing
+from mwlib.data.meaning import ADULT, UPRIGHT, Reading, Stated, clips_row, height, rows_without_files, standing, told_alone
 from mwlib.data.mirroring import unmirrored
 from mwlib.data.untrusted import MotionFormatError, bare_suffix
 from mwlib.data.windows import windows
@@ -199,7 +199,7 @@ class Clip(NamedTuple):
 
 
 class Check(NamedTuple):
-    """A report on motions, whether every file could be read, and the clips."""
+    """A report on motions, whether every file could be read and every row of a clips.csv has one, and the clips."""
 
     report: str
     is_whole: bool
@@ -231,7 +231,7 @@ def check_data(
         FileNotFoundError: there is no such path.
         ValueError: an argument makes no sense.
     """
-    clips, broken = _read(source, **stated)
+    clips, broken, alone = _read(source, **stated)
     kinds: dict[tuple, list[Clip]] = {}
     for clip in clips:
         kinds.setdefault(_kind(clip), []).append(clip)
@@ -244,30 +244,31 @@ def check_data(
         lines += [*_describe(motions, protocol, _files(group[0])), *_known_frames(group), *_known_windows(motions), ""]
         short += _left_out([(clip.name, clip.reading.motion) for clip in group], protocol)
     doubts = _doubts([(clip.name, clip.reading) for clip in clips])
-    lines += _list("left out of training", [*short, *broken]) + _list("looks wrong", doubts)
+    lines += _list("left out of training", [*short, *dict.fromkeys(broken)]) + _list("looks wrong", [*alone, *doubts])
     lines += [f"{len(broken)} files cannot be read" if broken else "every file could be read"]
-    return Check("\n".join(lines), not broken, clips)
+    return Check("\n".join(lines), not broken and not alone, clips)
 
 
-def _read(source: str | Path, **stated) -> tuple[list[Clip], list[str]]:
-    """Every clip, and the errors of the files that have none."""
+def _read(source: str | Path, **stated) -> tuple[list[Clip], list[str], list[str]]:
+    """Every clip, the errors of the files that have none, and what is said of rows of a clips.csv without files."""
     given = caller_says(**stated)
     source, _ = named_source(source)
     if source == "synthetic":
         maker = "the generator"
         made = (Reading(m, Stated(1.0, maker), Stated(m.up, maker), Stated(m.fps, maker)) for m in synthetic_motions())
-        return [Clip(None, reading) for reading in made], []
+        return [Clip(None, reading) for reading in made], [], []
     clips, broken = [], []
     try:
         files = motion_files(find_source(source))
     except MotionFormatError as error:
-        return [], [str(error)]
+        return [], [str(error)], []
     for file in files:
         try:
             clips += [Clip(file, reading) for reading in readings(file, **given)]
         except MotionFormatError as error:
             broken.append(str(error))
-    return clips, broken
+    alone = [told_alone(table, rows, files) for table, rows in rows_without_files(files).items()]
+    return clips, broken, alone
 
 
 def _files(clip: Clip) -> str:

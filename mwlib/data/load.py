@@ -20,7 +20,7 @@ from mwlib.body.skeleton import Skeleton
 from mwlib.data.collections import NAMED_SOURCES, SKELETONS, named_source
 from mwlib.data.collections.cmu import BENCHMARK_COLUMNS
 from mwlib.data.formats.humanml import FEATURES, is_features, read_features, without_features
-from mwlib.data.meaning import Given, Hints, Reading, check_size, check_up, hints, metres_per_unit
+from mwlib.data.meaning import Given, Hints, Reading, check_size, check_up, hints, metres_per_unit, rows_without_files, told_alone
 from mwlib.data.untrusted import (
     MOST_BYTES,
     BrokenFilesWarning,
@@ -66,7 +66,7 @@ def load_motions(
     files or above supplies true frame rates, units, up-axes, subjects and actions (see `hints.hints`). What the caller says goes
     before clips.csv, that before the file or a skeleton.json beside it, that before what is inferred (see `Hints`). A body of
     no human's size, or one that stands along another axis than the one said to be up, is refused unless `unit` or `up` was
-    stated.
+    stated. Rows of a clips.csv that match no file are told in a warning.
 
     Args:
         source: "synthetic", the name of a preset (its data at its frame rate), or a path; a relative one is looked up in the
@@ -169,6 +169,8 @@ def _read(path: Path, given: Given, strict: bool) -> list[Motion]:
     if not path.is_dir():
         return read_motion_file(path, **given)
     files = motion_files(path)
+    for table, alone in rows_without_files(files).items():
+        warnings.warn(told_alone(table, alone, files), BrokenFilesWarning, stacklevel=3)
     quiet = len(files) <= MANY_FILES or not sys.stderr.isatty()
     motions: list[Motion] = []
     broken: list[MotionFormatError] = []
@@ -179,6 +181,8 @@ def _read(path: Path, given: Given, strict: bool) -> list[Motion]:
             if strict or len(files) == 1:
                 raise
             broken.append(error)
+    if broken and not motions and len({str(error) for error in broken}) == 1:
+        raise broken[0]
     if broken and not motions:
         raise MotionFormatError(path, "folder", f"no file that can be read:{_reasons(broken)}", "at least one")
     if broken:

@@ -3,7 +3,11 @@
 from __future__ import annotations
 
 import csv
+import difflib
+import os
+import posixpath
 import re
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
@@ -18,7 +22,7 @@ from mwlib.body.kinematics import AXES, bone_lengths
 from mwlib.body.motion import FASTEST, Motion
 from mwlib.body.skeleton import Skeleton
 from mwlib.data.collections import COLLECTIONS
-from mwlib.data.untrusted import PACKED, SMALL_TEXT, MotionFormatError, bare_name, number, read_text
+from mwlib.data.untrusted import PACKED, SMALL_TEXT, MotionFormatError, bare_name, check_names, number, read_text
 
 Value = TypeVar("Value")
 
@@ -255,6 +259,13 @@ def _joints(skeleton: Skeleton, kinds: list[re.Pattern[str]]) -> list[int]:
 LEVELS_UP = 4  # folders above a file in which its clips.csv or skeleton.json may lie
 SLOWEST = 1.0  # frames per second; a rate below looks like milliseconds taken for seconds
 MOST_COLUMNS, MOST_ROWS = 100, 100_000  # of clips.csv; all of CMU are 2435 rows
+# Columns of clips.csv that are read, and those that may stand there as well: notes, and what tables of known collections have.
+COLUMNS = ("file", "fps", "unit", "up", "subject", "action", "content", "description", "frames", "rows", "tpose_frame0")
+MORE_COLUMNS = (
+    "note", "notes", "trial", "take", "split", "style", "dataset", "id", "format", "skeleton", "joints", "columns", "glitch",
+    "duration_s", "file_header_fps", "height_frame0_cm", "max_joint_speed_cm_s", "windows_65_by_40",
+    "matched_cmu_subject_trial", "source_repo", "source_path",
+)  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -302,10 +313,11 @@ def hints(file: Path, **given: Unpack[Given]) -> Hints:
     """Hints for a file: what the caller gave, and its row in the nearest clips.csv that lists it.
 
     clips.csv has a column `file` (relative to its own folder or to one above) and any of fps, unit, up, subject, action (or
-    content).
+    content); more may stand in columns such as notes. Blanks around a cell do not count.
 
     Raises:
-        MotionFormatError: clips.csv is malformed.
+        MotionFormatError: clips.csv is malformed, has an unknown column or one twice, a row without a file, or two rows for
+            one file.
     """
     row, table = clips_row(file)
     place = f"row of {row.get('file')}"
@@ -342,11 +354,63 @@ def clips_row(file: Path) -> tuple[dict[str, str], Path]:
     path = file.resolve()
     for depth, folder in enumerate(path.parents[:LEVELS_UP]):
         table = folder / "clips.csv"
-        rows = _clips(table, table.stat().st_mtime_ns) if table.is_file() else {}
-        for start in range(len(path.parts) - depth - 1, 0, -1):
-            if (key := _key(path.parts[start:])) in rows:
-                return rows[key], table
+        rows = _rows(table) if table.is_file() else {}
+        keys = [_key(path.parts[start:]) for start in range(len(path.parts) - depth - 1, 0, -1)] if rows else []
+        if listed := [rows[key] for key in keys if key in rows]:
+            if len(listed) > 1:
+                found = f"{' and '.join(row['file'] for row in listed)}, which are one file"
+                raise MotionFormatError(table, "table", found, "one row for each file")
+            return listed[0], table
     return {}, path
+
+
+def rows_without_files(files: Sequence[Path]) -> dict[Path, list[str]]:
+    """Rows of the clips.csv beside and above some files that match no file: table -> what they have in the column file.
+
+    A table that cannot be read is passed over: its error is told when a file is read.
+    """
+    folders = {folder for parent in {file.parent for file in files} for folder in _levels(parent.resolve())}
+    found = {}
+    for table in sorted(folder / "clips.csv" for folder in folders):
+        try:
+            rows = _rows(table) if table.is_file() else {}
+        except MotionFormatError:
+            continue
+        if alone := [row["file"] for key, row in rows.items() if not _is_there(key, table.parent)]:
+            found[table] = alone
+    return found
+
+
+def told_alone(table: Path, alone: Sequence[str], files: Sequence[Path], most: int = 12) -> str:
+    """A sentence on rows that match no file, with files that may have been meant."""
+    names, words = {bare_name(file).lower(): os.path.relpath(file.resolve(), table.parent) for file in files}, []
+    for word in alone[:most]:
+        close = difflib.get_close_matches(bare_name(Path(word)).lower(), names, n=1, cutoff=0.9)
+        near = [names[name] for name in close]
+        words.append(repr(word[:80]) + (f" (did you mean {near[0]!r}?)" if near else ""))
+    more = f" and {len(alone) - most} more" if len(alone) > most else ""
+    expected = f"paths from the table's folder or one above, at most {LEVELS_UP - 1} folders deep"
+    return f"{table}: {len(alone)} rows match no file: {', '.join(words)}{more}; expected {expected}"
+
+
+def _levels(folder: Path) -> tuple[Path, ...]:
+    return (folder, *folder.parents)[:LEVELS_UP]
+
+
+def _is_there(key: str, folder: Path) -> bool:
+    """Whether a file is below the folder of a clips.csv whose row is found by this key."""
+    parts, above = tuple(key.split("/")), folder.parts
+    for start in range(len(parts)):
+        inside = parts[start:]
+        if len(inside) <= LEVELS_UP and ".." not in inside and (not start or above[-start:] == parts[:start]):
+            if any(os.path.isfile(str(folder.joinpath(*inside)) + packing) for packing in ("", *PACKED)):
+                return True
+    return False
+
+
+def _rows(table: Path) -> dict[str, dict[str, str]]:
+    state = table.stat()
+    return _clips(table, state.st_mtime_ns, state.st_size)
 
 
 def frame_rate(word: str, file: Path, place: str) -> float:
@@ -368,17 +432,48 @@ def _key(parts: tuple[str, ...]) -> str:
 
 
 @lru_cache(maxsize=16)
-def _clips(table: Path, changed: int) -> dict[str, dict[str, str]]:
-    """Rows of one clips.csv by file; `changed` makes an edited file be read again."""
+def _clips(table: Path, *_state: int) -> dict[str, dict[str, str]]:
+    """Rows of one clips.csv by file; its time and size make an edited file be read again."""
     try:
-        reader = csv.DictReader(read_text(table, SMALL_TEXT).splitlines())
-        if len(columns := reader.fieldnames or ()) > MOST_COLUMNS:
-            raise MotionFormatError(table, "header", f"{len(columns)} columns", f"at most {MOST_COLUMNS}")
-        rows = list(islice(reader, MOST_ROWS + 1))
+        reader = csv.reader(read_text(table, SMALL_TEXT).splitlines())
+        columns = _header(next((cells for cells in reader if any(cells)), []), table)
+        lines = [(reader.line_num, cells) for cells in islice(reader, MOST_ROWS + 1)]
     except csv.Error as error:
         raise MotionFormatError(table, "table", str(error), "comma-separated values with a header line") from error
-    if len(rows) > MOST_ROWS:
+    if len(lines) > MOST_ROWS:
         raise MotionFormatError(table, "table", f"more than {MOST_ROWS} rows", "at most that")
-    if rows and "file" not in rows[0]:
-        raise MotionFormatError(table, "header", f"columns {', '.join(map(str, rows[0]))[:200]}", "a column named file")
-    return {_key(tuple(row["file"].replace("\\", "/").split("/"))): row for row in rows if row["file"]}
+    rows: dict[str, dict[str, str]] = {}
+    first: dict[str, int] = {}
+    for line, cells in lines:
+        cells = [" ".join(cell.split()) for cell in cells]
+        if not any(cells):
+            continue
+        row = dict(zip(columns, cells + [""] * (len(columns) - len(cells)), strict=False))
+        _check_row(row, cells[len(columns) :], line, table)
+        key = _key(tuple(posixpath.normpath(row["file"].replace("\\", "/")).split("/")))
+        if key in first:
+            raise MotionFormatError(table, f"line {line}", f"{row['file']}, as in line {first[key]}", "one row for each file")
+        first[key], rows[key] = line, row
+    return rows
+
+
+def _header(cells: list[str], table: Path) -> list[str]:
+    if len(cells) > MOST_COLUMNS:
+        raise MotionFormatError(table, "header", f"{len(cells)} columns", f"at most {MOST_COLUMNS}")
+    columns = [" ".join(cell.split()) for cell in cells]
+    while columns and not columns[-1]:  # spreadsheets end lines with commas
+        columns.pop()
+    check_names(columns, COLUMNS + MORE_COLUMNS, "column", table, "header")
+    if twice := [name for name, count in Counter(columns).items() if count > 1]:
+        raise MotionFormatError(table, "header", f"column {twice[0]!r} {columns.count(twice[0])} times", "each once")
+    if columns and "file" not in columns:
+        raise MotionFormatError(table, "header", f"columns {', '.join(columns)[:200]}", "a column named file")
+    return columns
+
+
+def _check_row(row: dict[str, str], more: list[str], line: int, table: Path) -> None:
+    if any(more):
+        expected = f"{len(row)} cells; a text with a comma stands in quotes"
+        raise MotionFormatError(table, f"line {line}", f"{len(row) + len(more)} cells", expected)
+    if not row.get("file"):
+        raise MotionFormatError(table, f"line {line}", "no file", "a file in every row")

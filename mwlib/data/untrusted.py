@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import difflib
 import io
 import lzma
 import math
@@ -11,7 +12,7 @@ import stat
 import warnings
 import zipfile
 import zlib
-from collections.abc import Callable, Container, Iterator
+from collections.abc import Callable, Container, Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import BinaryIO, Protocol, cast
 
@@ -35,7 +36,7 @@ class MotionFormatError(ValueError):
 
 
 class BrokenFilesWarning(UserWarning):
-    """Some motion files of a folder cannot be read and are left out; the message gives the reasons."""
+    """Motion files of a folder cannot be read and are left out, or rows of a clips.csv match no file; the message says which."""
 
 
 PACKED = (".xz", ".gz")
@@ -305,6 +306,30 @@ def label(word: object, file: Path, place: str) -> str:
     if not isinstance(word, str) or len(word) > LONGEST_WORD or any("\ud800" <= character <= "\udfff" for character in word):
         raise MotionFormatError(file, place, repr(word)[:60], f"a name of at most {LONGEST_WORD} characters")
     return word
+
+
+MEANT = {  # words that people write for the names that are read
+    "framerate": "fps", "rate": "fps", "hz": "fps", "frequency": "fps", "upaxis": "up", "axis": "up",
+    "person": "subject", "actor": "subject", "path": "file", "name": "file", "label": "action",
+}  # fmt: skip
+
+
+def check_names(found: Iterable[object], valid: Sequence[str], what: str, file: Path, place: str) -> None:
+    """Refuse a name that nothing is read from.
+
+    Args:
+        found: the names.
+        what: they are, such as "column".
+
+    Raises:
+        MotionFormatError: the first unknown one, the likeliest that was meant, and all valid ones.
+    """
+    for name in found:
+        if name not in valid:
+            plain = re.sub(r"[\W_]", "", str(name).lower())
+            near = [meant for meant in (MEANT.get(plain),) if meant in valid] or difflib.get_close_matches(plain, valid, n=1)
+            hint = f" (did you mean {near[0]!r}?)" if near else ""
+            raise MotionFormatError(file, place, f"unknown {what} {str(name)[:40]!r}{hint}", f"some of {', '.join(valid)}")
 
 
 MOST_DIMENSIONS = 4  # of any array of motions

@@ -53,6 +53,26 @@ MUTANTS = [
         ("nobody-to-ask-accepts", "sys.stdin.isatty() and input(", "not sys.stdin.isatty() or input("),
     ),
     *of(
+        "data/meaning.py", "data/test_tables.py",
+        ("columns-of-any-name", "check_names(columns, COLUMNS", "check_names((), COLUMNS"),
+        ("the-last-of-two-columns-wins", "for name, count in Counter(columns).items() if count > 1", "for name in columns[:0]"),
+        ("the-last-of-two-rows-wins", "if key in first:", "if key in ():"),
+        ("blanks-make-a-person", '[" ".join(cell.split()) for cell in cells]\n        if', "[*cells]\n        if"),
+        ("blanks-make-a-column", 'columns = [" ".join(cell.split()) for cell in cells]', "columns = [*cells]"),
+        ("cells-without-a-column-are-dropped", "if any(more):", "if more and False:"),
+        ("two-ways-to-one-file", "if len(listed) > 1:", "if len(listed) > 2:"),
+        ("rows-too-deep-are-not-told", "len(inside) <= LEVELS_UP and", "len(inside) and"),
+        ("a-table-is-old-by-its-time-only", "state.st_mtime_ns, state.st_size)", "state.st_mtime_ns)"),
+    ),
+    *of(
+        "data/check.py", "data/test_tables.py",
+        ("rows-without-files-pass-a-check", "not broken and not alone", "not broken"),
+    ),
+    *of(
+        "data/untrusted.py", "data/test_tables.py",
+        ("no-near-match-is-told", "[meant for meant in (MEANT.get(plain),) if meant in valid] or", "[] and"),
+    ),
+    *of(
         "data/sources.py", "data/test_sources.py",
         ("test-people-are-trained-on", "tuple(subject for subject in unnamed if subject not in test)", "tuple(unnamed)"),
         ("test-clips-are-trained-on", "Split(motions[:cut], [], motions[cut:])", "Split(motions, [], motions[cut:])"),
