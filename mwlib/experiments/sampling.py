@@ -65,7 +65,9 @@ def inbetween(
 
     Raises:
         FileNotFoundError: there is no such run.
-        ValueError: it is one of another system, or bodies, length or keyframes do not fit it.
+        ValueError: it is one of another system; an argument is of another kind or out of range; poses are not finite, of no
+            human's size, or so far apart that the root would be faster than 12 m/s (own choice); bodies, length or keyframes do
+            not fit the model.
 
     >>> walk = mw.load_motions("synthetic", fps=30.0)[0]
     >>> [motion] = inbetween(walk.cut(0, 1), walk.cut(31, 32), frames=30)

@@ -7,11 +7,14 @@ from dataclasses import replace
 from itertools import count
 from math import ceil
 
+import numpy as np
 import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
 from mwlib.body.motion import Motion
+from mwlib.data.meaning import check_people
+from mwlib.data.windows import MOST_FRAMES, check_finite
 from mwlib.diffusion import Denoise, WindowNoise, alpha_bar, ddim_indices, keyframed, to_eps, with_keyframes
 from mwlib.inbetweening.config import Config
 from mwlib.inbetweening.network import KeyframeNetwork, WienerNetwork
@@ -19,9 +22,12 @@ from mwlib.inbetweening.objective import make_network
 from mwlib.inbetweening.representation import Representation
 from mwlib.inbetweening.space import Space, space_from_json
 from mwlib.inbetweening.windows import given
+from mwlib.settings import shown, whole, wholes
 from mwlib.training import TrainedModel, chunks, identities, with_weights
 
 CHUNK = 64  # motions sampled together on a processor
+FASTEST = 12.0  # metres per second of the root from one keyframe to the next: own choice, as fast as anybody ran
+MOST_LOOKED_AT = 100  # frames of a clip, for the size of its body
 
 
 class Bridge(TrainedModel):
@@ -101,7 +107,7 @@ class Bridge(TrainedModel):
         found, shape = [], (samples, *self.representation.transform(frames - past + 1).shape)
         for part in chunks(len(x), max(1, CHUNK // samples), progress):
             noise = WindowNoise(seed, ids[part], shape, self.device)
-            found.append(self._sample(x[part].to(self.device), mask.to(self.device), noise).cpu())
+            found.append(self.finite(self._sample(x[part].to(self.device), mask.to(self.device), noise)).cpu())
         return torch.cat(found)
 
     def _sample(self, x: Float[Tensor, "n T C"], mask: Bool[Tensor, " T"], noise: WindowNoise) -> Float[Tensor, "n S T C"]:
@@ -172,10 +178,17 @@ def filled(
             of a model of rotations have a rig.
 
     Raises:
-        ValueError: bodies, length or keyframes do not fit the model; the message says why.
+        ValueError: an argument is of another kind or out of range; poses are not finite, of no human's size, or so far apart
+            that nobody gets from one to the next in time (own choice: 12 m/s); bodies, length or keyframes do not fit the model;
+            or the settings of the sampling make numbers overflow. The message says which, and what is expected.
     """
+    samples, seed = bridge.asked(samples, seed)
+    frames = None if frames is None else whole("frames", frames, 1, MOST_FRAMES)
+    end = _checked(start, end)
     poses = [start] if not isinstance(end, Motion) else [_end_of(start, bridge), end.cut(0, 1)]
     first, *last = bridge.space.bodies.prepare(poses)
+    for name, m in zip(("start", "end"), (first, *last), strict=False):
+        check_people(m.positions[None, :: max(1, len(m) // MOST_LOOKED_AT)], m.skeleton, [name])
     if isinstance(end, Motion):
         count = bridge.cfg.task.between if frames is None else frames
         like, x, mask = first, *_of_poses(bridge, first, last[0], count)
@@ -190,6 +203,32 @@ def filled(
     return [bridge.space.decode(each, named).with_up(start.up) for each in states]
 
 
+def _checked(start: Motion, end: Motion | Sequence[int]) -> Motion | list[int]:
+    """The last keyframe or the keyframes' numbers; poses are finite."""
+    if not isinstance(start, Motion):
+        raise ValueError(f"start is {shown(start)}; expected a Motion")
+    check_finite("start", start)
+    if isinstance(end, Motion):
+        check_finite("end", end)
+        return end
+    try:
+        return wholes("end", end)
+    except ValueError as error:
+        raise ValueError(f"{error}: the numbers of keyframes in start; or a Motion") from None
+
+
+def _check_speed(keyframes: Float[np.ndarray, "K 3"], frames: Sequence[int], fps: float) -> None:
+    """Refuse keyframes that nobody gets to in time: places of the root, and their frames."""
+    away = np.linalg.norm(np.diff(keyframes, axis=0), axis=-1)
+    speeds = away * fps / np.diff(frames)
+    if not speeds.max() <= FASTEST:
+        n = int(speeds.argmax())
+        apart = f"keyframes {n} and {n + 1} are {away[n]:.3g} m and {(frames[n + 1] - frames[n]) / fps:.3g} s apart"
+        raise ValueError(
+            f"{apart}, which needs {speeds[n]:.3g} m/s; expected at most {FASTEST:g} m/s: more frames, or nearer poses"
+        )
+
+
 def _end_of(motion: Motion, bridge: Bridge) -> Motion:
     """The last frames of a motion, as many as the model's past takes; where the rates do not fit, the last but a part of one."""
     steps = ceil((bridge.cfg.task.past - 1) * motion.fps / bridge.space.bodies.fps - 1e-6)
@@ -199,10 +238,9 @@ def _end_of(motion: Motion, bridge: Bridge) -> Motion:
 def _of_poses(bridge: Bridge, start: Motion, end: Motion, count: int) -> tuple[Float[Tensor, "T C"], Bool[Tensor, " T"]]:
     """States that are given at both ends, in between the last of the past, and the mask of what is given."""
     past = bridge.cfg.task.past
-    if count < 1:
-        raise ValueError(f"frames is {count}; expected at least 1 between the keyframes")
     if len(start) < past:
         raise ValueError(_short(len(start), bridge))
+    _check_speed(np.stack([start.positions[-1, 0], end.positions[0, 0]]), [0, count + 1], start.fps)
     before, last = bridge.space.encode(start)[-past:], bridge.space.encode(end)[:1]
     return torch.cat([before, before[-1:].repeat(count, 1), last]), given(past + count + 1, past)
 
@@ -222,6 +260,7 @@ def _of_frames(
     between = numbers[-1] - numbers[0] - 1
     if count is not None and count != between:
         raise ValueError(f"frames is {count}, but {between} lie between frames {numbers[0]} and {numbers[-1]}; expected None")
+    _check_speed(motion.positions[[*numbers], 0], numbers, motion.fps)
     mask = given(lead + between + 2, lead + 1)
     mask[[n - numbers[0] + lead for n in numbers]] = True
     return bridge.space.encode(motion)[numbers[0] - lead : numbers[-1] + 1], mask

@@ -11,6 +11,7 @@ import torch
 import mwlib as mw
 from mwlib.data.windows import prepare
 from mwlib.synthetic import synthetic_motions
+from tests.inbetweening import sample as bridges
 from tests.sample_settings import two_people, untrained
 
 pytestmark = pytest.mark.usefixtures("unchecked")
@@ -145,3 +146,57 @@ def test_windows_names_the_clips_that_are_too_short(clips):
         UserWarning, match=r"7 of 8 clips give no window.*longer than 20 frames.*short 0 \(20 frames\).*4 .*, \.\.\.;"
     ):
         assert set(mw.windows([clips[0], *short], 6, 14, 5).clip.tolist()) == {0}
+
+
+POSES = [
+    ("start", lambda walk: None, "start is None; expected a Motion"),
+    ("start", lambda walk: [walk], r"start is \[Motion.*list\); expected a Motion"),
+    ("start", lambda walk: times(walk, np.nan), r"start \(.+\) is not finite in frame 0; expected metres"),
+    ("start", lambda walk: times(walk, 100), r"start shows a body of 1.. m: .* if the unit is cm; expected metres, and a human"),
+    ("end", lambda walk: times(walk, np.nan), r"end \(.+\) is not finite in frame 0; expected metres"),
+    ("end", lambda walk: times(walk, 1000), r"end shows a body of 1.+e\+03 m: .* if the unit is mm; expected metres"),
+    ("end", lambda walk: None, "end is None; expected several whole numbers: the numbers of keyframes in start; or a Motion"),
+    ("end", lambda walk: 8, "end is 8; expected several whole numbers"),
+    ("end", lambda walk: [0.5, 5], r"end\[0\] is 0.5; expected a whole number, at least 0"),
+    ("end", lambda walk: [-1, 6], r"end\[0\] is -1; expected at least 0"),
+    ("end", lambda walk: [0, 10**20], r"keyframes are \[0, 1.*\] of a motion of .* frames at 10 Hz; expected"),
+    ("end", lambda walk: away(walk, 1000.0), r"keyframes 0 and 1 are 99. m and 0.7 s apart.*1.4.e.03 m/s; expected at most 12"),
+    ("end", lambda walk: away(walk, 16.0), r"which needs 1[345]\.?\d* m/s; expected at most 12 m/s: more frames, or nearer"),
+    *[("frames", lambda walk, value=value: value, f"frames is {found}.*; expected a whole") for value, found in NO_NUMBERS],
+    ("frames", lambda walk: 0, "frames is 0; expected at least 1"),
+    ("frames", lambda walk: 10**18, "frames is 1e.18; expected at most"),
+    ("frames", lambda walk: 60, "frames between is 60; expected 6, for which the model was trained"),
+    *[("seed", lambda walk, value=value: value, message) for value, message in SEEDS],
+    *[("samples", lambda walk, value=value: value, message) for value, message in SAMPLES],
+]  # fmt: skip
+
+
+def away(motion: mw.Motion, metres: float) -> mw.Motion:
+    """The same motion elsewhere."""
+    return replace(motion, positions=motion.positions + np.array([metres, 0, 0], motion.positions.dtype), rig=None)
+
+
+@pytest.fixture(scope="module")
+def bridge():
+    return bridges.untrained()
+
+
+@pytest.mark.parametrize("name, make, message", POSES)
+def test_inbetween_refuses_what_no_motion_lies_between(bridge, clips, name, make, message):
+    with pytest.raises(ValueError, match=message):
+        mw.inbetween(**{"start": clips[0], "end": clips[0], "frames": 6, "run": bridge, name: make(clips[0])})
+
+
+def test_inbetween_refuses_keyframes_of_one_motion_that_nobody_gets_to(bridge, clips):
+    torn = clips[0].positions.copy()
+    torn[10:] += [200, 0, 0]
+    with pytest.raises(
+        ValueError, match=r"keyframes 0 and 1 are 2.*e?\+?0?2? m and 0.7 s apart, which needs 2.. m/s; expected at m"
+    ):
+        mw.inbetween(replace(clips[0], positions=torn, rig=None), [8, 15], run=bridge)
+    assert len(mw.inbetween(clips[0], [8, 15], run=bridge)) == 1
+
+
+def test_inbetweens_that_overflow_are_refused_with_the_settings(bridge, clips):
+    with pytest.raises(ValueError, match=r"samples are not finite: .*temperature=1e\+38.*; expected such as keep them finite"):
+        mw.inbetween(clips[0].cut(0, 8), [0, 7], run=bridge.with_sampling(temperature=1e38))

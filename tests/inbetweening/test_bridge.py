@@ -285,7 +285,7 @@ def test_other_bodies_are_carried_over_or_refused():
     bridge = untrained()
     start, end = pair(bridge)
     rng = np.random.default_rng(0)
-    cmu = Motion(rng.normal(size=(1, 31, 3)).astype(np.float32), 120.0, CMU, up="y")
+    cmu = Motion(rng.normal(size=(1, 31, 3), scale=0.15).astype(np.float32), 120.0, CMU, up="y")
     made = filled(bridge, cmu, cmu, samples=1)[0]
     assert made.skeleton == start.skeleton and made.up == "y"
     np.testing.assert_allclose(made.positions[0], cmu.retarget(start.skeleton).positions[0], atol=1e-5)

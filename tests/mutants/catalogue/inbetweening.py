@@ -110,4 +110,15 @@ MUTANTS = [
         ("hermite-with-speed-at-its-ends", "u**2 * (3 - 2 * u)", "u * (3 - 2 * u)"),
         ("correlation-of-sums", "self.rho = rho / torch.bincount(lag.flatten())", "self.rho = rho"),
     ),
+    *of(
+        "inbetweening/bridge.py", "experiments/test_spoilt_calls.py",
+        ("keyframes-however-far-apart", "if not speeds.max() <= FASTEST:", "if False:"),
+        ("numbered-keyframes-however-far-apart", "    _check_speed(motion.positions[[*numbers], 0], numbers, motion.fps)\n", ""),
+        ("speed-of-a-frame-less", "np.diff(frames)\n", "(np.diff(frames) + 1)\n"),
+        ("starts-of-no-numbers", '    check_finite("start", start)\n', ""),
+        ("ends-of-no-numbers", 'check_finite("end", end)', 'str("end")'),
+        ("the-end-of-any-size", 'zip(("start", "end"), (first, *last), strict=False)', '[("start", first)]'),
+        ("fractions-as-frames", 'None if frames is None else whole("frames", frames, 1, MOST_FRAMES)', "frames"),
+        ("inbetweens-of-no-numbers", "self.finite(self._sample(", "torch.Tensor.clone(self._sample("),
+    ),
 ]  # fmt: skip
