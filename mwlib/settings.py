@@ -131,9 +131,18 @@ class Settings:
 
     def training_hash(self) -> str:
         """Eight hex digits over what a trained model depends on: every field but those of `after_training`."""
+        return digest(self.trained())
+
+    def trained(self) -> dict[str, Any]:
+        """What `training_hash` is made of: the system's name, and by group every field but those of `after_training`."""
         tree = {group: part for group, part in self._hashed().items() if group not in self.after_training}
         kept = {group: {k: v for k, v in part.items() if k not in self.after_training} for group, part in tree.items()}
-        return digest({"system": self.system, **kept})
+        return json.loads(json.dumps({"system": self.system, **kept}))
+
+    def sampled(self) -> dict[str, Any]:
+        """The fields on which no trained model depends: those of `after_training`."""
+        free = {name: self.get(name) for name, group in self.owners().items() if {name, group} & self.after_training}
+        return json.loads(json.dumps(free))
 
     def _tree(self) -> dict[str, dict[str, Any]]:
         return {group: asdict(getattr(self, group)) for group in self.groups()}
@@ -151,12 +160,16 @@ class Settings:
         return yaml.safe_dump({"system": self.system, **json.loads(json.dumps(self._tree()))}, sort_keys=False)
 
     @classmethod
-    def from_yaml(cls, source: str | Path) -> Self:
+    def from_yaml(cls, source: str | Path, whole: bool = False) -> Self:
         """Read what `to_yaml` wrote; groups or fields left out keep their defaults.
 
+        Args:
+            source: a file, or text.
+            whole: nothing may be left out but the fields of `newer`; so it is with the file of a run.
+
         Raises:
-            ValueError: the text is not of this system, was written by a former version, or holds an unknown field, one
-                twice, or a bad value.
+            ValueError: the text is not of this system, was written by a former version, holds an unknown field, one
+                twice, or a bad value, or is not `whole`; the file is not UTF-8.
         """
         tree = read_tree(source)
         if tree.pop("system") != cls.system:
@@ -166,10 +179,21 @@ class Settings:
             raise ValueError(
                 f"{_place(source)} has {sorted(tree)}; expected the groups {', '.join(cls.groups())}, each a mapping"
             )
+        if whole and (absent := cls._absent(tree)):
+            raise ValueError(
+                f"{_place(source)} lacks {', '.join(absent)}; expected every setting, as the run wrote it (cut or edited since)"
+            )
         try:
             return cls().override(**{k: v for group in tree.values() for k, v in (group or {}).items()})
         except (TypeError, ValueError) as error:
             raise ValueError(f"{_place(source)}: {error}") from None
+
+    @classmethod
+    def _absent(cls, tree: Mapping[str, Any]) -> list[str]:
+        """Groups, or fields of groups that are there, which a file leaves out."""
+        absent = [f"the group {group}" for group in cls.groups() if not tree.get(group)]
+        owners = cls.owners().items()
+        return absent + [n for n, g in owners if tree.get(g) and n not in tree[g] and n not in cls.newer]
 
 
 @cache
@@ -225,6 +249,9 @@ def read_yaml(source: str | Path) -> Any:
         return yaml.load(source.read_text(encoding="utf-8") if isinstance(source, Path) else source, _Loader)  # noqa: S506
     except _TwiceError as error:
         raise ValueError(f"{_place(source)}, {error}") from None
+    except UnicodeDecodeError as error:
+        found = f"byte {error.start} is {error.object[error.start]:#x}"
+        raise ValueError(f"{_place(source)} is not UTF-8: {found}; expected text") from None
     except (yaml.YAMLError, RecursionError, ValueError) as error:
         raise ValueError(f"{_place(source)} is not YAML: {' '.join(str(error).split())}") from None
 
@@ -239,7 +266,7 @@ def read_tree(source: str | Path) -> dict[str, Any]:
     """A configuration file or text as a mapping that names its system.
 
     Raises:
-        ValueError: it is not YAML, has a key twice, is no mapping, or names no system, as files of versions before 0.2 do not.
+        ValueError: it is not UTF-8 or not YAML, has a key twice, is no mapping, or names no system, as files before 0.2 do not.
     """
     tree = read_yaml(source)
     if not isinstance(tree, dict):

@@ -19,6 +19,7 @@ from accelerate.utils import broadcast_object_list
 from tqdm import tqdm
 
 from mwlib.experiments.results import (
+    RESULT,
     accepts_older_code,
     locked,
     models_used,
@@ -34,7 +35,8 @@ from mwlib.files import sweep, write_json, write_together
 from mwlib.hashing import digest, file_hash
 from mwlib.paths import CONFIG, run_folder, shipped
 from mwlib.settings import Settings
-from mwlib.training import CHECKPOINT, MODEL, TrainingStep, read_model, read_outcome, train
+from mwlib.training import CHECKPOINT, CURVES, MODEL, TrainingStep, read_model, read_outcome, train
+from mwlib.training.checkpoint import NOT_BY_EDITING, changes, check_trained, flat, read_curves
 
 CODE = "code.json"  # in a run's folder: hashes of the modules that its training began with
 PATIENCE = 60.0  # seconds after which waiting processes tell each other that they still wait, lest their connection expires
@@ -94,8 +96,15 @@ class Run:
 
     def _state(self, mine: bool) -> str:
         """ "done", or what there is to do: "train" for the holder of the lock, "wait" for others."""
-        done = read_result(self.folder, self.key) is not None
+        done = read_result(self.folder, self.key) is not None and not self._lost()
         return "done" if done else "train" if mine else "wait"
+
+    def _lost(self) -> str:
+        """What of a finished training is missing or not as its result says; curves only where a checkpoint has them."""
+        model = result_of(self.folder)["depends"].get("model")
+        if model and (not (self.folder / MODEL).exists() or file_hash(self.folder / MODEL) != model):
+            return MODEL
+        return CURVES if model and (self.folder / CHECKPOINT).exists() and read_curves(self.folder) is None else ""
 
     def _place(self, own: Path, doing: str) -> Path:
         """Its own place for something that is missing there; or, if that is wanted, the newest that other code left.
@@ -121,13 +130,17 @@ class Run:
         hidden = not progress or _rank() > 0
         if _rank() == 0:
             sweep(self.folder)
+            if result_of(self.folder) and (lost := self._lost()):
+                way = f"from {CHECKPOINT}" if (self.folder / CHECKPOINT).exists() else "by another training"
+                log.warning("%s is missing or not as it was written: made again %s", self.folder / lost, way)
         with tqdm(total=self.cfg.get("train_steps"), desc="training", disable=hidden, file=sys.stderr) as bar:
             for last in train_run(self.cfg, self.data, self.folder):
                 bar.update(last.step - bar.n)
                 if last.step % 20 == 0:
                     bar.set_postfix(loss=f"{last.loss:.4f}", lr=f"{last.lr:.2e}")
         if _rank() == 0:
-            depends = {"settings": self.key, "data": self.training, "model": file_hash(self.folder / MODEL)}
+            depends: dict[str, Any] = {"settings": self.key, "data": self.training, "model": file_hash(self.folder / MODEL)}
+            depends["sampling"] = read_config(self.folder / CONFIG).sampled()
             depends |= self._marked(read_tree(self.folder / CODE))
             write_result(self.folder, read_outcome(self.folder) | {"machine": machine()}, self.key, depends)
 
@@ -237,12 +250,27 @@ def train_run(cfg: Settings, data: Data, folder: Path) -> Iterator[TrainingStep]
         folder: for checkpoint, model, curves and configuration.
 
     Raises:
-        ValueError: the folder holds a run with other settings.
+        ValueError: the folder holds a run with other settings, or its config.yaml is damaged; the message has the remedy.
     """
-    system, settings = system_of(cfg), cfg.get_group("training")
-    if not (folder / CONFIG).exists():
+    system, settings, about = system_of(cfg), cfg.get_group("training"), {"settings": json.dumps(cfg.trained())}
+    if (folder / CONFIG).exists():
+        _check_begun(cfg, folder / CONFIG)
+    else:
         write_together({folder / CODE: json.dumps(code_of(system), indent=1), folder / CONFIG: cfg.to_yaml()})
-    yield from train(lambda learnt: system.make_objective(cfg, data, learnt), settings, folder, cfg.training_hash())
+    yield from train(lambda learnt: system.make_objective(cfg, data, learnt), settings, folder, cfg.training_hash(), about)
+
+
+def _check_begun(cfg: Settings, file: Path) -> None:
+    """Refuse a run's configuration that is not the one to go on with."""
+    try:
+        found = read_config(file)
+    except ValueError as error:
+        raise ValueError(f"{error}. Delete {file.name}: going on with the run writes it again") from None
+    if found.training_hash() != cfg.training_hash():
+        others = changes(flat(cfg.trained()), flat(found.trained()))
+        raise ValueError(
+            f"{file} belongs to a run with other settings: {others}: use another folder; if the file was edited, delete it"
+        )
 
 
 def load_run(folder: str | Path) -> Any:
@@ -253,7 +281,8 @@ def load_run(folder: str | Path) -> Any:
 
     Raises:
         FileNotFoundError: the folder holds no finished model; the message names the missing file.
-        ValueError: the run was made by a version before 0.2, or its configuration is not valid.
+        ValueError: the run was made by a version before 0.2, its configuration lacks a setting, is not valid, or is not the one
+            that trained the model, or its settings of sampling are not those that the result knows.
 
     >>> history = mw.windows(mw.load_motions("synthetic", fps=50)[:2], history=25, future=100, stride=100).x_history
     >>> mw.load_run("synthetic").predict(history[:1], samples=2).shape
@@ -263,11 +292,27 @@ def load_run(folder: str | Path) -> Any:
     if found is None:
         known = f"; models that come with mwlib: {', '.join(shipped())}"
         raise FileNotFoundError(f"{Path(folder) / CONFIG} is missing: no training run in this folder{known}")
-    return _opened(read_config(found / CONFIG), found)
+    cfg = read_config(found / CONFIG)
+    model = _opened(cfg, found)
+    _check_sampling(cfg, found)
+    return model
+
+
+def _check_sampling(cfg: Settings, folder: Path) -> None:
+    """Refuse settings of sampling that are not those of the finished run, where its result has them."""
+    result, now = read_tree(folder / RESULT), cfg.sampled()
+    before = result.get("depends", {}).get("sampling", now)
+    if others := changes({name: value for name, value in before.items() if name in now}, {n: now[n] for n in now if n in before}):
+        raise ValueError(f"{folder / CONFIG} was edited: {others}. {NOT_BY_EDITING}")
+    if (key := result.get("about", {}).get("settings", cfg.hash())) != cfg.hash():  # of a model that comes with the package
+        raise ValueError(
+            f"{folder / CONFIG} was edited: the hash of its settings is {cfg.hash()}; expected {key}. {NOT_BY_EDITING}"
+        )
 
 
 def _opened(cfg: Settings, folder: Path) -> Any:
     parts = read_model(folder)
+    check_trained(cfg, parts[2], folder / CONFIG)
     models_used[folder.name] = file_hash(folder / MODEL)
     return system_of(cfg).open_model(cfg, *parts)
 

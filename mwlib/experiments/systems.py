@@ -115,6 +115,6 @@ def read_config(file: Path) -> Settings:
     """The configuration in a run's config.yaml, of whichever system.
 
     Raises:
-        ValueError: it is none, was written by a version before 0.2, or holds an unknown setting.
+        ValueError: it is none, was written by a version before 0.2, holds an unknown setting, or lacks one.
     """
-    return system(read_tree(file)["system"]).Config.from_yaml(file)
+    return system(read_tree(file)["system"]).Config.from_yaml(file, whole=True)

@@ -25,7 +25,7 @@ from mwlib.matching.clips import PARTS, TaggedVocabulary, Vocabulary
 from mwlib.matching.config import Config, MatchingConfig
 from mwlib.networks.matching import UNIT, MotionEncoder, MovementEncoder, SentenceEncoder, published_weights
 from mwlib.paths import CONFIG, run_folder
-from mwlib.training import read_model, with_weights
+from mwlib.training import read_run, with_weights
 from mwlib.training.checkpoint import part
 
 CHUNK = 256  # clips or sentences embedded together
@@ -281,13 +281,13 @@ def open_matcher(name: str, layout: FeatureLayout) -> Matcher:
     Raises:
         FileNotFoundError: there is no such model; the message says how to train one, or which published files are missing.
         MotionFormatError: a published file is malformed.
-        ValueError: it judges other features, or is a run of another system.
+        ValueError: it judges other features, is a run of another system, or its config.yaml is not what trained it.
     """
     if published_files(Path(name)):
         matcher = open_published(Path(name))
     else:
         folder = finished_run(name, ADVICE)
-        matcher = Matcher.from_tensors(Config.from_yaml(folder / CONFIG), *read_model(folder))
+        matcher = Matcher.from_tensors(*read_run(Config, folder))
     if matcher.statistics.layout != layout:
         raise ValueError(f"{name} judges {matcher.statistics.layout.name}; expected {layout.name}, as the clips have it")
     return matcher

@@ -8,7 +8,7 @@ import os
 import time
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import torch
 from safetensors import SafetensorError, safe_open
@@ -18,6 +18,10 @@ from torch.optim.swa_utils import get_ema_multi_avg_fn
 
 from mwlib.files import write_atomic, write_json
 from mwlib.hashing import sha256
+from mwlib.paths import CONFIG
+from mwlib.settings import Settings
+
+Chosen = TypeVar("Chosen", bound=Settings)
 
 
 class DamagedFileError(ValueError):
@@ -189,12 +193,31 @@ class State:
         scaler = json.dumps(self.scaler.state_dict() if self.scaler else {})
         metadata = {"step": str(self.step), "key": self.key, "seconds": f"{self.seconds:.1f}", "scaler": scaler}
         if is_last:
-            model = _prefixed("net.", self.average.averaged().state_dict()) | _prefixed("objective.", self.learnt)
-            save_tensors(folder / MODEL, model, {"key": self.key, **self.about})
-            write_json(folder / CURVES, {"loss": self.curve, "validation": self.validation})
+            save_tensors(folder / MODEL, self._model(), {"key": self.key, **self.about})
+            write_json(folder / CURVES, self._curves())
         if (folder / CHECKPOINT).exists():
             os.replace(folder / CHECKPOINT, folder / PREVIOUS)
         save_tensors(folder / CHECKPOINT, self.tensors(), metadata)
+
+    def mend(self, folder: Path) -> None:
+        """After the last step: write model and curves again where a file is missing or holds anything else."""
+        expected = {name: tensor.cpu() for name, tensor in self._model().items()}
+        try:
+            found, about = load_tensors(folder / MODEL)
+            same = about.get("key") == self.key and found.keys() == expected.keys()
+            same = same and all(torch.equal(found[name], tensor) for name, tensor in expected.items())
+        except (FileNotFoundError, DamagedFileError):
+            same = False
+        if not same:
+            save_tensors(folder / MODEL, expected, {"key": self.key, **self.about})
+        if read_curves(folder) != json.loads(json.dumps(self._curves())):
+            write_json(folder / CURVES, self._curves())
+
+    def _model(self) -> dict[str, Tensor]:
+        return _prefixed("net.", self.average.averaged().state_dict()) | _prefixed("objective.", self.learnt)
+
+    def _curves(self) -> dict[str, Any]:
+        return {"loss": self.curve, "validation": self.validation}
 
 
 def read_checkpoint(folder: Path | None, key: str) -> tuple[dict[str, Tensor], dict[str, str]]:
@@ -228,12 +251,17 @@ def read_model(folder: Path) -> tuple[dict[str, Tensor], dict[str, Tensor], dict
 
     Raises:
         FileNotFoundError: the folder holds no finished model; the message names the missing file.
-        DamagedFileError: the model is damaged, or was written by a version before 0.2.
+        DamagedFileError: the model is damaged, or was written by a version before 0.2; the message has a remedy, if there is one.
     """
     file = folder / MODEL
+    again = f"; {CHECKPOINT} is there: train with the run's settings, and the model is made from it"
+    remedy = again if (folder / CHECKPOINT).exists() else ""
     if not file.exists():
-        raise FileNotFoundError(f"{file} is missing: no finished training run in this folder")
-    tensors, metadata = load_tensors(file)
+        raise FileNotFoundError(f"{file} is missing: no finished training run in this folder{remedy}")
+    try:
+        tensors, metadata = load_tensors(file)
+    except DamagedFileError as error:
+        raise DamagedFileError(f"{error}{remedy}") from None
     return part(tensors, "net."), part(tensors, "objective."), metadata
 
 
@@ -244,6 +272,63 @@ def part(tensors: Mapping[str, Tensor], prefix: str) -> dict[str, Tensor]:
 
 def _prefixed(prefix: str, tensors: Mapping[str, Any]) -> dict[str, Tensor]:
     return {f"{prefix}{name}": tensor for name, tensor in tensors.items()}
+
+
+def read_curves(folder: Path) -> dict[str, Any] | None:
+    """The losses of a finished training; None if the file is missing or damaged."""
+    try:
+        return json.loads((folder / CURVES).read_text(encoding="utf-8"))
+    except (FileNotFoundError, ValueError):
+        return None
+
+
+def read_run(kind: type[Chosen], folder: Path) -> tuple[Chosen, dict[str, Tensor], dict[str, Tensor], dict[str, str]]:
+    """A finished run of one system: its configuration, and what `read_model` gives.
+
+    Raises:
+        FileNotFoundError, DamagedFileError: as in `read_model`.
+        ValueError: config.yaml is not whole or not valid, or is not the configuration that trained the model.
+    """
+    cfg = kind.from_yaml(folder / CONFIG, whole=True)
+    parts = read_model(folder)
+    check_trained(cfg, parts[2], folder / CONFIG)
+    return cfg, *parts
+
+
+def check_trained(cfg: Settings, about: Mapping[str, str], place: Path) -> None:
+    """Refuse a configuration that is not the one that trained a model.
+
+    Args:
+        cfg: the configuration.
+        about: the model's texts.
+        place: where the configuration is from, for the message.
+
+    Raises:
+        ValueError: it is another; the message has the settings that differ, if the model carries its own.
+    """
+    if (found := cfg.training_hash()) == (key := about.get("key")):
+        return
+    before, now = (flat(tree) for tree in (json.loads(about.get("settings", "{}")), cfg.trained()))
+    others = changes(before, now) if before else f"their hash is {found}; expected {key}"
+    raise ValueError(f"{place} is not the configuration that trained {MODEL}: {others}. {NOT_BY_EDITING}")
+
+
+NOT_BY_EDITING = (
+    "A run's settings are not changed by editing: those of sampling by with_sampling (or --set of a command), all others by "
+    "another training; put the file back as it was"
+)
+
+
+def changes(before: Mapping[str, Any], now: Mapping[str, Any]) -> str:
+    """Settings that differ, as words."""
+    names = [name for name in {**before, **now} if before.get(name) != now.get(name)]
+    return ", ".join(f"{name} is {now.get(name)!r}; expected {before.get(name)!r}" for name in names)
+
+
+def flat(tree: Mapping[str, Any]) -> dict[str, Any]:
+    """Settings without their groups."""
+    groups = [group for group in tree.values() if isinstance(group, dict)]
+    return {name: value for group in groups for name, value in group.items()}
 
 
 def read_outcome(folder: Path) -> dict[str, Any]:

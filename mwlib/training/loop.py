@@ -82,18 +82,21 @@ def train(
     settings: TrainingConfig,
     folder: Path | None = None,
     key: str = "",
+    about: Mapping[str, str] | None = None,
 ) -> Iterator[TrainingStep]:
     """Train, yielding every step; stops by itself after `train_steps`.
 
     With a folder, a checkpoint is written every `checkpoint_every` steps and at the end (to a temporary name, then
     renamed), and an existing one is taken up: on the CPU the result is bit-identical to a run that was never stopped.
-    Several processes started by ``accelerate launch`` share each batch.
+    Several processes started by ``accelerate launch`` share each batch. If the last step's checkpoint is there already, model and
+    curves are written from it where they are missing or do not hold what it does.
 
     Args:
         make_objective: builds the objective; it is given what the objective had learnt where the training goes on, else nothing.
         settings: of the optimisation.
         folder: where checkpoint and model go; None keeps nothing.
         key: hash of all that the training depends on.
+        about: short texts that the finished model carries beside the objective's.
 
     Raises:
         ValueError: the folder's checkpoint has another key, or the loss is no number any more; what was saved before stays.
@@ -101,6 +104,9 @@ def train(
     AcceleratorState._reset_state()  # an earlier training of this process may have had another precision
     accelerator = Accelerator(mixed_precision=settings.mixed_precision)
     objective, state = _start(make_objective, settings, folder, key, accelerator)
+    state.about |= about or {}
+    if state.step == settings.train_steps and folder is not None and accelerator.is_main_process:
+        state.mend(folder)
     network, optimiser = accelerator.prepare(state.network, state.optimiser)
     share = max(settings.batch // accelerator.num_processes, 1)
     while state.step < settings.train_steps:

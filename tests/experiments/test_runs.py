@@ -190,7 +190,7 @@ def test_runs_and_results_name_settings_data_library_and_model(monkeypatch, tmp_
     model = file_hash(folder / MODEL)
     training, testing = data.fingerprints()
     assert result_of(folder)["depends"] == {
-        "settings": cfg.training_hash(), "data": training, "code": code, "model": model
+        "settings": cfg.training_hash(), "data": training, "code": code, "model": model, "sampling": cfg.sampled()
     }  # fmt: skip
     expected = {"settings": cfg.hash(), "data": [training, testing], "code": code, "models": {folder.name: model}}
     assert found["depends"] == expected and models_used == {folder.name: model}

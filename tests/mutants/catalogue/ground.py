@@ -17,6 +17,19 @@ MUTANTS = [
          "experiments/test_grids.py::test_what_cannot_be_meant_is_refused_with_its_line"),
     ),
     *of(
+        "settings.py", "experiments/test_believed_runs.py::test_every_setting_of_a_run_is_there_but_newer_ones",
+        ("a-part-is-all", "if whole and (absent", "if False and (absent"),
+        ("newer-settings-are-missed", "and n not in tree[g] and n not in cls.newer", "and n not in tree[g]"),
+    ),
+    *of(
+        "settings.py", "experiments/test_believed_runs.py::test_no_part_of_a_configuration_is_taken_for_all_of_it",
+        ("groups-may-be-left-out", "for group in cls.groups() if not", "for group in () if not"),
+    ),
+    *of(
+        "settings.py", "experiments/test_believed_runs.py::test_text_that_is_none_is_refused_by_name",
+        ("bytes-fail-without-a-name", "except UnicodeDecodeError as error:", "except ZeroDivisionError as error:"),
+    ),
+    *of(
         "hashing.py", "test_hashing.py",
         ("texts-in-another-encoding", "errors=", "'utf-16', errors="),
         ("the-order-of-names-counts", "json.dumps(tree, sort_keys=True)", "json.dumps(tree)"),

@@ -51,6 +51,18 @@ MUTANTS = [
          "if torch.cuda.is_available() else [], enabled=False):"),
     ),
     *of(
+        "training/loop.py", "experiments/test_believed_runs.py",
+        ("nothing-is-mended-at-the-end", "        state.mend(folder)\n", "        pass\n"),
+    ),
+    *of(
+        "training/checkpoint.py", "experiments/test_believed_runs.py",
+        ("any-weights-are-the-models", "same = same and all(", "same = same or all("),
+        ("curves-are-not-mended", "if read_curves(folder) != json.loads(", "if False and json.loads("),
+        ("any-hash-will-do", 'if (found := cfg.training_hash()) == (key := about.get("key")):',
+         'if (found := cfg.training_hash()) and (key := about.get("key")):'),
+        ("no-remedy", "remedy = again if", "remedy = '' if"),
+    ),
+    *of(
         "training/model.py", "training/test_model.py",
         ("settings-of-the-copy-for-both", "other = copy.copy(self)", "other = self"),
         ("the-trained-model-changes", "if owners[name] not in self.sampling_groups", "if False"),
