@@ -303,9 +303,7 @@ def measured(**accepting):
     if os.fork() == 0:
         os.environ.update(accepting)
         from mwlib.experiments import get_result
-        from tests.experiments import placed_kills
-from tests.forked import done, started
-from tests.sample_settings import small, two_people
+        from tests.sample_settings import small, two_people
         found = get_result(small(test_windows=3), two_people()._replace(test=two_people().validation))
         print(json.dumps([found["mean"]["ade"], found["depends"].get("older_code", [])]), flush=True)
         os._exit(0)
