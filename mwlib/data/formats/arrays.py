@@ -29,9 +29,10 @@ from mwlib.data.meaning import (
     stated,
 )
 from mwlib.data.mirroring import paired
-from mwlib.data.untrusted import MOST_JOINTS, SMALL_TEXT, MotionFormatError, bounded, label, read_text, single
+from mwlib.data.untrusted import MOST_JOINTS, SMALL_TEXT, MotionFormatError, bounded, check_names, label, read_text, single
 
 SKELETON_FILE = "skeleton.json"
+KEYS = ("name", "joints", "parents", "left", "right", "parts", "fps", "unit", "up", "note", "notes")  # of it
 JOINTS_FOLDER = "new_joints"  # of HumanML3D (22 joints) and KIT-ML (21)
 
 
@@ -99,7 +100,7 @@ def read_skeleton_file(file: Path) -> Layout:
     optionally "fps", "unit" (metres, or a name such as "cm") and "up" ("y" or "z").
 
     Raises:
-        MotionFormatError: not JSON, a field of the wrong kind, or a skeleton that is no tree.
+        MotionFormatError: not JSON, an unknown key, a field of the wrong kind, or a skeleton that is no tree.
     """
     try:
         tree = json.loads(read_text(file, SMALL_TEXT))
@@ -107,6 +108,8 @@ def read_skeleton_file(file: Path) -> Layout:
         if isinstance(error, MotionFormatError):
             raise
         raise MotionFormatError(file, "text", str(error)[:80], "JSON") from error
+    if isinstance(tree, dict):
+        check_names(tree, KEYS, "key", file, "top")
     if not isinstance(tree, dict) or not isinstance(tree.get("name"), str):
         raise MotionFormatError(file, "top", "no name", "an object with a name")
     label(tree["name"], file, "name")

@@ -268,8 +268,8 @@ def _frames_per_second(word: str, file: Path) -> float:
     if not 1 / FASTEST <= step <= 1 / SLOWEST:
         found = f"{word[:40]}, which looks like milliseconds" if step > 1 else word[:40]
         raise MotionFormatError(file, "Frame Time", found, f"seconds, {1 / FASTEST:g} to {1 / SLOWEST:g}")
-    decimals = re.fullmatch(r"\d*\.?(\d*)", word)
-    off = 0.0 if decimals is None else 10.0 ** -len(decimals[1])
+    written = re.fullmatch(r"\+?\d*\.?(\d*)(?:[eE]([+-]?\d{1,3}))?", word)
+    off = 0.0 if written is None else 10.0 ** (int(written[2] or 0) - len(written[1]))
     whole = round(1 / step)
     is_vague = abs(1 / whole - step) > 1e-9 and abs(1 / (whole + 1) - step) < off
     fitting = [rate for rate in COMMON_RATES if abs(1 / rate - step) < off]

@@ -280,7 +280,8 @@ def folder_contents(path: Path, layout: FeatureLayout | None = None, splits: Seq
         splits: which of "train", "val" and "test"; None: those that have a list.
 
     Raises:
-        MotionFormatError: a list is missing, a text or an array is malformed, or the features have another width.
+        MotionFormatError: a list is missing, has a clip twice or one that another list has too, as it is or mirrored (M000001
+            beside 000001), a text or an array is malformed, or the features have another width.
         ValueError: an unknown split.
     """
     if unknown := [split for split in splits or () if split not in SPLITS]:
@@ -290,8 +291,8 @@ def folder_contents(path: Path, layout: FeatureLayout | None = None, splits: Seq
         raise MotionFormatError(path, "folder", "no list of clips", f"one of {', '.join(f'{s}.txt' for s in SPLITS)}")
     clips: list[CaptionedClip] = []
     left_out: dict[str, str] = {}
-    for split in wanted:
-        for name in read_text(path / f"{split}.txt", SMALL_TEXT).split():
+    for split, names in _lists(path, wanted).items():
+        for name in names:
             file = path / FEATURES / f"{name}.npy"
             if not file.is_file():
                 left_out[name] = BROKEN[0]
@@ -313,6 +314,29 @@ def folder_contents(path: Path, layout: FeatureLayout | None = None, splits: Seq
                 else:
                     clips.append(clip)
     return FolderContents(clips, left_out)
+
+
+def _lists(path: Path, wanted: Sequence[str]) -> dict[str, list[str]]:
+    """The IDs of every list that is wanted; all lists that are there are compared."""
+    there = [split for split in SPLITS if split in wanted or (path / f"{split}.txt").is_file()]
+    lists = {split: read_text(path / f"{split}.txt", SMALL_TEXT).split() for split in there}
+    owner: dict[str, tuple[str, str]] = {}
+    for split, names in lists.items():
+        file = path / f"{split}.txt"
+        if twice := [name for name, count in Counter(names).items() if count > 1]:
+            raise MotionFormatError(file, "list", f"{_some(twice)} more than once", "every clip once")
+        shared = [(name, *owner[name.removeprefix("M")]) for name in names if name.removeprefix("M") in owner]
+        if shared:
+            words = _some([f"{name} ({other} in {elsewhere}.txt)" for name, elsewhere, other in shared])
+            raise MotionFormatError(
+                file, "list", words, "clips that no other list has, as they are or mirrored (M before the ID)"
+            )
+        owner |= {name.removeprefix("M"): (split, name) for name in names}
+    return {split: lists[split] for split in wanted}
+
+
+def _some(names: Sequence[str], most: int = 5) -> str:
+    return ", ".join(names[:most]) + (f" and {len(names) - most} more" if len(names) > most else "")
 
 
 def read_features(array: Shaped[np.ndarray, "*shape"], file: Path, hints: Hints) -> Reading:

@@ -9,6 +9,7 @@ import pytest
 
 from mwlib import MotionFormatError, load_motions
 from mwlib.body.skeleton import H36M17, HUMANML22
+from mwlib.data.formats import arrays
 
 OWN = {
     "name": "cross",
@@ -168,3 +169,17 @@ def test_other_archives_are_refused_by_what_they_hold(tmp_path):
     (tmp_path / "c.npz").write_bytes((tmp_path / "a.npz").read_bytes()[:200])
     with pytest.raises(MotionFormatError, match="archive"):
         load_motions(tmp_path / "c.npz")
+
+
+@pytest.mark.parametrize(
+    ("key", "message"),
+    [
+        ("UP", r"top: found unknown key 'UP' \(did you mean 'up'\?\); expected some of name, joints, parents"),
+        ("units", r"unknown key 'units' \(did you mean 'unit'\?\)"),
+        ("frame_rate", r"unknown key 'frame_rate' \(did you mean 'fps'\?\)"),
+    ],
+)
+def test_a_key_of_a_skeleton_file_that_nothing_is_read_from_is_refused(tmp_path, key, message):
+    (tmp_path / "skeleton.json").write_text(json.dumps({"name": "H36M17", "fps": 50, key: "y"}))
+    with pytest.raises(MotionFormatError, match=message):
+        arrays.read_skeleton_file(tmp_path / "skeleton.json")

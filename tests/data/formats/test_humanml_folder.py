@@ -145,6 +145,27 @@ def test_malformed_features_are_refused(folder, array, message):
         read_folder(folder, splits=["test"])
 
 
+@pytest.mark.parametrize(
+    ("train", "test", "message"),
+    [
+        ("000001 000002 000002", "000003", r"train.txt, list: found 000002 more than once; expected every clip once"),
+        (
+            "000001 000002",
+            "000002",
+            r"test.txt, list: found 000002 \(000002 in train.txt\); expected clips that no other list has",
+        ),
+        ("000001 000002", "M000001", r"test.txt, list: found M000001 \(000001 in train.txt\)"),
+        ("M000001 000002", "000001 000003", r"test.txt, list: found 000001 \(M000001 in train.txt\)"),
+    ],
+)
+@pytest.mark.parametrize("splits", [None, ["test"], ["train"]])
+def test_training_and_test_share_no_clip_nor_its_mirror_image(folder, train, test, message, splits):
+    (folder / "train.txt").write_text(train)
+    (folder / "test.txt").write_text(test)
+    with pytest.raises(MotionFormatError, match=message):
+        folder_contents(folder, splits=splits)
+
+
 def test_missing_lists_and_texts(folder):
     (folder / "texts" / "000004.txt").unlink()
     assert folder_contents(folder, splits=["test"]).left_out["000004"] == "no captions"

@@ -65,6 +65,20 @@ MUTANTS = [
         ("a-table-is-old-by-its-time-only", "state.st_mtime_ns, state.st_size)", "state.st_mtime_ns)"),
     ),
     *of(
+        "data/formats/humanml.py", "data/formats/test_humanml_folder.py",
+        ("a-clip-twice-in-a-list", "for name, count in Counter(names).items() if count > 1]", "for name in names[:0]]"),
+        ("a-mirror-image-is-another-clip", 'for name in names if name.removeprefix("M") in owner]',
+         "for name in names if name in owner]"),
+    ),
+    *of(
+        "data/formats/arrays.py", "data/formats/test_arrays.py",
+        ("keys-of-any-name", 'check_names(tree, KEYS, "key"', 'check_names((), KEYS, "key"'),
+    ),
+    *of(
+        "data/formats/bvh.py", "data/formats/test_bvh.py",
+        ("an-exponent-is-no-digit", "10.0 ** (int(written[2] or 0) - len(written[1]))", "10.0 ** -len(written[1])"),
+    ),
+    *of(
         "data/check.py", "data/test_tables.py",
         ("rows-without-files-pass-a-check", "not broken and not alone", "not broken"),
     ),
