@@ -300,7 +300,7 @@ def test_other_bodies_are_carried_over_or_refused():
         ([3], None, "keyframes are .3. of a motion of 30 frames at 10 Hz; expected two or more, rising"),
         ([5, 3], None, "expected two or more, rising"),
         ([3, 3, 10], None, "expected two or more, rising"),
-        ([-8, -1], None, "expected two or more, rising"),
+        ([-8, -1], None, "end.0. is -8; expected at least 0"),
         ([25, 32], None, "of a motion of 30 frames"),
         ([3, 10], 5, "frames is 5, but 6 lie between frames 3 and 10; expected None"),
         ([3, 12], None, "frames between is 8; expected 6"),
