@@ -8,6 +8,7 @@ import pytest
 import torch
 
 import mwlib as mw
+from mwlib.data.windows import windows
 from mwlib.experiments import get_run, load_run
 from mwlib.experiments.shipped import CARD, METRICS, RECIPES, card, recipe, ship
 from mwlib.experiments.systems import read_config
@@ -15,7 +16,7 @@ from mwlib.paths import CONFIG, MODELS, shipped
 from mwlib.prediction.system import load_data, score, test_windows
 from mwlib.training import MODEL
 from mwlib.training.checkpoint import load_tensors
-from tests.sample_settings import small
+from tests.sample_settings import small, two_people
 
 
 @pytest.mark.parametrize("name", RECIPES)
@@ -73,7 +74,7 @@ def test_a_shipped_model_is_its_run_in_half_precision(tmp_path, monkeypatch):
     assert text.startswith("# Somebody\n") and f"| ADE | {metrics['model']['mean']['ade']:.3g} | 0 |" in text
     assert {t.dtype for key, t in load_tensors(tmp_path / "out" / MODEL)[0].items() if key.startswith("net.")} == {torch.float16}
     run, written = load_run(get_run(cfg)), load_run(tmp_path / "out")
-    history = 0.15 * torch.randn(3, 6, 48, generator=torch.Generator().manual_seed(0))  # of the size of a human
+    history = windows(two_people().validation, 6, 14, 9).x_history[:3]
     torch.testing.assert_close(written.predict(history, 2), run.predict(history, 2), atol=0.02, rtol=0.02)
     changes = {name: small().get(name) for name in ("history", "future")}
     monkeypatch.setitem(RECIPES, "synthetic", ("Somebody", "prediction", "tiny", changes))
