@@ -15,7 +15,7 @@ from torch.utils._python_dispatch import TorchDispatchMode
 from torch.utils._pytree import tree_leaves
 
 from mwlib.data.sources import Split
-from mwlib.data.windows import prepare
+from mwlib.data.windows import prepare, windows
 from mwlib.prediction import system
 from mwlib.prediction.config import Config
 from mwlib.prediction.objective import PredictionObjective
@@ -97,10 +97,11 @@ def test_devices_get_single_precision_only(motions, changes):
     """Training and sampling on a device that only knows shapes."""
     cfg = Config.preset("tiny", **SMALL, **changes)
     objective = PredictionObjective(cfg, Split(motions, [], []))
+    past = windows(motions, cfg.windows.history, cfg.windows.future, 5).x_history[:2]
     predictor = system.open_model(cfg, objective.network.state_dict(), objective.learnt(), objective.about())
     with SinglePrecision():
         network = objective.network.to("meta")
         objective.to(torch.device("meta"))
         objective.loss(network, objective.draw(4, torch.Generator()), torch.Generator()).backward()
-        last = list(predictor.to("meta").steps(torch.zeros(2, 6, 48), 3, 0))[-1]
+        last = list(predictor.to("meta").steps(past, 3, 0))[-1]
     assert last.y.device.type == "meta" and last.y.dtype == torch.float32
