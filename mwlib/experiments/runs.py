@@ -91,7 +91,7 @@ class Run:
                 if said == "train":
                     self._train_to_end(progress)
                     _agreed("done")  # nobody goes on before the result is written
-        older_code.update(self.changed(result_of(self.folder)["depends"]))
+        older_code.update(self.changed(result_of(self.folder).get("depends", {})))
         return self.folder
 
     def _state(self, mine: bool) -> str:
