@@ -117,7 +117,13 @@ PAGE = "notebook.html"
 
 
 class NotDone(RuntimeError):
-    """A notebook run did not get to its end."""
+    """A notebook run did not get to its end.
+
+    Attributes:
+        refused: whether the notebook refused its data at its head (`Page.needs`), in place of failing.
+    """
+
+    refused = False
 
 
 def run_notebook(
@@ -128,6 +134,7 @@ def run_notebook(
     *,
     kept: Path | None = None,
     page: bool = True,
+    go_on: bool = False,
 ) -> Path:
     """Run a notebook with some parameters changed; everything it leaves lies in one folder.
 
@@ -140,6 +147,8 @@ def run_notebook(
         kept: folder in which executions are kept; None = what MWLIB_EXECUTED names, else none. One of the same notebook,
             parameters, data and code is copied from there in place of another; a new one is copied there.
         page: whether `notebook.html` is written.
+        go_on: whether a notebook that does not get to its end leaves a result that says why, with the status "refused" or
+            "failed": what is made of many notebooks goes on with the others.
 
     Returns:
         The folder.
@@ -147,7 +156,7 @@ def run_notebook(
     Raises:
         FileNotFoundError, ValueError: there is no such file, or it is no notebook.
         ParameterError: a name is unknown or a value is of the wrong type.
-        NotDone: the notebook did not get to its end; the folder then holds no `metrics.json`.
+        NotDone: the notebook did not get to its end; the folder then holds no `metrics.json`, or one that says so.
     """
     if timeout <= 0:
         raise ValueError(f"timeout is {timeout}; expected more than 0 seconds")
@@ -166,7 +175,14 @@ def run_notebook(
     if before and results.result_of(before).get("depends", {}).get("surroundings") == surroundings():
         if not outdated(before, tree, digest):
             return _copied(before, folder, page)
-    _execute(notebook, tree, values, folder, timeout, page)
+    try:
+        _execute(notebook, tree, values, folder, timeout, page)
+    except NotDone as error:
+        if go_on:
+            status = "refused" if error.refused else "failed"
+            about = {"notebook": source_hash(tree), "mwlib": package_hash()}
+            results.write_result(folder, {}, digest, about, status, {"reason": str(error)})
+        raise
     if before:
         _copied(folder, before)
     return folder
@@ -195,7 +211,11 @@ def _execute(
         (folder / results.RESULT).unlink(missing_ok=True)
         if page and (folder / EXECUTED).is_file():
             write_atomic(folder / PAGE, _page(folder / EXECUTED))
-        raise NotDone(f"{notebook.stem}: {_reason(error, folder)}\n(see {folder / EXECUTED})") from error
+        not_done = NotDone(f"{notebook.stem}: {_reason(error, folder)}\n(see {folder / EXECUTED})")
+        if isinstance(error, PapermillExecutionError) and error.ename == results.REFUSED:
+            not_done = NotDone(f"{notebook.stem}: {error.evalue}")
+            not_done.refused = True
+        raise not_done from error
 
 
 def _copied(source: Path, target: Path, page: bool = False) -> Path:

@@ -1,4 +1,4 @@
-"""The page of a notebook: its pictures, its tables, and the result that proves that it got to its end."""
+"""The page of a notebook: its pictures, tables and claims, and the result that proves that it got to its end."""
 
 from __future__ import annotations
 
@@ -6,22 +6,55 @@ import json
 import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from matplotlib.figure import Figure
 
 from mwlib.data.collections import acknowledgement
 from mwlib.data.sources import data_fingerprint
-from mwlib.experiments.results import RESULT, models_used, of_older_code, parameters_hash, write_result
-from mwlib.plots.saving import as_csv, marked, origin, save, save_table, show
-from mwlib.plots.tables import results_table
+from mwlib.experiments.results import RESULT, models_used, of_older_code, parameters_hash, read_tree, write_result
+from mwlib.paths import course_folder
+from mwlib.plots.saving import as_csv, existing, marked, origin, save, save_table, show
+from mwlib.plots.tables import results_table, significant
 from mwlib.version import __version__
 
 Row = Mapping[str, object]
+SIGNS = {True: "✓", False: "✗", None: "–"}
+HOLDING = {True: "holds", False: "does not hold", None: "cannot be said"}
+ELSEWHERE = (
+    "These are not the chapter's default parameters. Its text and its pictures' descriptions speak of the embedded people; "
+    "each ✓ or ✗ below says whether a claim holds here."
+)
+
+
+class Claim(NamedTuple):
+    """A sentence about measured numbers.
+
+    Args:
+        sentence: the claim, as a clause: "the samples stride less than the truth".
+        holds: whether it does; None where a number that it needs does not exist.
+        numbers: what it rests on, by name; None for a number that does not exist.
+    """
+
+    sentence: str
+    holds: bool | None
+    numbers: dict[str, float | None]
+
+    def told(self) -> str:
+        """Whether it holds, with its numbers: ``holds (samples 0.22, truth 0.41)``."""
+        numbers = (f"{name.replace('_', ' ')} {'–' if n is None else significant(n)}" for name, n in self.numbers.items())
+        return HOLDING[self.holds] + (f" ({', '.join(numbers)})" if self.numbers else "")
+
+
+class Refused(ValueError):
+    """The data lack what the whole chapter needs; Jupyter shows the sentence in place of a traceback."""
+
+    def _render_traceback_(self) -> list[str]:
+        return [f"{type(self).__name__}: {self}"]
 
 
 class Page:
-    """Shows a notebook's pictures and tables; writes them and the result into `out`, with their provenance.
+    """Shows a notebook's pictures, tables and claims; writes them and the result into `out`, with their provenance.
 
     With an empty `out` nothing is written, and cells may be run again in any order. All the same, what would be written is
     checked: data that make no CSV and metrics that make no JSON are refused in either case. With a folder in `out` the page is a
@@ -59,8 +92,76 @@ class Page:
         self._hash = parameters_hash(parameters)
         self._depends = self._told_now(cfg, source) if out else {}
         self._stems: set[str] = set()
+        self._claims: dict[str, Claim] = {}
+        self._left_out: list[str] = []
         self._finished = False
         self._forget()
+        self._default_hash = parameters_hash({**parameters, "data": source})
+        stored = _stored(notebook)
+        self._default = stored.get("parameters", self._default_hash) == self._default_hash
+        self._embedded = {claim["sentence"]: Claim(**claim) for claim in stored.get("claims", [])}
+        if not self._default:
+            print(ELSEWHERE)
+
+    def needs(self, holds: object, sentence: str) -> None:
+        """Refuse data that lack what the whole chapter needs: a chapter does so at its head, or gets to its end.
+
+        Args:
+            holds: whether they have it.
+            sentence: what is needed and what was found: "this chapter needs two test windows; these motions have one".
+
+        Raises:
+            Refused: they do not have it.
+        """
+        if not holds:
+            raise Refused(sentence)
+
+    def can(self, holds: object, sentence: str) -> bool:
+        """Whether a part of the chapter can be shown; where it cannot, a sentence says so, and the result keeps it.
+
+        Args:
+            holds: whether the data have what the part needs.
+            sentence: what is left out and why: "no strides are compared: this skeleton has no feet".
+        """
+        if not holds and sentence not in self._left_out:
+            self._left_out.append(sentence)
+            print(f"Left out: {sentence}.")
+        return bool(holds)
+
+    def claim(self, sentence: str, holds: object, **numbers: Any) -> None:
+        """State what the measured numbers show, and whether they do.
+
+        With the chapter's default parameters, those of its stored outputs, a claim that does not hold stops the notebook.
+        With any others it stops nothing: it is shown where it stands, in the table at the end, and kept in the result.
+
+        Args:
+            sentence: the claim, as a clause without a full stop; each once in a notebook.
+            holds: a truth value, also of NumPy or torch; None where it cannot be said. It cannot where a number does not exist.
+            numbers: what it rests on, by name: `samples=0.22` is shown as "samples 0.22". NaN, infinity and None do not exist.
+
+        Raises:
+            AssertionError: it does not hold, or cannot be said, with the default parameters.
+            TypeError, ValueError: a number is none; or the claim has been made already, on a page that is written.
+
+        >>> import mwlib as mw
+        >>> page = Page("a_sample", "", mw.Config.preset("tiny"))
+        >>> page.claim("the samples stride less than the truth", 0.22 < 0.41, samples=0.22, truth=0.41)
+        ✓ the samples stride less than the truth (samples 0.220, truth 0.410)
+        """
+        self._open(f"the claim {sentence!r}")
+        if self._folder and sentence in self._claims:
+            raise ValueError(f"the claim {sentence!r} is made twice; expected each once")
+        kept = {name: None if value is None else existing(float(value)) for name, value in numbers.items()}
+        known = holds is not None and None not in kept.values()
+        claim = Claim(sentence, bool(holds) if known else None, kept)
+        self._claims[sentence] = claim
+        if self._default and not claim.holds:
+            raise AssertionError(f"{sentence}: {claim.told()}")
+        if self._default:
+            print(f"{SIGNS[claim.holds]} {sentence}{claim.told().removeprefix(HOLDING[True])}")
+        else:
+            there = f"; embedded people: {self._embedded[sentence].told()}" if sentence in self._embedded else ""
+            print(f"{SIGNS[claim.holds]} {sentence}: {claim.told()} here{there}")
 
     def show(
         self,
@@ -128,23 +229,48 @@ class Page:
         display(shown, metadata=marked(stem))
 
     def finish(self, metrics: Mapping[str, Any]) -> None:
-        """Write the result, `metrics.json`, with hashes of what it depends on: the notebook's last call.
+        """Show the chapter's claims in a table, and write the result, `metrics.json`: the notebook's last call.
 
-        Its status is "finished". `run-notebook`, which sees whether every cell ran, makes "ok" of it.
+        The result has hashes of what it depends on, the claims, and what was left out. Its status is "finished". `run-notebook`,
+        which sees whether every cell ran, makes "ok" of it.
 
         Args:
-            metrics: the numbers to keep; JSON values.
+            metrics: the numbers to keep; JSON values. NaN and infinity become null.
 
         Raises:
             TypeError: the metrics hold something that JSON cannot.
             RuntimeError: the page is finished already.
         """
         self._open("a second result")
-        json.dumps(dict(metrics))
+        json.dumps(metrics := existing(dict(metrics)))
+        claims = [claim._asdict() for claim in self._claims.values()]
+        if claims:
+            self._sum_up(claims)
         if self._folder:
             used = {"models": dict(models_used), "modules": sorted(name for name in sys.modules if name.split(".")[0] == "mwlib")}
-            write_result(self._folder, metrics, self._hash, self._depends | used | of_older_code(), "finished")
+            told = {"claims": claims, "left_out": self._left_out}
+            write_result(self._folder, metrics, self._hash, self._depends | used | of_older_code(), "finished", told)
             self._finished = True
+
+    def _sum_up(self, claims: list[dict[str, Any]]) -> None:
+        """The chapter's claims as a table. Stored in the committed notebook, it says what holds on the embedded people."""
+        from IPython.display import display
+
+        rows = [{"claim": claim.sentence, "here": claim.told()} for claim in self._claims.values()]
+        if self._default:
+            rows = [{"claim": row["claim"], "embedded people": row["here"]} for row in rows]
+            mark = {
+                "claims": [claim | {"numbers": _rounded(claim["numbers"])} for claim in claims],
+                "parameters": self._default_hash,
+            }
+            display(results_table(rows), metadata={"mwlib": mark})
+            return
+        held = [claim.holds for claim in self._claims.values()]
+        print(
+            f"Of {len(held)} claims {held.count(True)} hold here, {held.count(False)} do not, {held.count(None)} cannot be said."
+        )
+        there = {sentence: claim.told() for sentence, claim in self._embedded.items()}
+        display(results_table([{**row, "embedded people": there.get(str(row["claim"]))} for row in rows]))
 
     def _open(self, what: str) -> None:
         """Refuse what comes after the end; then the end was none, and the result goes."""
@@ -170,3 +296,15 @@ class Page:
     def _forget(self) -> None:
         if self._folder:
             (self._folder / RESULT).unlink(missing_ok=True)
+
+
+def _stored(notebook: str) -> dict[str, Any]:
+    """What the course's own notebook stores of its claims on its default parameters; empty if it stores none."""
+    cells = read_tree(course_folder() / "notebooks" / f"{notebook}.ipynb", cells=list).get("cells", [])
+    marks = [output.get("metadata", {}).get("mwlib", {}) for cell in cells for output in cell.get("outputs", [])]
+    return next((mark for mark in marks if "claims" in mark), {})
+
+
+def _rounded(numbers: Mapping[str, float | None]) -> dict[str, float | None]:
+    """Numbers as they are shown, so that a notebook executed twice is the same file."""
+    return {name: None if number is None else float(significant(number)) for name, number in numbers.items()}

@@ -17,7 +17,8 @@ from mwlib.hashing import digest
 from mwlib.paths import course_folder, home
 
 RESULT = "metrics.json"
-Status = Literal["ok", "finished"]
+Status = Literal["ok", "finished", "refused", "failed"]
+REFUSED = "Refused"  # name of the error by which a notebook refuses its data, as a kernel reports it
 
 # What this process has taken from runs and results, which a notebook's page names, as a notebook is a process of its own:
 models_used: dict[str, str] = {}  # name of a run -> SHA-256 of its model
@@ -39,7 +40,14 @@ def of_older_code() -> dict[str, list[str]]:
     return {"older_code": sorted(older_code)} if older_code else {}
 
 
-def write_result(folder: Path, metrics: Mapping[str, Any], key: str, depends: Mapping[str, Any], status: Status = "ok") -> Path:
+def write_result(
+    folder: Path,
+    metrics: Mapping[str, Any],
+    key: str,
+    depends: Mapping[str, Any],
+    status: Status = "ok",
+    told: Mapping[str, Any] | None = None,
+) -> Path:
     """Write what a run found: the last thing it does, atomic.
 
     Args:
@@ -48,8 +56,10 @@ def write_result(folder: Path, metrics: Mapping[str, Any], key: str, depends: Ma
         key: hash of its parameters or settings, under which `read_result` knows it.
         depends: hashes of everything that the metrics depend on.
         status: "ok" declares it done; a notebook's page can only say "finished", as it does not see whether every cell ran.
+            "refused" and "failed" say that it is not done.
+        told: what else it says, by name, such as a chapter's claims; JSON values.
     """
-    tree = {"status": status, "hash": key, "depends": dict(depends), "metrics": dict(metrics)}
+    tree = {"status": status, "hash": key, "depends": dict(depends), "metrics": dict(metrics), **(told or {})}
     write_json(folder / RESULT, tree)
     return folder / RESULT
 

@@ -146,16 +146,16 @@ def origin(kind: str, stem: str, provenance: Mapping[str, object]) -> str:
     """
     if not stem or Path(stem).name != stem:
         raise ValueError(f"stem is {stem!r}; expected a plain file name without a folder")
-    return json.dumps({kind: stem, **_existing(provenance)}, indent=2, sort_keys=True, allow_nan=False) + "\n"
+    return json.dumps({kind: stem, **existing(provenance)}, indent=2, sort_keys=True, allow_nan=False) + "\n"
 
 
-def _existing(tree: Any) -> Any:
-    """A JSON tree with None for numbers that do not exist, like a standard error over one clip."""
+def existing(tree: Any) -> Any:
+    """A JSON tree with None for numbers that do not exist, NaN and infinity, like a standard error over one clip."""
     if isinstance(tree, Mapping):
-        return {key: _existing(value) for key, value in tree.items()}
+        return {key: existing(value) for key, value in tree.items()}
     if isinstance(tree, list | tuple):
-        return [_existing(value) for value in tree]
-    return None if isinstance(tree, float) and math.isnan(tree) else tree
+        return [existing(value) for value in tree]
+    return None if isinstance(tree, float) and not math.isfinite(tree) else tree
 
 
 def described(alt: str) -> str:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+import re
 
 import matplotlib.pyplot as plt
 import numpy as np
@@ -14,7 +15,7 @@ from mwlib import __version__
 from mwlib.data.sources import data_fingerprint
 from mwlib.experiments import page as page_module
 from mwlib.experiments.page import Page
-from mwlib.experiments.results import RESULT, parameters_hash, read_result, result_of
+from mwlib.experiments.results import REFUSED, RESULT, parameters_hash, read_result, result_of
 from mwlib.prediction.config import Config
 
 PARAMETERS = {"preset": "tiny", "data": "", "seed": 3}
@@ -163,3 +164,103 @@ def test_a_result_that_json_cannot_hold_is_refused(tmp_path, recorded):
     with pytest.raises(TypeError, match="Tensor is not JSON serializable"):
         page_in(tmp_path if recorded else "").finish({"answer": torch.ones(1)})
     assert not list(tmp_path.iterdir())
+
+
+CLAIM = "the samples stride less than the truth"
+STORED = {"sentence": CLAIM, "holds": True, "numbers": {"samples": 0.22, "truth": 0.41}}
+
+
+@pytest.fixture
+def committed(tmp_path, monkeypatch):
+    """A course whose notebook stores its claims, made with the default parameters."""
+    key = parameters_hash(PARAMETERS | {"data": "synthetic"})
+    mark = {"mwlib": {"claims": [STORED], "parameters": key}}
+    (tmp_path / "notebooks").mkdir()
+    tree = {"cells": [{"cell_type": "markdown"}, {"outputs": [{"output_type": "stream"}, {"metadata": mark}]}]}
+    (tmp_path / "notebooks" / "01_sample.ipynb").write_text(json.dumps(tree))
+    monkeypatch.setattr(page_module, "course_folder", lambda: tmp_path)
+
+
+@pytest.mark.parametrize("holds", [0.22 < 0.41, np.bool_(True), torch.tensor(True)])
+def test_a_claim_that_holds_is_said_with_its_numbers(shown, capsys, holds):
+    page = page_in()
+    page.claim(CLAIM, holds, samples=torch.tensor(0.22), truth=np.float32(0.41))
+    assert capsys.readouterr().out == f"✓ {CLAIM} (samples 0.220, truth 0.410)\n"
+    page.finish({})
+    assert shown[0].header == ("claim", "embedded people")
+    assert shown[0].rows == ((CLAIM, "holds (samples 0.220, truth 0.410)"),)
+
+
+@pytest.mark.parametrize("stored", [True, False])
+@pytest.mark.parametrize(
+    "holds, numbers, told",
+    [
+        (False, {"samples": 0.5}, "does not hold (samples 0.500)"),
+        (None, {}, "cannot be said"),
+        (True, {"error": np.nan}, "cannot be said (error –)"),
+        (True, {"error": None}, "cannot be said (error –)"),
+        (True, {"error": np.inf}, "cannot be said (error –)"),
+    ],
+)
+def test_with_the_default_parameters_a_claim_must_hold(request, stored, holds, numbers, told):
+    if stored:
+        request.getfixturevalue("committed")
+    with pytest.raises(AssertionError, match=re.escape(f"{CLAIM}: {told}")):
+        page_in().claim(CLAIM, holds, **numbers)
+
+
+@pytest.mark.parametrize("other", [{"seed": 4}, {"preset": "laptop"}, {"source": "cmu/asfamc"}])
+def test_with_other_parameters_it_is_recorded_beside_what_holds_on_the_embedded_people(tmp_path, shown, capsys, committed, other):
+    page = page_in(tmp_path / "out", **other)
+    assert "not the chapter's default parameters" in capsys.readouterr().out
+    page.claim(CLAIM, False, samples=0.5, truth=0.25)
+    page.claim("another", None)
+    told = capsys.readouterr().out.splitlines()
+    here, there = "does not hold (samples 0.500, truth 0.250)", "holds (samples 0.220, truth 0.410)"
+    assert told == [f"✗ {CLAIM}: {here} here; embedded people: {there}", "– another: cannot be said here"]
+    page.finish({"ADE": float("nan")})
+    assert shown[0].rows == ((CLAIM, here, there), ("another", "cannot be said", "–"))
+    assert "Of 2 claims 0 hold here, 1 do not, 1 cannot be said." in capsys.readouterr().out
+    result = result_of(tmp_path / "out")
+    assert result["claims"][0] == {"sentence": CLAIM, "holds": False, "numbers": {"samples": 0.5, "truth": 0.25}}
+    assert result["claims"][1]["holds"] is None and result["metrics"] == {"ADE": None}
+
+
+def test_the_data_of_the_preset_by_name_are_the_default(shown, capsys, committed):
+    page = page_in(source="synthetic", data="synthetic")
+    with pytest.raises(AssertionError):
+        page.claim(CLAIM, False)
+    assert "default parameters" not in capsys.readouterr().out
+
+
+def test_a_claim_is_made_once_where_it_is_written(tmp_path, shown):
+    for out, again in (("", True), (tmp_path, False)):
+        page = page_in(out)
+        page.claim(CLAIM, True)
+        if again:
+            page.claim(CLAIM, True)
+        else:
+            with pytest.raises(ValueError, match="is made twice"):
+                page.claim(CLAIM, True)
+
+
+def test_a_number_is_a_number(shown):
+    with pytest.raises(ValueError, match="could not convert"):
+        page_in().claim(CLAIM, True, samples="many")
+
+
+def test_what_is_left_out_is_said_once_and_kept(tmp_path, shown, capsys):
+    page, sentence = page_in(tmp_path), "no strides are compared: this skeleton has no feet"
+    assert page.can(True, sentence) and not page.can(torch.tensor(False), sentence) and not page.can(0, sentence)
+    assert capsys.readouterr().out == f"Left out: {sentence}.\n"
+    page.finish({})
+    assert result_of(tmp_path)["left_out"] == [sentence]
+
+
+def test_data_that_lack_what_all_needs_are_refused_without_a_traceback(shown):
+    page = page_in()
+    page.needs(2, "this chapter needs two windows")
+    with pytest.raises(page_module.Refused, match="needs two windows") as caught:
+        page.needs([], "this chapter needs two windows; these motions have none")
+    assert caught.value._render_traceback_() == ["Refused: this chapter needs two windows; these motions have none"]
+    assert page_module.Refused.__name__ == REFUSED
