@@ -15,7 +15,7 @@ from typing import Any
 
 import torch
 from accelerate.state import PartialState
-from accelerate.utils import broadcast_object_list
+from accelerate.utils import broadcast_object_list, parse_flag_from_env
 from tqdm import tqdm
 
 from mwlib.experiments.results import (
@@ -84,6 +84,7 @@ class Run:
         """
         if self._state(mine=False) != "done" and not (self.folder / CHECKPOINT).exists():
             self.folder = self._place(self.folder, "training")
+        self.folder = Path(_agreed(str(self.folder)))
         said = _agreed(self._state(mine=False))
         while said == "wait":
             with locked(self.folder / ".lock", PATIENCE) if _rank() == 0 else nullcontext(True) as mine:
@@ -91,7 +92,7 @@ class Run:
                 if said == "train":
                     self._train_to_end(progress)
                     _agreed("done")  # nobody goes on before the result is written
-        older_code.update(self.changed(result_of(self.folder).get("depends", {})))
+        older_code.update(self.changed(result_of(self.folder)["depends"]))
         return self.folder
 
     def _state(self, mine: bool) -> str:
@@ -255,7 +256,7 @@ def train_run(cfg: Settings, data: Data, folder: Path) -> Iterator[TrainingStep]
     system, settings, about = system_of(cfg), cfg.get_group("training"), {"settings": json.dumps(cfg.trained())}
     if (folder / CONFIG).exists():
         _check_begun(cfg, folder / CONFIG)
-    else:
+    elif _rank() == 0:
         write_together({folder / CODE: json.dumps(code_of(system), indent=1), folder / CONFIG: cfg.to_yaml()})
     yield from train(lambda learnt: system.make_objective(cfg, data, learnt), settings, folder, cfg.training_hash(), about)
 
@@ -341,7 +342,7 @@ def _agreed(said: str) -> str:
     """What the first of several processes says; alone, what this one says."""
     if int(os.environ.get("WORLD_SIZE", "1")) == 1:
         return said
-    PartialState()  # joins the processes
+    PartialState(cpu=parse_flag_from_env("ACCELERATE_USE_CPU") or not torch.cuda.is_available())  # joins them; else each is alone
     words = [said]
     broadcast_object_list(words)
     return words[0]

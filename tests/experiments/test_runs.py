@@ -10,6 +10,7 @@ import subprocess
 import sys
 import threading
 import time
+from multiprocessing.process import BaseProcess
 from pathlib import Path
 from typing import NamedTuple
 
@@ -153,26 +154,60 @@ def test_a_run_killed_at_any_of_its_writes_goes_on_to_the_same_bits(tmp_path):
     assert int(places) >= 40 and lost.strip() == "[]"
 
 
+def ask_aloud() -> None:
+    """Ask for the run as one of several processes, and print all that they agree on."""
+    agreed = runs._agreed
+
+    def aloud(said: str) -> str:
+        word = agreed(said)
+        print(word, flush=True)
+        return word
+
+    runs._agreed = aloud
+    ask()
+
+
+def ranks(tmp_path: Path) -> tuple[list[BaseProcess], list[Path]]:
+    """Two processes as ``accelerate launch`` starts them, and what they print."""
+    logs = [tmp_path / "0.log", tmp_path / "1.log"]
+    world = {"MASTER_ADDR": "127.0.0.1", "MASTER_PORT": str(free_port()), "WORLD_SIZE": "2", "ACCELERATE_USE_CPU": "true"}
+    ranked = [{**world, "RANK": str(rank), "LOCAL_RANK": str(rank)} for rank in range(2)]
+    return [started(ask_aloud, log=log, cwd=ROOT, env=env) for log, env in zip(logs, ranked, strict=True)], logs
+
+
 def test_several_processes_do_not_hang_when_another_finishes_their_run(monkeypatch, tmp_path):
-    """The first of the processes waits for the lock; meanwhile somebody else writes the result."""
+    """The first of the processes waits for the lock; meanwhile somebody else writes the result. Nobody starts to train."""
     cfg, data = small(), two_people()
     monkeypatch.setenv("MWLIB_RUNS", str(tmp_path / "elsewhere"))
     made = get_run(cfg, data)
     monkeypatch.setenv("MWLIB_RUNS", str(tmp_path / "runs"))
     folder = Run(cfg, data).folder
-    world = {**os.environ, "MASTER_ADDR": "127.0.0.1", "MASTER_PORT": str(free_port()), "WORLD_SIZE": "2", "OMP_NUM_THREADS": "1"}
     with locked(folder / ".lock"):
-        ranks = [
-            subprocess.Popen(
-                [sys.executable, "-c", "from tests.experiments.test_runs import ask; ask()"], cwd=ROOT, stdout=subprocess.PIPE,
-                text=True, env={**world, "RANK": str(rank), "LOCAL_RANK": str(rank), "ACCELERATE_USE_CPU": "true"},
-            )
-            for rank in range(2)
-        ]  # fmt: skip
-        time.sleep(6)
+        processes, logs = ranks(tmp_path)
+        until = time.monotonic() + 120
+        while any(not log.exists() or log.read_text().count("wait") < 3 for log in logs):
+            assert time.monotonic() < until and all(process.is_alive() for process in processes)
+            time.sleep(0.05)
+        assert [file.name for file in folder.iterdir()] == [".lock"]
         shutil.copytree(made, folder, dirs_exist_ok=True, ignore=shutil.ignore_patterns(".lock"))
-    assert [rank.communicate(timeout=120)[0].split()[0] for rank in ranks] == [str(folder)] * 2
-    assert all(rank.returncode == 0 for rank in ranks)
+        written = (folder / MODEL).stat().st_mtime_ns
+    for process in processes:
+        process.join(120)
+    told = [log.read_text().split() for log in logs]
+    assert told[0] == told[1] and told[0][-3:] == ["done", str(folder), str(written)] and "train" not in told[0]
+    assert (folder / MODEL).stat().st_mtime_ns == written and [process.exitcode for process in processes] == [0, 0]
+
+
+def test_several_processes_train_one_run_together(monkeypatch, tmp_path):
+    """Nobody else trains: both take part, and one result is written."""
+    monkeypatch.setenv("MWLIB_RUNS", str(tmp_path / "runs"))
+    processes, logs = ranks(tmp_path)
+    for process in processes:
+        process.join(120)
+    told = [log.read_text().split() for log in logs]
+    folder = Run(small(), two_people()).folder
+    assert told[0] == told[1] == [str(folder), "wait", "train", "done", str(folder), told[0][-1]]
+    assert read_result(folder, small().training_hash())["steps"] == 12 and [process.exitcode for process in processes] == [0, 0]
 
 
 def free_port() -> int:

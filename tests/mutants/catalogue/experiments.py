@@ -85,6 +85,12 @@ MUTANTS = [
         ("a-model-without-its-settings", '{"settings": json.dumps(cfg.trained())}', "{}"),
     ),
     *of(
+        "experiments/runs.py", "experiments/test_runs.py::test_several_processes_train_one_run_together",
+        ("processes-do-not-join", 'PartialState(cpu=parse_flag_from_env("ACCELERATE_USE_CPU") or not torch.cuda.is_available())',
+         "PartialState()", "experiments/test_runs.py::test_several_processes_do_not_hang_when_another_finishes_their_run"),
+        ("the-others-go-on-before-the-result", '                    _agreed("done")', "                    pass"),
+    ),
+    *of(
         "experiments/results.py", "experiments/test_runs.py",
         ("half-written-results-are-believed", "isinstance(tree.get(name), kind) for", "True for",
          "experiments/test_runs.py::test_results_are_believed_only_when_whole"),
