@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, lru_cache
+from pathlib import Path
 from typing import NamedTuple, TypeVar
 
 import numpy as np
@@ -12,10 +13,10 @@ import torch
 from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
-from mwlib.data.captioned_cmu import captioned_cmu
+from mwlib.data.captioned_cmu import CAPTIONS, FOLDER, captioned_cmu
 from mwlib.data.formats.humanml import LAYOUTS, CaptionedClip, FeatureLayout, TaggedCaption, read_folder
 from mwlib.data.formats.humanml_encoding import features_of
-from mwlib.data.load import data_folder, find_source
+from mwlib.data.load import data_folder, find_source, source_state
 from mwlib.data.normalisation import Statistics
 from mwlib.data.windows import JoinedClips
 from mwlib.hashing import sha256
@@ -89,16 +90,28 @@ def _clips(source: CaptionsConfig) -> list[CaptionedClip]:
     if source.data == "people":
         return _people(source.clips)
     if source.data == "cmu":
-        return _cmu(data_folder().absolute())
+        folder = data_folder().absolute()
+        return _cmu(folder, source_state(folder / FOLDER), source_state(folder / CAPTIONS))
     try:
         folder = find_source(source.data)
     except FileNotFoundError:
         found = f"data is {source.data!r}, which is neither here nor in {data_folder()}, the folder of data (MWLIB_DATA)"
         raise FileNotFoundError(f"{found}; expected people, cmu, or a folder laid out as HumanML3D or KIT") from None
-    return _folder(folder)
+    return _folder(folder.absolute(), source_state(folder))
 
 
-_people, _cmu, _folder = cache(captioned_people), cache(captioned_cmu), cache(read_folder)
+_people = cache(captioned_people)
+
+
+@lru_cache(maxsize=1)
+def _cmu(folder: Path, *_state: object) -> list[CaptionedClip]:
+    """The state of its files makes a changed folder be read again."""
+    return captioned_cmu(folder)
+
+
+@lru_cache(maxsize=2)
+def _folder(folder: Path, *_state: object) -> list[CaptionedClip]:
+    return read_folder(folder)
 
 
 def _cut(clip: CaptionedClip, longest: int) -> CaptionedClip:

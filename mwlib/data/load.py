@@ -6,7 +6,7 @@ import os
 import re
 import sys
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from io import BytesIO
 from pathlib import Path
 from typing import Unpack
@@ -20,7 +20,18 @@ from mwlib.body.skeleton import Skeleton
 from mwlib.data.collections import NAMED_SOURCES, SKELETONS, named_source
 from mwlib.data.collections.cmu import BENCHMARK_COLUMNS
 from mwlib.data.formats.humanml import FEATURES, is_features, read_features, without_features
-from mwlib.data.meaning import Given, Hints, Reading, check_size, check_up, hints, metres_per_unit, rows_without_files, told_alone
+from mwlib.data.meaning import (
+    LEVELS_UP,
+    Given,
+    Hints,
+    Reading,
+    check_size,
+    check_up,
+    hints,
+    metres_per_unit,
+    rows_without_files,
+    told_alone,
+)
 from mwlib.data.untrusted import (
     MOST_BYTES,
     BrokenFilesWarning,
@@ -37,6 +48,7 @@ from mwlib.data.untrusted import (
     without_twins,
 )
 
+HINTS = ("clips.csv", "skeleton.json")  # read along with motions that lie beside or below them
 MANY_FILES = 20  # from here on a progress bar is worth its line
 CONTENT = "content"  # the place of a failure that its reader did not foresee
 MOST_REASONS = 12  # of a report on broken files
@@ -156,13 +168,40 @@ def motion_files(path: Path) -> list[Path]:
     if not path.is_dir():
         return [path]
     unlisted: list[Path] = []
-    walk = os.walk(path, onerror=lambda error: unlisted.append(Path(error.filename)))
-    files = [Path(folder, name) for folder, _, names in walk for name in names if not name.startswith(".")]
+    files = _inside(path, unlisted)
     found = without_features(without_twins([*unlisted, *(file for file in files if _is_motion(file))]))
     if not found:
         expected = f"at least one file with motions ({', '.join(READERS)}, plain or as .xz or .gz)"
         raise MotionFormatError(path, "folder", f"{len(files)} files without motions", expected)
     return found
+
+
+def _inside(path: Path, unlisted: list[Path] | None = None) -> list[Path]:
+    """The files of a folder, recursively, but for hidden ones; folders that cannot be listed are added to `unlisted`."""
+    failed = [] if unlisted is None else unlisted
+    walk = os.walk(path, onerror=lambda error: failed.append(Path(error.filename)))
+    return [Path(folder, name) for folder, _, names in walk for name in names if not name.startswith(".")]
+
+
+def source_files(source: str | Path) -> Iterator[tuple[str, Path]]:
+    """The files that reading a source may open, by their place relative to it; none if it is no path."""
+    try:
+        path = find_source(source) if source != "synthetic" else None
+    except FileNotFoundError:
+        return
+    if path is None:
+        return
+    if path.is_dir():
+        found = [file for file in _inside(path) if bare_suffix(file) in (*READERS, ".asf") or file.name in HINTS]
+    else:
+        found = [path, *(file for file in path.parent.iterdir() if bare_suffix(file) == ".asf")]
+    found += [folder / name for folder in path.absolute().parents[:LEVELS_UP] for name in HINTS]
+    yield from sorted((os.path.relpath(file, path), file) for file in found if file.is_file())
+
+
+def source_state(source: str | Path) -> tuple[tuple[str, int, int], ...]:
+    """Names, times of change and sizes of those files: what is kept of them belongs to this state."""
+    return tuple((name, file.stat().st_mtime_ns, file.stat().st_size) for name, file in source_files(source))
 
 
 def _read(path: Path, given: Given, strict: bool) -> list[Motion]:

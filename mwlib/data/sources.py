@@ -2,24 +2,19 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Annotated, Literal, NamedTuple
 
 import numpy as np
 
 from mwlib.body.motion import Motion
-from mwlib.data.collections import named_source
-from mwlib.data.load import READERS, find_source, load_motions
-from mwlib.data.meaning import LEVELS_UP, UNITS
-from mwlib.data.untrusted import bare_suffix
+from mwlib.data.collections import SKELETONS, named_source
+from mwlib.data.load import load_motions, source_files
+from mwlib.data.meaning import UNITS
 from mwlib.data.windows import Bodies, prepare
 from mwlib.hashing import file_hash, sha256
 from mwlib.settings import NotNegative, OneOf, Positive
-
-HINTS = ("clips.csv", "skeleton.json")  # read along with motions that lie beside or below them
 
 
 @dataclass(frozen=True)
@@ -106,7 +101,7 @@ def _check_lists(lists: dict[str, tuple[str, ...]], present: Sequence[str], data
 
 
 def fingerprint(motions: Sequence[Motion]) -> str:
-    """Eight hex digits over subjects, skeleton and positions of the clips."""
+    """Eight hex digits over all of the clips that a training reads: people, skeletons with their parts, places and rotations."""
     return sha256(_contents(motions))[:8]
 
 
@@ -114,7 +109,13 @@ def _contents(motions: Sequence[Motion]) -> Iterator[bytes | str]:
     for m in motions:
         s = m.skeleton
         yield f"{m.subject}/{m.action}/{m.fps}/{m.up}/{s.joints}/{s.parents}/{s.left}/{s.right}"
+        if s not in SKELETONS.values():  # the parts of known ones follow from their joints
+            yield f"{s.name}/{sorted(s.parts.items())}"
         yield np.ascontiguousarray(m.positions, dtype=np.float32).tobytes()
+        if m.rig is not None:  # how a hand turns about its own bone shows in no position
+            yield f"{m.rig.skeleton.joints}/{m.rig.skeleton.parents}/{m.rig.points}/{m.rig.channels}"
+            parts = (m.rig.offsets, m.rig.rotations, m.rig.root, m.rig.moves)
+            yield from (np.ascontiguousarray(part).tobytes() for part in parts if part is not None)
 
 
 def data_fingerprint(source: str) -> str:
@@ -126,22 +127,5 @@ def data_fingerprint(source: str) -> str:
     Args:
         source: as `load_motions` takes it.
     """
-    files = _files(named_source(source)[0])
+    files = source_files(named_source(source)[0])
     return sha256(f"{name}\0{file.stat().st_size}\0{file_hash(file)}\n" for name, file in files)[:16]
-
-
-def _files(source: str | Path) -> Iterator[tuple[str, Path]]:
-    """The files that reading a source may open, by their place relative to it."""
-    try:
-        path = find_source(source) if source != "synthetic" else None
-    except FileNotFoundError:
-        return
-    if path is None:
-        return
-    if path.is_dir():
-        inside = [Path(folder, name) for folder, _, names in os.walk(path) for name in names if not name.startswith(".")]
-        found = [file for file in inside if bare_suffix(file) in (*READERS, ".asf") or file.name in HINTS]
-    else:
-        found = [path, *(file for file in path.parent.iterdir() if bare_suffix(file) == ".asf")]
-    found += [folder / name for folder in path.absolute().parents[:LEVELS_UP] for name in HINTS]
-    yield from sorted((os.path.relpath(file, path), file) for file in found if file.is_file())

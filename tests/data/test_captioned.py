@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 import torch
@@ -91,6 +93,40 @@ def test_a_folder_is_looked_up_where_data_are(tmp_path, monkeypatch):
     assert parts.layout is KIT
     with pytest.raises(FileNotFoundError, match="data is 'other', which is neither here nor .*data.*; expected people, cmu, or"):
         load_clips(CaptionsConfig(data="other"))
+
+
+@pytest.fixture
+def captions(tmp_path) -> Path:
+    """A folder with one clip to train and one to test on."""
+    for name in ("new_joint_vecs", "texts"):
+        (tmp_path / name).mkdir()
+    for name, split in (("1", "train"), ("2", "test"), ("3", "")):
+        np.save(tmp_path / "new_joint_vecs" / f"{name}.npy", np.ones((60, KIT.width), np.float32))
+        (tmp_path / "texts" / f"{name}.txt").write_text("a person walks#a/DET#0.0#0.0\n")
+        if split:
+            (tmp_path / f"{split}.txt").write_text(f"{name}\n")
+    return tmp_path
+
+
+@pytest.mark.parametrize(
+    ("change", "part"),
+    [
+        (lambda folder: (folder / "train.txt").write_text("1\n3\n"), 0),
+        (lambda folder: (folder / "test.txt").write_text("3\n"), 1),
+        (lambda folder: (folder / "val.txt").write_text("3\n"), 0),
+        (lambda folder: (folder / "texts" / "1.txt").write_text("a person waits#a/DET#0.0#0.0\n"), 0),
+        (lambda folder: np.save(folder / "new_joint_vecs" / "2.npy", np.full((60, KIT.width), 2, np.float32)), 1),
+        (lambda folder: np.save(folder / "new_joint_vecs" / "2.npy", np.ones((64, KIT.width), np.float32)), 1),
+    ],
+)
+def test_a_folder_that_changed_is_read_again_and_is_other_data(captions, change, part):
+    source = CaptionsConfig(data=str(captions))
+    before = load_clips(source)
+    assert load_clips(source).train[0] is before.train[0], "what did not change is not read again"
+    change(captions)
+    after = load_clips(source)
+    differ = [a != b for a, b in zip(before.fingerprints(), after.fingerprints(), strict=True)]
+    assert differ == [part == 0, part == 1]
 
 
 def test_people_are_parted_and_known_again():

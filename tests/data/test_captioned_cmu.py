@@ -14,6 +14,7 @@ from mwlib import MotionFormatError, load_motions
 from mwlib.body.kinematics import bone_lengths
 from mwlib.body.skeleton import HUMANML22
 from mwlib.data import captioned_cmu as module
+from mwlib.data.captioned import CaptionsConfig, load_clips
 from mwlib.data.captioned_cmu import captioned_cmu
 from mwlib.data.formats.humanml import HUMANML3D, joints_of
 
@@ -98,3 +99,20 @@ def test_without_words_there_is_no_clip_and_a_broken_table_is_refused(data_folde
     (folder / "captions_cmu.csv").write_text("clip_file,text\ncmu/asfamc/07/07_04.amc,A walk.\n")
     with pytest.raises(MotionFormatError, match="captions_cmu.csv, line 2: found .*; expected columns clip_file and caption"):
         captioned_cmu(folder)
+
+
+def test_changed_files_are_read_again(data_folder, tmp_path, monkeypatch):
+    folder = small_folder(data_folder, tmp_path, {"description": "walk", "subject": "3"})
+    shutil.copy(folder / "cmu/asfamc/07/07_04.amc.xz", folder / "cmu/asfamc/07/07_05.amc.xz")
+    table = folder / "cmu" / "clips.csv"
+    rows = table.read_text()
+    table.write_text(rows + "cmu/asfamc/07/07_05.amc.xz,120,walk,2\n")
+    monkeypatch.setenv("MWLIB_DATA", str(folder))
+    found = [load_clips(CaptionsConfig(data="cmu"))]
+    assert load_clips(CaptionsConfig(data="cmu")).train[0] is found[0].train[0]
+    table.write_text(rows + "cmu/asfamc/07/07_05.amc.xz,120,slow walk,2\n")
+    found.append(load_clips(CaptionsConfig(data="cmu")))
+    (folder / "captions_cmu.csv").write_text("clip_file,caption\ncmu/asfamc/07/07_05.amc,A walk.\n")
+    found.append(load_clips(CaptionsConfig(data="cmu")))
+    assert [parts.test[0].captions for parts in found] == [("walk",), ("slow walk",), ("A walk.", "slow walk")]
+    assert len({parts.fingerprints() for parts in found}) == 3

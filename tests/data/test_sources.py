@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 from dataclasses import replace
 from pathlib import Path
@@ -9,14 +10,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from mwlib import Motion
-from mwlib.body.skeleton import CMU, H36M17
+from mwlib import Motion, load_motions
+from mwlib.body.skeleton import CMU, H36M17, Skeleton
 from mwlib.data import sources
 from mwlib.data.collections import acknowledgement
 from mwlib.data.sources import SourceConfig, Split, data_fingerprint, fingerprint, split_motions
 from mwlib.data.windows import Bodies, prepare, windows
+from mwlib.paths import MODELS
 from mwlib.prediction.config import Config
 from mwlib.synthetic.motions import synthetic_motions
+from tests.sample_motions import BVH
 
 
 def clip(subject: str, frames: int = 60) -> Motion:
@@ -67,6 +70,61 @@ def test_fingerprint_sees_every_frame():
     renamed = replace(H36M17, joints=("pelvis", *H36M17.joints[1:]))
     assert fingerprint(motions) != fingerprint([replace(motions[0], skeleton=renamed), *motions[1:]])
     assert Split(motions, others, []).fingerprints() == (fingerprint(motions), fingerprint([]))
+
+
+ARM = Skeleton("own", ("hips", "left_hand", "right_hand"), (-1, 0, 0), (1,), (2,), {"left_arm": (1,), "right_arm": (2,)})
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"parts": {"left_arm": (2,), "right_arm": (1,)}},
+        {"parts": {}},
+        {"name": "other"},
+        {"left": (2,), "right": (1,)},
+        {"left": (), "right": ()},
+        {"parents": (-1, 0, 1)},
+        {"joints": ("hips", "right_hand", "left_hand")},
+    ],
+)
+def test_fingerprint_sees_whatever_of_a_skeleton_a_training_reads(change):
+    one = Motion(np.random.default_rng(0).normal(size=(9, 3, 3)), 50.0, ARM)
+    assert fingerprint([one]) != fingerprint([replace(one, skeleton=replace(ARM, **change))])
+    assert fingerprint([one]) == fingerprint([replace(one, name="other", skeleton=replace(ARM, parts=dict(ARM.parts)))])
+
+
+def test_other_parts_in_a_skeleton_file_are_other_data(tmp_path):
+    np.save(tmp_path / "a.npy", np.random.default_rng(0).normal(size=(9, 3, 3)))
+    tree = {"name": "own", "joints": ARM.joints, "parents": ARM.parents, "fps": 50, "unit": "m", "up": "z"}
+    found = set()
+    for parts in ({}, {"left_arm": [1], "right_arm": [2]}, {"left_arm": [2], "right_arm": [1]}):
+        (tmp_path / "skeleton.json").write_text(json.dumps(tree | {"parts": parts}))
+        found.add(fingerprint(load_motions(tmp_path)))
+    assert len(found) == 3
+
+
+def test_fingerprint_sees_rotations_that_move_no_joint(tmp_path):
+    """A hand that turns about its own bone stays where it is, and in-betweening by rotations trains on it."""
+    texts = {
+        "a": BVH,
+        "b": BVH.replace("6 7 8 9 10 3 40", "6 7 8 9 11 3 40"),
+        "c": BVH.replace("OFFSET 0 -5 12", "OFFSET 0 -5 13"),
+    }
+    for name, text in texts.items():
+        (tmp_path / f"{name}.bvh").write_text(text)
+    clips = [replace(load_motions(tmp_path / f"{name}.bvh")[0], name="") for name in texts]
+    for other in clips[1:]:
+        np.testing.assert_array_equal(other.positions, clips[0].positions)
+    assert len({fingerprint([m]) for m in clips}) == 3
+    assert len({fingerprint([replace(m, rig=None)]) for m in clips}) == 1
+
+
+def test_the_embedded_people_are_known_by_the_fingerprint_that_their_models_name():
+    shipped = json.loads((MODELS / "synthetic" / "metrics.json").read_text())
+    assert (
+        list(split_motions(Config.from_yaml(MODELS / "synthetic" / "config.yaml").data).fingerprints())
+        == shipped["about"]["data"]
+    )
 
 
 def test_nobody_stands_in_two_lists(monkeypatch):

@@ -94,6 +94,21 @@ MUTANTS = [
         ("two-lists-allowed", "(both := sorted({*people} & {*others}))", "(both := [])"),
         ("fingerprint-of-the-test-alone", "fingerprint(self.train), fingerprint(self.test)",
          "fingerprint(self.test), fingerprint(self.test)"),
+        ("parts-do-not-count", 'yield f"{s.name}/{sorted(s.parts.items())}"', "yield s.name"),
+        ("names-of-skeletons-do-not-count", 'yield f"{s.name}/{sorted', 'yield f"{sorted'),
+        ("rotations-do-not-count", "(m.rig.offsets, m.rig.rotations, m.rig.root,", "(m.rig.offsets, m.rig.root,"),
+    ),
+    *of(
+        "data/captioned.py", "data/test_captioned.py",
+        ("a-folder-is-read-once", "_folder(folder.absolute(), source_state(folder))", "_folder(folder.absolute())"),
+        ("kept-captions-are-of-another-day", ", source_state(folder / FOLDER), source_state(folder / CAPTIONS))",
+         ", source_state(folder / FOLDER))", "data/test_captioned_cmu.py"),
+        ("kept-trials-are-of-another-day", ", source_state(folder / FOLDER), source_state(folder / CAPTIONS))",
+         ", source_state(folder / CAPTIONS))", "data/test_captioned_cmu.py"),
+    ),
+    *of(
+        "data/load.py", "data/test_captioned.py",
+        ("kept-until-the-size-changes", "file.stat().st_mtime_ns, file.stat().st_size)", "0, file.stat().st_size)"),
     ),
     *of(
         "data/captioned_cmu.py", "data/test_captioned_cmu.py",
