@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import pytest
+
 from tests.mutants import runner
 from tests.mutants.__main__ import main
 from tests.mutants.catalogue import MUTANTS
@@ -36,3 +38,20 @@ def test_killed_survived_and_gone_are_told_apart(tmp_path, capsys, monkeypatch):
     said = [line.split("  ")[0] for line in capsys.readouterr().out.splitlines() if "test_sums" in line]
     assert said == ["killed", "SURVIVED", "NO LONGER APPLIES", "TESTS DO NOT RUN"]
     assert (tmp_path / "mwlib" / "sums.py").read_text().startswith("def double(x):\n    return 2 * x\n")
+    monkeypatch.setattr(runner, "run_tests", lambda *given, **options: pytest.fail("what is known is tried again"))
+    assert main([], mutants[:2], tmp_path) == 1
+    assert [line.split("  ")[0] for line in capsys.readouterr().out.splitlines() if "test_sums" in line] == said[:2]
+    monkeypatch.setattr(runner, "run_tests", lambda *given, **options: 0)
+    (tmp_path / "tests" / "test_sums.py").write_text(f"{test}\n")
+    monkeypatch.setattr(runner, "passed", lambda tests, root, copy: {test: {} for test in tests})
+    assert main([], mutants[:1], tmp_path) == 1 and "SURVIVED" in capsys.readouterr().out, "another test"
+
+
+def test_quick_tests_come_first():
+    class Item:
+        def __init__(self, nodeid: str) -> None:
+            self.nodeid = nodeid
+
+    items = [Item("slow"), Item("quick"), Item("new")]
+    runner.Clock({"slow": 2.0, "quick": 0.1}).pytest_collection_modifyitems(items)
+    assert [item.nodeid for item in items] == ["new", "quick", "slow"]
