@@ -32,13 +32,13 @@ class SourceConfig:
 
 
 REMEDY = (
-    "at least two clips, and people left over for training and test. Add a clip, or cut a long one into two files; name other "
-    "people in train_subjects and test_subjects; give clips of several people their subject in clips.csv"
+    "people left over for training and test. Name other people in train_subjects and test_subjects; give clips of several "
+    "people their subject in clips.csv"
 )
 
 
 class Split(NamedTuple):
-    """Clips by what they may be used for; no clip is in two parts."""
+    """Clips by what they may be used for; no frame is in two parts."""
 
     train: list[Motion]
     validation: list[Motion]
@@ -59,7 +59,7 @@ def split_motions(source: SourceConfig, ready: Callable[[Sequence[Motion], float
     """Load the configured data and part it by subject, so that nobody in the test set was ever trained on.
 
     Test data: `test_subjects`; else the last quarter of the subjects that no list names; with one subject in the data, the last
-    quarter of the clips. Windows of one clip never end up in two parts.
+    quarter of the clips; with one clip, its last quarter in time. No frame ends up in two parts.
 
     Args:
         source: which clips.
@@ -75,7 +75,11 @@ def split_motions(source: SourceConfig, ready: Callable[[Sequence[Motion], float
     lists = {name: getattr(source, name) for name in ("train_subjects", "validation_subjects", "test_subjects")}
     _check_lists(lists, present, source.data)
     unnamed = [subject for subject in present if not any(subject in people for people in lists.values())]
-    if len(present) == 1 and not any(lists.values()):
+    if len(motions) == 1 and not any(lists.values()):
+        (whole,) = motions
+        cut = len(whole) - len(whole) // 4
+        parts = Split([whole.cut(0, cut)], [], [whole.cut(cut, len(whole))]) if cut < len(whole) else Split(motions, [], [])
+    elif len(present) == 1 and not any(lists.values()):
         cut = len(motions) - max(1, len(motions) // 4)
         parts = Split(motions[:cut], [], motions[cut:])
     else:

@@ -46,10 +46,18 @@ def test_people_are_kept_apart(monkeypatch):
 def test_one_person_is_split_by_clips(monkeypatch):
     split = split_of(monkeypatch, [clip("A", 60 + i) for i in range(8)])
     assert [m.name for m in split.test] == ["A_66", "A_67"] and len(split.train) == 6
-    with pytest.raises(ValueError, match="no training clips: somewhere has 1 clips .* two files; .* clips.csv"):
-        split_of(monkeypatch, [clip("A")])
+    with pytest.raises(ValueError, match="no test clips: somewhere has 1 clips .*; give .* clips.csv"):
+        split_of(monkeypatch, [clip("A", 3)])
     with pytest.raises(ValueError, match=r"test_subjects has \['Z'\]"):
         split_of(monkeypatch, [clip("A"), clip("B")], test_subjects=("Z",))
+
+
+@pytest.mark.parametrize(("frames", "test"), [(60, 15), (61, 15), (4, 1)])
+def test_one_clip_is_parted_in_time(monkeypatch, frames, test):
+    whole = clip("P1", frames)
+    train, validation, held_out = split_of(monkeypatch, [whole], fps=whole.fps)
+    assert (len(train[0]), validation, len(held_out[0])) == (frames - test, [], test)
+    assert np.array_equal(np.concatenate([train[0].positions, held_out[0].positions]), whole.positions)
 
 
 def test_prepare_turns_resamples_and_retargets():

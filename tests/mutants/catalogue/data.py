@@ -90,6 +90,7 @@ MUTANTS = [
         "data/sources.py", "data/test_sources.py",
         ("test-people-are-trained-on", "tuple(subject for subject in unnamed if subject not in test)", "tuple(unnamed)"),
         ("test-clips-are-trained-on", "Split(motions[:cut], [], motions[cut:])", "Split(motions, [], motions[cut:])"),
+        ("the-start-of-one-clip-is-tested-on", "[whole.cut(cut, len(whole))]", "[whole.cut(0, len(whole) - cut)]"),
         ("named-people-are-tested-by-default", "tuple(unnamed[-max(1,", "tuple(present[-max(1,"),
         ("two-lists-allowed", "(both := sorted({*people} & {*others}))", "(both := [])"),
         ("fingerprint-of-the-test-alone", "fingerprint(self.train), fingerprint(self.test)",
