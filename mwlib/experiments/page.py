@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import json
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeVar
 
 from matplotlib.figure import Figure
 
@@ -19,6 +19,7 @@ from mwlib.plots.tables import results_table, significant
 from mwlib.version import __version__
 
 Row = Mapping[str, object]
+T = TypeVar("T")
 SIGNS = {True: "✓", False: "✗", None: "–"}
 HOLDING = {True: "holds", False: "does not hold", None: "cannot be said"}
 ELSEWHERE = (
@@ -115,6 +116,21 @@ class Page:
         """
         if not holds:
             raise Refused(sentence)
+
+    def load(self, load: Callable[[Any], T], settings: Any) -> T:
+        """The data that `load` makes of settings: those that it refuses, a chapter refuses with its sentence.
+
+        Args:
+            load: reads the data, as `mwlib.prediction.system.load_data` does.
+            settings: what it takes.
+
+        Raises:
+            Refused: `load` raised a ValueError or an OSError.
+        """
+        try:
+            return load(settings)
+        except (ValueError, OSError) as error:
+            raise Refused(str(error)) from error
 
     def can(self, holds: object, sentence: str) -> bool:
         """Whether a part of the chapter can be shown; where it cannot, a sentence says so, and the result keeps it.

@@ -264,3 +264,15 @@ def test_data_that_lack_what_all_needs_are_refused_without_a_traceback(shown):
         page.needs([], "this chapter needs two windows; these motions have none")
     assert caught.value._render_traceback_() == ["Refused: this chapter needs two windows; these motions have none"]
     assert page_module.Refused.__name__ == REFUSED
+
+
+@pytest.mark.parametrize("error", [ValueError, FileNotFoundError])
+def test_what_the_reader_of_the_data_refuses_the_chapter_refuses_with_its_sentence(error):
+    def load(cfg):
+        if cfg == "none":
+            raise error("no test clips: add one")
+        return [cfg]
+
+    assert page_in().load(load, "clip") == ["clip"]
+    with pytest.raises(page_module.Refused, match="no test clips: add one"):
+        page_in().load(load, "none")
