@@ -11,6 +11,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, fields, replace
 from functools import cache
 from itertools import chain
+from numbers import Real
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal, Self, TypeVar, get_args, get_origin, get_type_hints
 
@@ -339,7 +340,7 @@ def whole(name: str, value: object, least: int = 0, most: int | None = None) -> 
     3
     """
     try:
-        number = None if "bool" in str(getattr(value, "dtype", type(value))) else operator.index(value)  # pyright: ignore[reportArgumentType]
+        number = None if _is_truth(value) else operator.index(value)  # pyright: ignore[reportArgumentType]
     except (TypeError, RuntimeError):
         number = None
     if number is None:
@@ -357,13 +358,49 @@ def wholes(name: str, values: object, least: int = 0, most: int | None = None) -
     Raises:
         ValueError: it is not several, or one is no such number; the message names the argument and the place.
     """
-    if isinstance(values, str | bytes) or not isinstance(values, Iterable):
-        raise ValueError(f"{name} is {shown(values)}; expected several whole numbers")
+    return [whole(f"{name}[{place}]", value, least, most) for place, value in enumerate(several(name, values, "whole numbers"))]
+
+
+def real(name: str, value: object) -> float:
+    """An argument as a finite number: Python's, NumPy's or PyTorch's, but no text, True or False.
+
+    Raises:
+        ValueError: it is none; the message names the argument.
+
+    >>> real("seconds", 3)
+    3.0
+    """
     try:
-        each = list(values)
+        plain = getattr(value, "item")() if getattr(value, "ndim", 1) == 0 else value  # noqa: B009  (of no known type)
+        number = float(plain) if isinstance(plain, Real) and not _is_truth(plain) else math.nan
+    except (OverflowError, RuntimeError):
+        number = math.nan
+    if not math.isfinite(number):
+        raise ValueError(f"{name} is {shown(value)}; expected a finite number")
+    return number
+
+
+def several(name: str, values: object, what: str) -> list[Any]:
+    """An argument as a list of things.
+
+    Args:
+        name: of the argument.
+        values: what was given; neither a text nor a mapping.
+        what: the things, in the message.
+
+    Raises:
+        ValueError: it is not several; the message names the argument.
+    """
+    try:
+        if isinstance(values, str | bytes | Mapping):
+            raise TypeError
+        return list(values)  # pyright: ignore[reportArgumentType]
     except (TypeError, ValueError, RuntimeError):  # a tensor without numbers, or of no dimension
-        raise ValueError(f"{name} is {shown(values)}; expected several whole numbers") from None
-    return [whole(f"{name}[{place}]", value, least, most) for place, value in enumerate(each)]
+        raise ValueError(f"{name} is {shown(values)}; expected several {what}") from None
+
+
+def _is_truth(value: object) -> bool:
+    return "bool" in str(getattr(value, "dtype", type(value)))
 
 
 def shown(value: object) -> str:

@@ -6,7 +6,8 @@ import io
 import json
 import re
 import sys
-from collections.abc import Mapping, Sequence
+import textwrap
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -22,6 +23,8 @@ from mwlib.experiments import sampling
 from mwlib.experiments.results import of_older_code
 from mwlib.files import write_atomic, write_together
 from mwlib.prediction.predictor import Predictor, predicted_motions
+from mwlib.synthetic.sentences import RECIPES, examples
+from mwlib.text_to_motion.model import TextToMotion
 from mwlib.version import __version__
 
 
@@ -156,8 +159,9 @@ def inbetween(
 
 
 def generate(
-    texts: Sequence[str],
+    texts: Sequence[str] = (),
     *,
+    words: bool = False,
     seconds: float = 4.0,
     samples: int = 1,
     seed: int = 0,
@@ -168,10 +172,12 @@ def generate(
     """Motions from sentences, as BVH files.
 
     Sample motions that do what a sentence says, and write each as a BVH file that Blender opens. The model that comes with the
-    package has learnt from synthetic people: they walk, run, turn, jump, wave, kick, sit and reach.
+    package has learnt from synthetic people: they walk, run, turn, jump, wave, kick, sit and reach. Words that a model does not
+    know are told, and a sentence of which it knows no word is refused.
 
     Args:
         texts: sentences, each in quotes.
+        words: list the actions and the words that the model knows, and make nothing.
         seconds: length of each motion.
         samples: motions of each sentence.
         seed: of their noise.
@@ -179,9 +185,28 @@ def generate(
         plain: read the joints' places alone, as the field does; the default reads their steps, too.
         out: folder.
     """
+    if bool(texts) == words:
+        raise ValueError("expected either sentences or --words, which lists what the model knows")
+    if words:
+        print("\n".join(_known(sampling.model_of(run, TextToMotion, "text_to_motion"), run)))
+        return
     found = sampling.generate(texts, seconds, samples, seed, run, progress=sys.stderr.isatty(), fused=not plain)
     stems = ["_".join(re.findall(r"[a-z0-9]+", motion.name.lower()))[:60] or "motion" for motion in found]
     _write({f"{n:02d}_{stem}": motion for n, (stem, motion) in enumerate(zip(stems, found, strict=True), 1)}, out)
+
+
+def _known(model: TextToMotion, run: str) -> Iterator[str]:
+    """Lines that say what a model understands."""
+    if model.cfg.data.data == "people":
+        yield f"{run} has learnt {len(RECIPES)} actions of synthetic people, such as"
+        yield from (f"  {action}: {sentence}" for action, sentence in examples().items())
+    else:
+        yield f"{run} has learnt from the captions of {model.cfg.data.data}."
+    if words := model.net.text.vocabulary:
+        yield f"{run} knows {len(words)} words:"
+        yield from textwrap.wrap(", ".join(words), 100, initial_indent="  ", subsequent_indent="  ")
+    else:
+        yield f"It reads any word (text={model.cfg.model.text})."
 
 
 def _predictor(run: Path, samples: int) -> Predictor:

@@ -47,6 +47,7 @@ from mwlib.data.untrusted import (
     read_head,
     without_twins,
 )
+from mwlib.settings import real, shown
 
 HINTS = ("clips.csv", "skeleton.json")  # read along with motions that lie beside or below them
 MANY_FILES = 20  # from here on a progress bar is worth its line
@@ -97,6 +98,8 @@ def load_motions(
         ValueError: an argument makes no sense, or no way to `skeleton` is known.
     """
     _check_rate("fps", fps)
+    if not isinstance(source, str | Path):
+        raise ValueError(f"source is {shown(source)}; expected a path, 'synthetic' or one of {', '.join(NAMED_SOURCES)}")
     source, own_fps = named_source(source)
     fps = fps or own_fps
     given = caller_says(unit, up, file_fps, skeleton)
@@ -129,7 +132,7 @@ def caller_says(
 
 
 def _check_rate(name: str, rate: float | None) -> None:
-    if rate is not None and not 0 < rate < float("inf"):
+    if rate is not None and not real(name, rate) > 0:
         raise ValueError(f"{name} is {rate}; expected a positive number")
 
 

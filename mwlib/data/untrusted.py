@@ -275,7 +275,8 @@ def bounded(values: Shaped[np.ndarray, "*shape"], file: Path, place: str) -> Sha
     Raises:
         MotionFormatError: one of them is not.
     """
-    good = (values >= -LARGEST) & (values <= LARGEST)  # False for nan
+    known = values.astype(np.float32) if values.dtype == np.float16 else values  # which has no number of that size
+    good = (known >= -LARGEST) & (known <= LARGEST)  # False for nan
     if not good.all():
         at = tuple(int(i) for i in np.unravel_index(np.argmin(good), good.shape))
         raise MotionFormatError(file, f"{place}, entry {at}", str(values[at]), f"a finite number up to {LARGEST:g}")

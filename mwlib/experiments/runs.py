@@ -34,7 +34,7 @@ from mwlib.experiments.systems import Data, code_of, read_config, system_of
 from mwlib.files import sweep, write_json, write_together
 from mwlib.hashing import digest, file_hash
 from mwlib.paths import CONFIG, run_folder, shipped
-from mwlib.settings import Settings
+from mwlib.settings import Settings, shown
 from mwlib.training import CHECKPOINT, CURVES, MODEL, TrainingStep, read_model, read_outcome, train
 from mwlib.training.checkpoint import NOT_BY_EDITING, changes, check_trained, flat, read_curves
 
@@ -289,6 +289,8 @@ def load_run(folder: str | Path) -> Any:
     >>> mw.load_run("synthetic").predict(history[:1], samples=2).shape
     torch.Size([1, 2, 100, 48])
     """
+    if not isinstance(folder, str | Path):
+        raise ValueError(f"folder is {shown(folder)}; expected the folder of a run or one of {', '.join(shipped())}")
     found = run_folder(folder)
     if found is None:
         known = f"; models that come with mwlib: {', '.join(shipped())}"

@@ -2,22 +2,23 @@
 
 from __future__ import annotations
 
-import math
+import difflib
+import warnings
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TypeVar
-
-import numpy as np
 
 from mwlib.body.motion import Motion
 from mwlib.experiments.runs import load_run
 from mwlib.inbetweening.bridge import Bridge, filled
 from mwlib.networks.matching import UNIT
-from mwlib.text_to_motion.model import TextToMotion
+from mwlib.settings import real, several, shown, whole
+from mwlib.text_to_motion.model import WHERE_WORDS, TextToMotion
 from mwlib.text_to_motion.motions import motion_of
 
 INBETWEENING_MODEL, SENTENCE_MODEL = "inbetween", "sentences"  # the models that come with the package
 MOST = 1000  # samples of a sentence: the next sentence's motions have noise of their own
+MOST_TOLD = 5  # unknown words in a warning
 Model = TypeVar("Model")
 
 
@@ -33,10 +34,12 @@ def model_of(run: str | Path | Model, kind: type[Model], system: str) -> Model:
         FileNotFoundError: there is no such run.
         ValueError: it is one of another system.
     """
-    model = run if isinstance(run, kind) else load_run(run)  # pyright: ignore[reportArgumentType]  (narrowed by isinstance)
-    if not isinstance(model, kind):
-        raise ValueError(f"{run} is a run of another system; expected one of {system}")
-    return model
+    model = load_run(run) if isinstance(run, str | Path) else run
+    if isinstance(model, kind):
+        return model
+    if model is not run:
+        raise ValueError(f"run is {run}, a run of another system; expected one of {system}")
+    raise ValueError(f"run is {shown(run)}; expected a run of {system}: its folder, its name or its model")
 
 
 def inbetween(
@@ -102,21 +105,54 @@ def generate(
 
     Raises:
         FileNotFoundError: there is no such run.
-        ValueError: it is one of another system, a sentence is empty, or a length is not one that the model was trained for.
+        ValueError: it is one of another system; an argument is of another kind or out of range; a sentence has no word that the
+            model knows; a length is not one that it was trained for; or the settings of its sampling make numbers overflow.
+
+    Warns of words that the model does not know, with near ones that it knows. To a model that has learnt its words they are all
+    one unknown word; one that reads CLIP's features, or parts of words, makes something of any word.
 
     >>> [walk] = generate("a person walks in a circle to the left", seconds=3.0)
     >>> walk.positions.shape, walk.fps, walk.skeleton.name
     ((60, 22, 3), 20.0, 'HUMANML22')
     """
     model = model_of(run, TextToMotion, "text_to_motion")
-    texts = [texts] if isinstance(texts, str) else [*texts]
-    lasting = [float(seconds)] * len(texts) if isinstance(seconds, int | float | np.number) else [float(each) for each in seconds]
-    if wrong := [each for each in lasting if not math.isfinite(each)]:
-        raise ValueError(f"seconds is {wrong[0]}; expected a finite number")
-    if not 1 <= samples <= MOST or len(lasting) != len(texts):
-        raise ValueError(f"{len(lasting)} lengths and {samples} samples; expected one length for each of {len(texts)} sentences, "
-                         f"and 1 to {MOST} samples")  # fmt: skip
-    frames = [round(each * model.layout.fps / UNIT) * UNIT for each in lasting]
+    texts = [texts] if isinstance(texts, str) else several("texts", texts, "sentences, or one")
+    samples = whole("samples", samples, 1, MOST)
+    frames = _frames(model, texts, seconds)
     many = [(text, n, MOST * i + s) for i, (text, n) in enumerate(zip(texts, frames, strict=True)) for s in range(samples)]
+    model.check(texts, frames)
+    _warn_of_words(model, texts)
     found = model.sample([m[0] for m in many], [m[1] for m in many], seed, ids=[m[2] for m in many], progress=progress)
     return [motion_of(x, model.layout, text, fused) for x, (text, _, _) in zip(found, many, strict=True)]
+
+
+def _frames(model: TextToMotion, texts: Sequence[str], seconds: float | Sequence[float]) -> list[int]:
+    """Lengths in whole movements, one for each sentence."""
+    is_one = isinstance(seconds, int | float) or getattr(seconds, "ndim", 1) == 0
+    each = [seconds] * len(texts) if is_one else several("seconds", seconds, "numbers, or one")
+    lasting = [real("seconds" if is_one else f"seconds[{i}]", one) for i, one in enumerate(each)]
+    if len(lasting) != len(texts):
+        raise ValueError(f"seconds has {len(lasting)} entries for {len(texts)} sentences; expected one each, or one for all")
+    fps, (shortest, longest) = model.layout.fps, model.lengths
+    frames = [round(one * fps / UNIT) * UNIT for one in lasting]
+    if wrong := [one for one, count in zip(lasting, frames, strict=True) if not shortest <= count <= longest]:
+        expected = f"{shortest / fps:g} to {longest / fps:g}, {shortest} to {longest} frames at {fps:g} Hz"
+        raise ValueError(f"seconds is {wrong[0]:g}; expected {expected}, as the model was trained")
+    return frames
+
+
+def _warn_of_words(model: TextToMotion, texts: Sequence[str]) -> None:
+    """Tell of words that the model does not know, with near ones that begin alike."""
+    if not (strange := model.check_words(texts)):
+        return
+    told = []
+    for word in strange[:MOST_TOLD]:
+        alike = [known for known in model.net.text.vocabulary if known[0] == word[0]]
+        near = difflib.get_close_matches(word, alike, n=3, cutoff=0.7)
+        told.append(f"{word!r}" + (f" (near: {', '.join(near)})" if near else ""))
+    more = f" and {len(strange) - MOST_TOLD} more" if len(strange) > MOST_TOLD else ""
+    warnings.warn(
+        f"the model does not know {', '.join(told)}{more}: it takes each for one unknown word; expected its "
+        f"{len(model.net.text.vocabulary)} words, {WHERE_WORDS}",
+        stacklevel=3,
+    )

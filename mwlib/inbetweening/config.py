@@ -8,7 +8,7 @@ from typing import Any, ClassVar, Literal, Self
 from mwlib.data.collections import NAMED_SOURCES
 from mwlib.data.sources import SourceConfig
 from mwlib.diffusion.config import DiffusionConfig, KeyframeConfig
-from mwlib.diffusion.process import ddim_indices
+from mwlib.diffusion.process import check_indices
 from mwlib.inbetweening.losses import Diversity, Smoothness
 from mwlib.settings import Advanced, BelowOne, Count, Natural, NotNegative, Positive, Settings
 from mwlib.training.config import TrainingConfig
@@ -222,5 +222,4 @@ class Config(Settings):
         for is_wrong, message in rules:
             if is_wrong:
                 raise ValueError(message)
-        if ddim_indices(self.diffusion.steps, s.ddim_steps, s.spacing)[-1] == 0:
-            raise ValueError(f"ddim_steps is {s.ddim_steps} of {self.diffusion.steps}, which reaches t = 0; expected fewer")
+        check_indices("ddim_steps", self.diffusion.schedule, self.diffusion.steps, s.ddim_steps, s.spacing)

@@ -63,6 +63,15 @@ class TextEncoder(nn.Module, ABC):
 
     width: int
 
+    @property
+    def vocabulary(self) -> tuple[str, ...]:
+        """The words that it knows; none, if it makes something of any word."""
+        return ()
+
+    def read(self, text: str) -> list[str]:
+        """The words of a sentence that it looks at."""
+        return "".join(letter if letter.isprintable() else " " for letter in text).split()
+
     @abstractmethod
     def encode(self, texts: Sequence[str]) -> EncodedText:
         """Vectors of sentences, on the device of the encoder."""
@@ -85,6 +94,10 @@ class _WordEncoder(TextEncoder):
         self.dropout = Dropout(dropout)
         self.encoder = Encoder(width, layers, heads, feedforward or 2 * width, dropout)
 
+    def read(self, text: str) -> list[str]:
+        """The words of a sentence that it looks at: those behind the first 76 are not read."""
+        return words_of(text)[:LONGEST]
+
     @abstractmethod
     def _number(self, word: str) -> int:
         """Of a word or special token; padding has 0."""
@@ -102,7 +115,7 @@ class _WordEncoder(TextEncoder):
         if isinstance(texts, str) or not texts:
             raise ValueError(f"texts is {texts!r}; expected a sequence of at least one sentence")
         number = self._number
-        rows = [[number(START), *map(number, words_of(text)[:LONGEST])] for text in texts]
+        rows = [[number(START), *map(number, self.read(text))] for text in texts]
         length = max(map(len, rows))
         return torch.tensor([row + [0] * (length - len(row)) for row in rows])
 

@@ -10,7 +10,7 @@ import pywt
 from mwlib.data.collections import NAMED_SOURCES
 from mwlib.data.sources import SourceConfig
 from mwlib.diffusion.config import DiffusionConfig
-from mwlib.diffusion.process import alpha_bar, ddim_indices
+from mwlib.diffusion.process import check_indices
 from mwlib.networks.layers import Precision
 from mwlib.settings import Advanced, BelowOne, Count, Natural, NotNegative, OneOf, Positive, Settings, Share
 from mwlib.training.config import TrainingConfig
@@ -79,8 +79,6 @@ RENAMED = {
     "latent": "width", "target": "representation", "cfg_weight": "guidance_weight", "cfg_form": "guidance_form",
 }  # fmt: skip
 
-
-MOST_SIGNAL = 0.15  # alpha_bar where sampling starts from noise; 20 leading steps of the cosine schedule start at 0.006
 
 Method = Literal["diffusion", "zero_velocity", "constant_velocity", "nearest_history", "nearest_displacement", "truth"]
 
@@ -229,17 +227,11 @@ class Config(Settings):
         m, s, d, frames = self.model, self.sampling, self.diffusion, self.windows.frames
         if s.ddim_steps >= d.steps:
             raise ValueError(f"ddim_steps is {s.ddim_steps}; expected fewer than steps ({d.steps})")
-        indices = ddim_indices(d.steps, s.ddim_steps, s.spacing)
-        signal = float(alpha_bar(d.schedule, d.steps)[indices[0]])
+        check_indices("ddim_steps", d.schedule, d.steps, s.ddim_steps, s.spacing)
         rules = (
             (m.width % m.heads or m.width % 2, f"width is {m.width}; expected an even multiple of heads ({m.heads})"),
             (m.layers % 2, f"layers is {m.layers}; expected an even number (long skips pair the blocks)"),
             (s.tabg_window % 2 == 0, f"tabg_window is {s.tabg_window}; expected an odd number"),
-            (indices[-1] == 0,
-             f"ddim_steps is {s.ddim_steps} of {d.steps}, which reaches t = 0; expected at most {2 * d.steps // 3}"),
-            (signal > MOST_SIGNAL,
-             f"ddim_steps is {s.ddim_steps} of {d.steps}, spacing {s.spacing}: sampling would start from noise at t = "
-             f"{indices[0]}, where alpha_bar is {signal:.2f}; expected at most {MOST_SIGNAL:g}, as with spacing=trailing"),
             (m.transform.endswith("phase") and s.wmsg == "every_step",
              "wmsg is 'every_step' with phase codes; expected 'off' or 'y0_hat': the autoencoder would take the noise away"),
             (m.transform == "time_wavelet" and m.omit >= m.level,

@@ -61,12 +61,14 @@ def histories(source: Histories, bodies: Bodies, history: int) -> Float[Tensor, 
 
 
 def _tensor(source: Tensor | np.ndarray) -> Tensor:
-    """Numbers that a network can take."""
-    try:
-        x = torch.as_tensor(source)
-    except (TypeError, ValueError, RuntimeError):
-        raise ValueError(f"source is an array of {source.dtype}; expected real numbers") from None
-    if x.is_complex() or x.dtype == torch.bool or x.layout != torch.strided or x.is_meta or x.is_quantized:
+    """Numbers that a network can take; what an array masks is none."""
+    if isinstance(source, np.ndarray):
+        if source.dtype.kind not in "fiu":
+            raise ValueError(f"source is an array of {source.dtype}; expected real numbers")
+        wide = source.astype(np.float32 if source.dtype.itemsize <= 4 else np.float64)
+        source = torch.from_numpy(np.ascontiguousarray(np.ma.filled(wide, np.nan)))
+    x = source
+    if x.is_complex() or x.dtype == torch.bool or x.layout != torch.strided or x.is_meta or x.is_quantized or x.is_nested:
         kind = "a tensor without numbers, on the device meta" if x.is_meta else f"a tensor of {x.dtype}, {x.layout}"
         raise ValueError(f"source is {kind}; expected a dense one of real numbers")
     return x.detach() if x.is_floating_point() else x.float()
@@ -101,8 +103,8 @@ def _checked(x: Tensor, bodies: Bodies, history: int) -> Float[Tensor, "N H C"]:
         )
     if len(x) == 0:
         raise ValueError("there are no windows; expected at least one history")
-    if not x.isfinite().all():
-        raise ValueError(f"x_history of window {int((~x.isfinite()).nonzero()[0, 0])} is not finite; expected metres")
+    if not (finite := x.float().isfinite()).all():  # as the network takes them
+        raise ValueError(f"x_history of window {int((~finite).nonzero()[0, 0])} is not finite; expected metres")
     joints = np.pad(x.cpu().double().numpy().reshape(len(x), history, -1, 3), ((0, 0), (0, 0), (1, 0), (0, 0)))
     check_people(joints, bodies.skeleton, [f"x_history of window {window}" for window in range(len(x))])
     return x

@@ -61,7 +61,13 @@ def draw_attributes(rng: np.random.Generator) -> dict[str, str | float]:
     else:
         weights = np.array(list(WEIGHTS.values()), float)
         actions = (str(rng.choice(list(WEIGHTS), p=weights / weights.sum())),)
+    return _drawn(actions, rng)
+
+
+def _drawn(actions: tuple[str, ...], rng: np.random.Generator) -> dict[str, str | float]:
+    """How a clip shows one action, or two."""
     attributes: dict[str, str | float] = {"action": "walk" if actions[0] == "backward" else actions[0]}
+    pair = len(actions) > 1
     if pair:
         attributes["then"] = actions[-1]
     for action in actions:
@@ -183,6 +189,16 @@ def captions_of(attributes: Mapping[str, str | float], rng: np.random.Generator)
         found[_sentence("<subject> <two>" if "then" in attributes else "<subject> <action>", attributes, rng)] = None
     first, second, third = found
     return first, second, third
+
+
+def examples() -> dict[str, str]:
+    """By the name of each action a sentence of the grammar that asks for it.
+
+    >>> examples()["bow"]
+    'an adult bends forward at the waist'
+    """
+    rng = np.random.default_rng(0)
+    return {action: captions_of(_drawn((action,), rng), rng)[0] for action in RECIPES}
 
 
 def vocabulary() -> tuple[str, ...]:

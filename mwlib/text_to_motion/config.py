@@ -8,7 +8,7 @@ from typing import Annotated, Any, ClassVar, Literal, Self
 from annotated_types import Ge
 
 from mwlib.data.captioned import CaptionsConfig
-from mwlib.diffusion.process import ddim_indices
+from mwlib.diffusion.process import check_indices
 from mwlib.networks.matching import UNIT
 from mwlib.networks.unet1d import check_channels
 from mwlib.settings import Advanced, BelowOne, Count, Natural, NotNegative, Settings, Share
@@ -175,8 +175,7 @@ class Config(Settings):
             raise ValueError(f"text is {m.text}, clip_folder {m.clip_folder!r}; expected a folder with clip, and only with it")
         if s.sampling_steps > steps:
             raise ValueError(f"sampling_steps is {s.sampling_steps}; expected at most steps ({steps})")
-        if s.sampling_steps:
-            ddim_indices(steps, s.sampling_steps, "trailing")
+        check_indices("sampling_steps", self.forward.schedule, steps, s.sampling_steps or steps, "trailing", 0)
         if s.pool < RANKS or 0 < s.test_clips < RANKS:
             raise ValueError(
                 f"pool is {s.pool} and test_clips {s.test_clips}; expected at least {RANKS}, or test_clips=0 for all"

@@ -16,9 +16,11 @@ from mwlib.networks.matching import UNIT
 from mwlib.networks.mdm import MDM
 from mwlib.networks.text import ClipText, EncodedText, HashedNgrams, TextEncoder, WordTransformer
 from mwlib.networks.unet1d import ConditionalUNet
+from mwlib.settings import several, shown, whole, wholes
 from mwlib.text_to_motion.config import Config, ModelConfig
 from mwlib.training import TrainedModel, chunks, identities, with_weights
 
+WHERE_WORDS = "which `mwlib generate --words` lists"
 FORGET = 0.02  # share of the words that training hides, so that unknown ones mean something: own choice
 
 
@@ -107,15 +109,47 @@ class TextToMotion(TrainedModel):
 
     def check(self, texts: Sequence[str], frames: Sequence[int]) -> None:
         """Refuse sentences and lengths that the model was not made for."""
-        shortest, longest = self.cfg.data.shortest // UNIT * UNIT, self.cfg.data.longest
+        texts, frames = several("texts", texts, "sentences"), wholes("frames", frames)
         if len(texts) != len(frames) or not texts:
             raise ValueError(f"{len(frames)} lengths for {len(texts)} sentences; expected one each, and at least one sentence")
-        if empty := [i for i, text in enumerate(texts) if not text.strip()]:
-            raise ValueError(f"sentence {empty[0]} is empty; expected words")
+        for i, text in enumerate(texts):
+            if not isinstance(text, str) or not text.strip():
+                raise ValueError(f"texts[{i}] is {shown(text)}; expected a sentence")
+        shortest, longest = self.lengths
         if wrong := [n for n in frames if not shortest <= n <= longest]:
             raise ValueError(
                 f"frames is {wrong[0]}; expected {shortest} to {longest} at {self.layout.fps:g} Hz, as the model was trained"
             )
+
+    @property
+    def lengths(self) -> tuple[int, int]:
+        """The fewest and the most frames of a motion."""
+        return self.cfg.data.shortest // UNIT * UNIT, self.cfg.data.longest
+
+    def check_words(self, texts: Sequence[str]) -> list[str]:
+        """Refuse sentences of which the model understands nothing.
+
+        A model that makes something of any word, by CLIP or parts of words, only refuses a sentence without one.
+
+        Returns:
+            The words that the model does not know, each once.
+
+        Raises:
+            ValueError: a sentence has no word, or none that the model knows.
+        """
+        known, strange = {*self.net.text.vocabulary}, {}
+        for i, text in enumerate(texts):
+            words = self.net.text.read(text)
+            if not words:
+                raise ValueError(f"texts[{i}] is {shown(text)}, without a word; expected a sentence")
+            unknown = [word for word in words if known and word not in known]
+            if len(unknown) == len(words):
+                raise ValueError(
+                    f"texts[{i}] is {shown(text)}, of which the model knows no word; expected some of its {len(known)} words, "
+                    f"{WHERE_WORDS}"
+                )
+            strange |= dict.fromkeys(unknown)
+        return [*strange]
 
     @torch.inference_mode()
     def sample(
@@ -137,17 +171,18 @@ class TextToMotion(TrainedModel):
             progress: show a bar.
 
         Raises:
-            ValueError: a length does not fit the model, a sentence is empty, or their numbers differ.
+            ValueError: a length does not fit the model, a sentence is empty, their numbers differ, the seed is no whole number,
+                or the settings of the sampling make numbers overflow.
         """
         self.check(texts, frames)
-        seed = int(self.sampling.sampling_seed if seed is None else seed)
+        seed = whole("seed", self.sampling.sampling_seed if seed is None else seed)
         ids = identities(ids, len(texts))
         order = sorted(range(len(texts)), key=lambda i: frames[i])  # like lengths together: less padding
         found: dict[int, Tensor] = {}
         for chunk in chunks(len(order), CHUNK, progress):
             part = order[chunk]
             *_, last = self.steps([texts[i] for i in part], [frames[i] for i in part], seed, [ids[i] for i in part])
-            raw = self.statistics.denormalise(last.y).cpu()
+            raw = self.finite(self.statistics.denormalise(last.y)).cpu()
             found |= {i: row[: frames[i]].clone() for i, row in zip(part, raw, strict=True)}
         return [found[i] for i in range(len(texts))]
 
@@ -159,7 +194,9 @@ class TextToMotion(TrainedModel):
         """
         self.check(texts, frames)
         lengths = torch.tensor([*frames])
-        noise = WindowNoise(seed, identities(ids, len(texts)), (self.cfg.data.longest, self.layout.width), self.device)
+        noise = WindowNoise(
+            whole("seed", seed), identities(ids, len(texts)), (self.cfg.data.longest, self.layout.width), self.device
+        )
         most = self.cfg.padded or int(lengths.max())
         mask = (torch.arange(most) < lengths[:, None]).to(self.device)
 

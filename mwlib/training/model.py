@@ -10,7 +10,7 @@ import torch
 from torch import Tensor, nn
 from tqdm import tqdm
 
-from mwlib.settings import Settings, whole, wholes
+from mwlib.settings import Settings, shown, whole, wholes
 
 Network = TypeVar("Network", bound=nn.Module)
 Model = TypeVar("Model", bound="TrainedModel")
@@ -42,8 +42,16 @@ class TrainedModel:
         return next(self.net.parameters()).device
 
     def to(self: Model, device: torch.device | str) -> Model:
-        """Move the network."""
-        self.net.to(device)
+        """Move the network.
+
+        Raises:
+            ValueError: there is no such device.
+        """
+        try:
+            self.net.to(torch.empty(0, device=torch.device(device)).device)
+        except (TypeError, RuntimeError, AssertionError) as error:
+            reason = str(error).strip().partition("\n")[0][:200]
+            raise ValueError(f"device is {shown(device)}; expected 'cpu', or a graphics card such as 'cuda': {reason}") from None
         return self
 
     def with_sampling(self: Model, **changes: Any) -> Model:
@@ -72,8 +80,10 @@ class TrainedModel:
         """The samples, if they are numbers.
 
         Raises:
-            ValueError: some are not; the message names the settings of the sampling that differ from their defaults.
+            ValueError: some are none; the message names the settings of the sampling that differ from their defaults.
         """
+        if samples.is_meta:
+            raise ValueError("the model is on the device meta, which holds no numbers; expected 'cpu' or a graphics card")
         if bool(samples.isfinite().all()):
             return samples
         changed, owners = self.cfg.changed_from(type(self.cfg)()), self.cfg.owners()

@@ -7,7 +7,17 @@ import math
 import pytest
 import torch
 
-from mwlib.diffusion import alpha_bar, ddim_indices, eps_of, network_target, noised, snr_weights, to_eps, y0_hat_of
+from mwlib.diffusion import (
+    alpha_bar,
+    check_indices,
+    ddim_indices,
+    eps_of,
+    network_target,
+    noised,
+    snr_weights,
+    to_eps,
+    y0_hat_of,
+)
 
 A_BAR = alpha_bar("cosine", 1000)
 KINDS = ["linear", "cosine", "sigmoid", "sqrt"]
@@ -80,6 +90,37 @@ def test_indices():
         for subset in (1, 7, 100, 199):
             found = ddim_indices(200, subset, spacing)
             assert len(found) == subset and found == sorted(set(found), reverse=True) and 0 <= found[-1] and found[0] < 200
+
+
+STEPS = [  # of 1000 cosine steps: how many, spacing, the sentence
+    (3, "leading", "start from noise at t = 667, where alpha_bar is 0.24, more than 0.15; expected 4 steps, or spacing=trailing"),
+    (334, "leading", "ddim_steps is 334 of 1000, spacing leading: .* t = 667, .*; expected 333 steps, or spacing=trailing"),
+    (372, "leading", "t = 743, where alpha_bar is 0.15, more than 0.15; expected 333 steps, or spacing=trailing"),
+    (743, "leading", "t = 743, .*; expected 500 steps, or spacing=trailing"),
+    (667, "trailing", "the last step would be at t = 0, for which no network is trained; expected 666 steps$"),
+    (999, "trailing", "t = 0, for which no network is trained; expected 666 steps$"),
+]
+
+
+@pytest.mark.parametrize("count, spacing, message", STEPS)
+def test_steps_that_begin_far_from_noise_or_end_where_nobody_trained_are_refused(count, spacing, message):
+    with pytest.raises(ValueError, match=message):
+        check_indices("ddim_steps", "cosine", 1000, count, spacing)
+
+
+def test_steps_that_do_are_those_that_begin_in_noise_and_end_after_the_first_index():
+    a = alpha_bar("cosine", 200)
+    for spacing in ("leading", "trailing"):
+        for count in range(1, 200):
+            indices = ddim_indices(200, count, spacing)
+            if a[indices[0]] <= 0.15 and indices[-1] >= 1:
+                check_indices("ddim_steps", "cosine", 200, count, spacing)
+            else:
+                with pytest.raises(ValueError, match=f"ddim_steps is {count} of 200"):
+                    check_indices("ddim_steps", "cosine", 200, count, spacing)
+    check_indices("sampling_steps", "linear", 50, 50, "trailing", first=0)  # text to motion is trained at t = 0, too
+    with pytest.raises(ValueError, match="t = 0, where alpha_bar is 0.90, .*; expected more steps, or another schedule$"):
+        check_indices("sampling_steps", "linear", 1, 1, "trailing", first=0)
 
 
 @pytest.mark.parametrize(

@@ -61,6 +61,9 @@ SOURCES = {
     "meta": (lambda clips: past().to("meta"), "source is a tensor without numbers, on the device meta; expected a dense one"),
     "frames": (lambda clips: past()[:, :5], r"x_history has shape \(5, 5, 48\); expected \(N, 6, 48\)"),
     "two dimensions": (lambda clips: past()[0], r"x_history has shape \(6, 48\); expected \(N, 6, 48\)"),
+    "nested": (lambda clips: torch._nested_tensor_from_tensor_list([past()[0], past()[1]]), "source is a tensor of"),
+    "masked": (lambda clips: np.ma.masked_greater(past().numpy(), 0.3), "x_history of window 0 is not finite; expected metres"),
+    "huge": (lambda clips: past().double() * 1e308, "x_history of window 0 is not finite; expected metres"),
     "no windows": (lambda clips: past()[:0], "there are no windows"),
     "inf": (lambda clips: past().index_fill(0, torch.tensor(3), torch.inf), "x_history of window 3 is not finite; expected met"),
     "clip nan": (lambda clips: [clips[0], times(clips[1], np.nan)], r"source\[1\] \(.+\) is not finite in frame 0; exp"),
@@ -85,6 +88,7 @@ OPTIONS = [
 ]  # fmt: skip
 
 
+@pytest.mark.filterwarnings("ignore:The PyTorch API of nested tensors")
 @pytest.mark.parametrize("source, message", SOURCES.values(), ids=SOURCES)
 def test_predict_refuses_what_no_future_follows_from(predictor, clips, source, message):
     with pytest.raises(ValueError, match=message):
@@ -103,7 +107,8 @@ def test_predict_takes_numbers_of_any_library_and_a_single_motion(predictor, cli
     for kind in (torch.tensor, np.array, tuple):
         assert torch.equal(predictor.predict(x, np.int64(2), torch.tensor(7), window_ids=kind(ids), chunk=np.int32(9)), expected)
     assert torch.equal(predictor.predict(clips[0], 2), predictor.predict(clips[:1], 2))
-    for same in (x.double(), x.numpy().astype(np.float64)):
+    for same in (x.double(), x.numpy().astype(np.float64), x.numpy().astype(">f4"), np.asfortranarray(x.numpy()),
+                 x.flip(0).numpy()[::-1], x.numpy().astype(np.longdouble)):  # fmt: skip
         assert torch.equal(predictor.predict(same, 2, 7, window_ids=ids), expected)
 
 
@@ -200,3 +205,30 @@ def test_inbetween_refuses_keyframes_of_one_motion_that_nobody_gets_to(bridge, c
 def test_inbetweens_that_overflow_are_refused_with_the_settings(bridge, clips):
     with pytest.raises(ValueError, match=r"samples are not finite: .*temperature=1e\+38.*; expected such as keep them finite"):
         mw.inbetween(clips[0].cut(0, 8), [0, 7], run=bridge.with_sampling(temperature=1e38))
+
+
+PATHS = [None, 5, b"runs", ["runs"], 1.5]
+RATES = [("25", "'25'"), (True, "True"), (float("nan"), "nan"), (float("inf"), "inf"), ([25], r"\[25\]"), (1j, "1j")]
+
+
+@pytest.mark.parametrize("value", PATHS, ids=repr)
+def test_what_is_no_path_is_refused(value):
+    with pytest.raises(ValueError, match="source is .*; expected a path, 'synthetic' or one of tiny"):
+        mw.load_motions(value)
+    with pytest.raises(ValueError, match="folder is .*; expected the folder of a run or one of .*synthetic"):
+        mw.load_run(value)
+
+
+@pytest.mark.parametrize("name", ["fps", "file_fps"])
+@pytest.mark.parametrize("value, found", RATES)
+def test_rates_that_are_none_are_refused(name, value, found):
+    with pytest.raises(ValueError, match=f"^{name} is {found}.*; expected a finite number"):
+        mw.load_motions("synthetic", **{name: value})
+
+
+def test_runs_that_are_none_are_refused_for_in_betweens(clips, predictor):
+    for run, found in ((None, "None"), (5, "5"), (predictor, "<mwlib.*")):
+        with pytest.raises(
+            ValueError, match=f"run is {found}; expected a run of in-betweening: its folder, its name or its model"
+        ):
+            mw.inbetween(clips[0], [8, 15], run=run)

@@ -17,6 +17,7 @@ from mwlib.text_to_motion.config import Config
         ({"text": "clip"}, "expected a folder with clip"),
         ({"clip_folder": "clip"}, "expected a folder with clip"),
         ({"sampling_steps": 51}, "sampling_steps is 51; expected at most steps"),
+        ({"steps": 1}, "sampling_steps is 1 of 1, .*from noise at t = 0, where alpha_bar is 0.90.*; expected more steps, or an"),
         ({"longest": 30}, "longest is 30; expected at least shortest"),
         ({"lf_norm": "l2"}, "lf_norm is 'l2'"),
         ({"text_width": 30}, "text_width is 30; expected an even multiple of heads"),

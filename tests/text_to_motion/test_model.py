@@ -53,11 +53,15 @@ def test_a_network_that_knows_the_answer_gives_it():
         assert_close(one.sample(["someone rises"], [n])[0], raw, atol=1e-4, rtol=1e-4)
 
 
+@pytest.mark.usefixtures("unchecked")
 @pytest.mark.parametrize("texts, frames, message", [
     ([], [], "0 lengths for 0 sentences"), (["a"], [8, 8], "2 lengths for 1 sentences"),
-    (["a", " "], [8, 8], "sentence 1 is empty"),
+    (["a", " "], [8, 8], r"texts\[1\] is ' '; expected a sentence"), ("a", [8], "texts is 'a'; expected several sentences"),
+    (["a"], [8.0], r"frames\[0\] is 8.0; expected a whole number"), (["a"], 8, "frames is 8; expected several whole numbers"),
     (["a"], [4], "frames is 4; expected 8 to 24 at 20 Hz"), (["a"], [28], "frames is 28"),
 ])  # fmt: skip
 def test_sentences_and_lengths_that_do_not_fit_are_refused(texts, frames, message):
     with pytest.raises(ValueError, match=message):
         untrained().sample(texts, frames)
+    with pytest.raises(ValueError, match="seed is -1; expected at least 0"):
+        list(untrained().steps(["a"], [8], -1))

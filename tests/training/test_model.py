@@ -50,6 +50,16 @@ def test_chunks_cover_everything_once_and_in_order():
 
 def test_the_model_is_where_it_was_moved(model):
     assert model.to("meta") is model and model.device.type == "meta"
+    with pytest.raises(ValueError, match="the device meta, which holds no numbers; expected 'cpu' or"):
+        model.finite(torch.ones(2, device="meta"))
+
+
+@pytest.mark.usefixtures("unchecked")
+@pytest.mark.parametrize("device, shown", [("nonsense", "'nonsense'"), ("cpu:x", "'cpu:x'"), ("", "''"), (None, "None")])
+def test_devices_that_are_none_are_refused(model, device, shown):
+    with pytest.raises(ValueError, match=f"device is {shown}; expected 'cpu', or a graphics card such as 'cuda': "):
+        model.to(device)
+    assert model.device.type == "cpu"
 
 
 def test_weights_are_taken_over_and_nothing_is_drawn():

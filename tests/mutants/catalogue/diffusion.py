@@ -32,7 +32,10 @@ MUTANTS = [
         ("sigmoid-steeper", "-3.0, 3.0, 0.7", "-3.0, 3.0, 0.6"),
         ("linear-whatever-the-steps", " * (1000 / steps)", ""),
         ("largest-step-smaller", "beta.clamp(0, 0.999)", "beta.clamp(0, 0.99)"),
-        ("leading-ends-at-zero", "offset = 1 if subset < steps else 0", "offset = 0"),
+        ("leading-ends-at-zero", "* (steps // subset) + (subset < steps)", "* (steps // subset)"),
+        ("steps-that-begin-in-the-midst", "if signal[begin] > MOST_SIGNAL else", "if False else"),
+        ("steps-that-end-untrained", "if end < first:", "if end < 0:"),
+        ("steps-expected-that-do-not-do", "*range(subset + 1, steps)) if not wrong(count)", "*range(subset + 1, steps))"),
         ("trailing-one-early", "round((i + 1) * steps / subset) - 1", "round(i * steps / subset)"),
     ),
     *of(

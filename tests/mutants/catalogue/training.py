@@ -78,13 +78,14 @@ MUTANTS = [
     ),
     *of(
         "settings.py", "experiments/test_spoilt_calls.py",
-        ("truth-values-are-numbers", 'None if "bool" in', 'None if "truth" in'),
+        ("truth-values-are-numbers", 'return "bool" in', 'return "truth" in'),
         ("numbers-without-a-bottom", "if number < least:", "if False:"),
         ("numbers-without-a-top", "if most is not None and number > most:", "if False:"),
-        ("texts-as-numbers", "if isinstance(values, str | bytes) or not", "if not"),
+        ("texts-as-numbers", "if isinstance(values, str | bytes | Mapping):", "if isinstance(values, Mapping):"),
     ),
     *of(
         "training/model.py", "experiments/test_spoilt_calls.py",
+        ("devices-unchecked", "torch.empty(0, device=torch.device(device)).device", "device", "training/test_model.py"),
         ("settings-that-overflow-unnamed", "if owners[name] in self.sampling_groups]", "if not owners[name]]"),
         ("identities-unchecked", 'wholes("window_ids", window_ids)', "list(window_ids)"),
         ("seeds-unchecked", 'else whole("seed", seed)', "else seed"),
