@@ -49,6 +49,7 @@ help: ## show this list
 figures: $(READY) ## run every notebook, make every figure and table: PRESET=tiny DATA=synthetic OUT=build/... JOBS=2
 	MWLIB_EXECUTED=$(call quoted,$(CURDIR)/build/executed) $(RUN) -m snakemake $(OPTIONS)
 	@printf 'Open %s/index.html\n' $(call quoted,$(value OUT))
+	@$(RUN) -m mwlib claims $(call quoted,$(value OUT))
 
 grids: $(READY) ## run only the experiments behind the tables, and write these: same settings as figures, GRIDS=figures/grids.yaml SET="lr=1e-3"
 	$(RUN) -m snakemake grids $(OPTIONS) $(call setting,grids,GRIDS) $(call setting,set,SET)

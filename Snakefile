@@ -1,6 +1,9 @@
 """Every notebook, every figure and table: snakemake --cores 2 --config preset=tiny data=synthetic out=build/tiny-synthetic
 The grids behind the tables alone: the same with the target `grids`; grids=my.yaml runs grids of your own.
 
+A notebook that refuses the data, or fails, leaves a metrics.json that says why, and the others go on. `mwlib claims` on the
+folder says what was made, what was not, and which claims hold. What failed is tried again by the next call.
+
 On a cluster: the same with --executor slurm (and its plugin), or cluster-generic with a submit script. A notebook counts as done
 if and only if run-notebook saw every cell run and wrote metrics.json; the executed notebook is the log, which stays when a run
 fails. What changes presets, data files, sources or settings runs again what depends on them.
@@ -16,6 +19,7 @@ from mwlib.course.notebooks import EXPERIMENT, LONGEST, course, source_hash, wri
 from mwlib.course.manifest import MANIFEST
 from mwlib.experiments import read_grids, system
 from mwlib.experiments.grids import grids_file, row_config, row_parameters
+from mwlib.experiments.results import result_of
 from mwlib.data.sources import data_fingerprint
 from mwlib.hashing import file_hash, package_hash
 from mwlib.settings import parse_changes
@@ -98,6 +102,9 @@ def one_training(wildcards):
 
 
 if workflow.is_main_process:  # jobs on other machines find the files made
+    for name in RESULTS:
+        if result_of((OUT / name).parent).get("status") == "failed":
+            (OUT / name).unlink()
     write_hashes(
         OUT / ".sources",
         {"mwlib": package_hash(), "manifest": file_hash(MANIFEST), "grids": file_hash(GRID_FILE)}
@@ -159,7 +166,7 @@ rule notebook:
         file=lambda wildcards: str(FOLDER / f"{wildcards.name}.ipynb"),
         out=lambda wildcards: str(OUT / wildcards.name),
     shell:
-        "{MW} run-notebook {params.file:q} --out {params.out:q} {params.given:q}"
+        "{MW} run-notebook {params.file:q} --go-on --out {params.out:q} {params.given:q}"
 
 
 use rule notebook as long_notebook with:

@@ -120,6 +120,30 @@ def index_page(
     print(write_index(build, chapters.course(notebooks), manifest, set))
 
 
+def claims(builds: Sequence[Path], *, all: bool = False, out: Path | None = None) -> int:
+    """Say which of the course's claims hold on the motions of a build, and which chapters it lacks.
+
+    Several builds are laid side by side. The exit code is 1 if a chapter failed or was not run; one that refused its data, as
+    these lack what it needs, is no failure.
+
+    Args:
+        builds: folders that make figures made.
+        all: show all claims (default: those that do not hold somewhere).
+        out: a Markdown file to write the report into, instead of printing it.
+    """
+    from mwlib.course.claims import read_build, report
+    from mwlib.files import write_atomic
+
+    names = [path.stem for path in chapters.course()]
+    read = {build.resolve().name: read_build(build, names) for build in builds}
+    if out:
+        write_atomic(out, report(read, all))
+        print(out)
+    else:
+        print(report(read, all), end="")
+    return int(any(chapter.status in ("failed", "not run") for build in read.values() for chapter in build.values()))
+
+
 def site_sources(folder: Path) -> None:
     """Lay out what Sphinx turns into the site: chapters, exhibits, texts, pages of the library.
 

@@ -246,7 +246,7 @@ def outdated(
     """
     result = results.result_of(folder)
     if result.get("status") != "ok":
-        return "not finished"
+        return " ".join(f"{result.get('status')}: {result['reason']}".split()) if "reason" in result else "not finished"
     if fingerprint is None:
         from mwlib.data.sources import data_fingerprint as fingerprint  # imports torch, which a new run does without
 

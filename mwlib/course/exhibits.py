@@ -21,6 +21,7 @@ from urllib.parse import quote
 
 from nbconvert.filters.markdown import markdown2html
 
+from mwlib.course.claims import read_build, summed_up
 from mwlib.course.execute import PAGE, outdated
 from mwlib.course.manifest import MANIFEST, Exhibit, read_manifest
 from mwlib.course.notebooks import exhibits_kept, from_text, read_notebook, read_parameters, resolve
@@ -89,6 +90,7 @@ def write_index(build: Path, notebooks: Sequence[Path], manifest: Path = MANIFES
     fingerprint = cache(data_fingerprint)
     parts = [BUILD.format(name=build.resolve().name)]
     parts.append("\n".join(_notebook(build, path, given, fingerprint) for path in notebooks))
+    parts += _claims(build, [path.stem for path in notebooks])
     if broken:
         parts += ["## Saved, but not readable", "\n".join(f"* {_plain(problem)}" for problem in broken)]
     for system, items in in_order(rows).items():
@@ -113,7 +115,21 @@ def _notebook(build: Path, path: Path, given: Sequence[str], fingerprint: Callab
     problem = outdated(build / path.stem, tree, wanted, fingerprint)
     page = f"{path.stem}/{PAGE}"
     line = f"[{_plain(path.stem)}]({quote(page)})" if (build / page).is_file() else _plain(path.stem)
-    return f"* {line}" + (f' <span class="missing">{problem}</span>' if problem else "")
+    return f"* {line}" + (f' <span class="missing">{_plain(problem)}</span>' if problem else "")
+
+
+def _claims(build: Path, names: Sequence[str]) -> list[str]:
+    """How many of the chapters' claims hold on the motions of a build, and which do not."""
+    chapters = read_build(build, names)
+    if not (sentence := summed_up(chapters)):
+        return []
+    lines = [
+        f"* {_plain(name.partition('_')[0])}, {_plain(claim.sentence)}: {_plain(claim.told())}"
+        for name, chapter in chapters.items()
+        for claim in chapter.claims.values()
+        if not claim.holds
+    ]
+    return ["## What holds on these motions", sentence, "\n".join(lines)]
 
 
 def _built(row: Exhibit, found: Mapping[tuple[str, str], str]) -> str:

@@ -41,10 +41,13 @@ class Claim(NamedTuple):
     holds: bool | None
     numbers: dict[str, float | None]
 
+    def shown(self) -> str:
+        """Its numbers: ``samples 0.220, truth 0.410``; "–" for one that does not exist."""
+        return ", ".join(f"{name.replace('_', ' ')} {'–' if n is None else significant(n)}" for name, n in self.numbers.items())
+
     def told(self) -> str:
-        """Whether it holds, with its numbers: ``holds (samples 0.22, truth 0.41)``."""
-        numbers = (f"{name.replace('_', ' ')} {'–' if n is None else significant(n)}" for name, n in self.numbers.items())
-        return HOLDING[self.holds] + (f" ({', '.join(numbers)})" if self.numbers else "")
+        """Whether it holds, with its numbers: ``holds (samples 0.220, truth 0.410)``."""
+        return HOLDING[self.holds] + (f" ({self.shown()})" if self.numbers else "")
 
 
 class Refused(ValueError):
@@ -100,7 +103,7 @@ class Page:
         self._default_hash = parameters_hash({**parameters, "data": source})
         stored = _stored(notebook)
         self._default = stored.get("parameters", self._default_hash) == self._default_hash
-        self._embedded = {claim["sentence"]: Claim(**claim) for claim in stored.get("claims", [])}
+        self._embedded = stored_claims(notebook)
         if not self._default:
             print(ELSEWHERE)
 
@@ -312,6 +315,11 @@ class Page:
     def _forget(self) -> None:
         if self._folder:
             (self._folder / RESULT).unlink(missing_ok=True)
+
+
+def stored_claims(notebook: str) -> dict[str, Claim]:
+    """What the course's own notebook claims of the embedded people, by sentence, as its stored outputs have it."""
+    return {claim["sentence"]: Claim(**claim) for claim in _stored(notebook).get("claims", [])}
 
 
 def _stored(notebook: str) -> dict[str, Any]:

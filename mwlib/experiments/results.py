@@ -18,7 +18,7 @@ from mwlib.paths import course_folder, home
 
 RESULT = "metrics.json"
 Status = Literal["ok", "finished", "refused", "failed"]
-REFUSED = "Refused"  # name of the error by which a notebook refuses its data, as a kernel reports it
+REFUSED = "Refused"  # the error by which a notebook refuses its data, as a kernel names it
 
 # What this process has taken from runs and results, which a notebook's page names, as a notebook is a process of its own:
 models_used: dict[str, str] = {}  # name of a run -> SHA-256 of its model

@@ -1,0 +1,94 @@
+"""What the chapters of a build came to: done, refused or failed, and which of their claims hold on its motions."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from mwlib.experiments.page import SIGNS, Claim, stored_claims
+from mwlib.experiments.results import result_of
+from mwlib.plots.tables import results_table
+
+EMBEDDED = "embedded people"
+
+
+class Chapter(NamedTuple):
+    """One chapter of a build.
+
+    Args:
+        status: "ok", "refused" (its data), "failed", or "not run".
+        reason: why it was refused or failed; a line.
+        claims: what it claims, by sentence.
+        left_out: the parts that its data did not allow, a sentence each.
+    """
+
+    status: str
+    reason: str
+    claims: dict[str, Claim]
+    left_out: tuple[str, ...]
+
+
+def read_chapter(folder: Path) -> Chapter:
+    """What a run of a chapter left in its folder."""
+    found = result_of(folder)
+    status = {"ok": "ok", "refused": "refused", "failed": "failed"}.get(str(found.get("status")), "not run")
+    claims = {claim["sentence"]: Claim(**claim) for claim in found.get("claims", [])}
+    reason = str(found.get("reason", "")).splitlines()
+    return Chapter(status, reason[0] if reason else "", claims, tuple(found.get("left_out", ())))
+
+
+def read_build(build: Path, names: Sequence[str]) -> dict[str, Chapter]:
+    """Each named chapter of a build.
+
+    Raises:
+        FileNotFoundError: there is no such folder.
+    """
+    if not build.is_dir():
+        raise FileNotFoundError(f"{build} is no folder; expected a build, as `make figures OUT=...` leaves one")
+    return {name: read_chapter(build / name) for name in names}
+
+
+def summed_up(chapters: dict[str, Chapter]) -> str:
+    """How many claims hold, in a sentence; empty where there are none."""
+    held = Counter(claim.holds for chapter in chapters.values() for claim in chapter.claims.values())
+    if not held:
+        return ""
+    return f"Of {held.total()} claims {held[True]} hold on these motions, {held[False]} do not, {held[None]} cannot be said."
+
+
+def not_done(chapters: dict[str, Chapter]) -> list[str]:
+    """A line for each chapter that did not get to its end, or left something out."""
+    lines = [f"{name}: {c.status}{': ' * bool(c.reason)}{c.reason}" for name, c in chapters.items() if c.status != "ok"]
+    return lines + [f"{name}: left out: {sentence}" for name, c in chapters.items() for sentence in c.left_out]
+
+
+def report(builds: dict[str, dict[str, Chapter]], whole: bool = False) -> str:
+    """Builds side by side, as Markdown: what was made of the chapters, and the claims with the embedded people's.
+
+    Args:
+        builds: name -> chapters.
+        whole: all claims; else those that do not hold in one of the builds.
+    """
+    parts = []
+    for name, chapters in builds.items():
+        done = sum(chapter.status == "ok" for chapter in chapters.values())
+        lines = [f"{done} of {len(chapters)} chapters got to their end. {summed_up(chapters)}".strip()]
+        parts.append("\n".join([f"## {name}", "", *lines, *(f"* {line}" for line in not_done(chapters))]))
+    rows = []
+    for chapter in dict.fromkeys(name for chapters in builds.values() for name in chapters):
+        of = {name: chapters[chapter].claims for name, chapters in builds.items() if chapter in chapters}
+        embedded = stored_claims(chapter)
+        for sentence in dict.fromkeys([*embedded, *(sentence for claims in of.values() for sentence in claims)]):
+            made = {EMBEDDED: embedded.get(sentence), **{name: claims.get(sentence) for name, claims in of.items()}}
+            if whole or any(claim is not None and not claim.holds for claim in made.values()):
+                rows.append(_row(chapter, sentence, made))
+    if rows:
+        parts += [f"## {'The claims' if whole else 'Claims that do not hold everywhere'}", repr(results_table(rows))]
+    return "\n\n".join(parts) + "\n"
+
+
+def _row(chapter: str, sentence: str, made: dict[str, Claim | None]) -> dict[str, Any]:
+    told = {name: None if claim is None else f"{SIGNS[claim.holds]} {claim.shown()}".strip() for name, claim in made.items()}
+    return {"chapter": chapter.partition("_")[0], "claim": sentence, **told}
