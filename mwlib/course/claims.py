@@ -1,4 +1,4 @@
-"""What the chapters of a build came to: done, refused or failed, and which of their claims hold on its motions."""
+"""Outcomes of a build's chapters: done, refused or failed, and the claims that hold on its motions."""
 
 from __future__ import annotations
 
