@@ -267,7 +267,7 @@ def test_data_that_lack_what_all_needs_are_refused_without_a_traceback(shown):
 
 
 @pytest.mark.parametrize("error", [ValueError, FileNotFoundError])
-def test_what_the_reader_of_the_data_refuses_the_chapter_refuses_with_its_sentence(error):
+def test_what_cannot_be_loaded_is_refused_with_its_sentence(error):
     def load(cfg):
         if cfg == "none":
             raise error("no test clips: add one")

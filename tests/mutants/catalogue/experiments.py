@@ -146,7 +146,7 @@ MUTANTS = [
         ("numbers-of-the-first-seed", "m: mean(v) for", "m: v[0] for"),
     ),
     *of(
-        "experiments/page.py", "experiments/test_page.py::test_what_the_reader_of_the_data_refuses_the_chapter_refuses_with_its_sentence",
+        "experiments/page.py", "experiments/test_page.py::test_what_cannot_be_loaded_is_refused_with_its_sentence",
         ("only-what-is-wrong-in-a-file-is-refused", "except (ValueError, OSError) as error:", "except ValueError as error:"),
     ),
 ]  # fmt: skip
