@@ -63,12 +63,15 @@ class Skeleton:
     def channels(self, part: str) -> np.ndarray:
         """Channels of a body part in the root-dropped layout: joint-major, xyz fastest.
 
+        Args:
+            part: its name; or that of a joint, which a skeleton without parts has, too.
+
         Raises:
-            KeyError: the skeleton has no such part; the message lists the ones it has.
+            KeyError: the skeleton has no such part and no such joint, or it is the root; the message lists its parts.
         """
-        if part not in self.parts:
-            raise KeyError(f"{self.name} has no part {part!r}; it has {sorted(self.parts)}")
-        joints = np.asarray(self.parts[part]) - 1
+        if part not in self.parts and part not in self.joints[1:]:
+            raise KeyError(f"{self.name} has no part {part!r}; it has {sorted(self.parts)}, and joints but for the root")
+        joints = np.asarray(self.parts[part] if part in self.parts else [self.joints.index(part)]) - 1
         return (3 * joints[:, None] + np.arange(3)).ravel()
 
 

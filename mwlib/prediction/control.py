@@ -20,12 +20,12 @@ _STREAM = 1912  # own stream of noise beside the sampler's
 
 
 def joint_mask(skeleton: Skeleton, parts: Sequence[str], frames: int) -> Bool[Tensor, "T C"]:
-    """M of joint-level control: the channels of some body parts, in every frame.
+    """M of joint-level control: the channels of some body parts or joints, in every frame.
 
     Source: MotionWavelet Sec. 4.6.1. Own reading: C there is a set of joints and M is over channels: a joint stands for three.
 
     Raises:
-        KeyError: the skeleton has no such part; the message lists the ones it has.
+        KeyError: the skeleton has no such part or joint; the message lists its parts.
     """
     mask = torch.zeros(frames, 3 * (len(skeleton) - 1), dtype=torch.bool)
     for part in parts:

@@ -28,8 +28,11 @@ def test_masks_hold_what_they_say():
     assert mask.shape == (T, C) and mask.sum() == T * 18 and torch.equal(mask[0], mask[-1])
     assert mask[0, :9].all() and mask[0, 30:39].all()
     assert frame_mask(T, C, 15).sum() == 5 * C and frame_mask(T, C, 3, 5).nonzero()[:, 0].unique().tolist() == [3, 4]
-    with pytest.raises(KeyError, match="no part 'tail'"):
-        joint_mask(H36M17, ["tail"], T)
+    arm = joint_mask(H36M17, ["left_shoulder", "left_elbow", "left_wrist"], T)  # joints count as parts of their own
+    assert torch.equal(arm, joint_mask(H36M17, ["left_arm"], T)) and joint_mask(H36M17, ["spine"], T)[0].sum() == 12
+    for name in ("tail", "hip"):  # the root has no channels
+        with pytest.raises(KeyError, match=f"no part '{name}'"):
+            joint_mask(H36M17, [name], T)
     with pytest.raises(ValueError, match="within 0 to 20"):
         frame_mask(T, C, 15, 25)
 

@@ -288,7 +288,8 @@ def folder_contents(path: Path, layout: FeatureLayout | None = None, splits: Seq
         raise ValueError(f"splits has {unknown[0]!r}; expected some of {', '.join(SPLITS)}")
     wanted = splits or [split for split in SPLITS if (path / f"{split}.txt").is_file()]
     if not wanted:
-        raise MotionFormatError(path, "folder", "no list of clips", f"one of {', '.join(f'{s}.txt' for s in SPLITS)}")
+        lists = ", ".join(f"{split}.txt" for split in SPLITS)
+        raise MotionFormatError(path, "folder", "no list of clips", f"one of {lists}, beside captions")
     clips: list[CaptionedClip] = []
     left_out: dict[str, str] = {}
     for split, names in _lists(path, wanted).items():

@@ -22,6 +22,11 @@ MUTANTS = [
         ("other-skeletons-keep-their-rig", "[:, picked], skeleton=skeleton, rig=None", "[:, picked], skeleton=skeleton"),
     ),
     *of(
+        "body/skeleton.py", "prediction/test_control.py",
+        ("the-root-counts-as-a-part", "and part not in self.joints[1:]", "and part not in self.joints"),
+        ("a-joint-for-its-part", "if part in self.parts else", "if part not in self.joints else"),
+    ),
+    *of(
         "body/kinematics.py", "body/test_rig.py",
         ("heading-of-the-shoulders", "key=lambda pair: depth[pair[0]]", "key=lambda pair: -depth[pair[0]]"),
         ("heading-from-left-to-right",
