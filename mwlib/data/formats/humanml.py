@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 import warnings
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Container, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import NamedTuple, Self, TypeVar
@@ -229,7 +229,12 @@ SPLITS = ("train", "val", "test")
 TOO_LONG = 200  # frames; clips have fewer
 STAMP_FPS = 20.0  # at which time stamps are turned into frames, for KIT too though it has 12.5: as published
 FIELDS = 4  # of a line of text: caption, its words with their parts of speech, start and end in seconds
-BROKEN = ("no features", "no captions", "not finite")  # what should not be; a wrong length is no fault
+BROKEN = (
+    "no features",
+    "no captions",
+    "not finite",
+    "no frame between its times",
+)  # what should not be; a wrong length is no fault
 
 
 class FolderContents(NamedTuple):
@@ -246,27 +251,41 @@ class FolderContents(NamedTuple):
     def report(self) -> str:
         """How many clips there are, how many were left out for which reason, and some of their names."""
         counts = Counter(clip.split for clip in self.clips)
-        lines = [f"{len(self.clips)} clips: {', '.join(f'{n} {split}' for split, n in counts.items()) or 'none'}"]
+        first = f"{len(self.clips)} clips: {', '.join(f'{n} {split}' for split, n in counts.items()) or 'none'}"
+        return "\n".join([first, *(f"  {line}" for line in self.reasons())])
+
+    def reasons(self, which: Container[str] | None = None) -> list[str]:
+        """A line for each reason, or for some of them."""
+        found = []
         for reason, count in Counter(self.left_out.values()).most_common():
             names = [name for name, why in self.left_out.items() if why == reason][:5]
-            lines.append(f"  {count} left out, {reason}: {', '.join(names)}{' ...' if count > len(names) else ''}")
-        return "\n".join(lines)
+            if which is None or reason in which:
+                found.append(f"{count} left out, {reason}: {', '.join(names)}{' ...' if count > len(names) else ''}")
+        return found
+
+    def broken(self) -> list[str]:
+        """Those lines that say what should not be; a wrong length is no fault."""
+        return self.reasons(BROKEN)
 
 
 def read_folder(path: Path, layout: FeatureLayout | None = None, splits: Sequence[str] | None = None) -> list[CaptionedClip]:
     """The captioned clips of a folder; see `folder_contents`, which also says what was left out.
 
     Warns (`BrokenFilesWarning`) of clips that the lists name but that are missing or hold numbers that are not finite, as
-    000021 and 007975 of most copies of HumanML3D.
+    000021 and 007975 of most copies of HumanML3D, and of captions whose times end before they begin, or begin after the clip.
     """
     contents = folder_contents(path, layout, splits)
-    broken = {name: why for name, why in contents.left_out.items() if why in BROKEN}
-    if broken:
-        warnings.warn(f"{path}: {FolderContents([], broken).report().partition(chr(10))[2].strip()}", BrokenFilesWarning, 2)
+    if broken := contents.broken():
+        warnings.warn(f"{path}: {' '.join(broken)}", BrokenFilesWarning, 2)
     return contents.clips
 
 
-def folder_contents(path: Path, layout: FeatureLayout | None = None, splits: Sequence[str] | None = None) -> FolderContents:
+def folder_contents(
+    path: Path,
+    layout: FeatureLayout | None = None,
+    splits: Sequence[str] | None = None,
+    faults: list[MotionFormatError] | None = None,
+) -> FolderContents:
     """Read new_joint_vecs/ID.npy and texts/ID.txt of the IDs in train.txt, val.txt and test.txt. Nothing is unpickled.
 
     A clip has at least 40 frames (KIT: 24) and fewer than 200; others are left out with all their captions. Captions of a
@@ -278,6 +297,7 @@ def folder_contents(path: Path, layout: FeatureLayout | None = None, splits: Seq
         path: of the folder.
         layout: HUMANML3D or KIT; None: told by the width of the first features.
         splits: which of "train", "val" and "test"; None: those that have a list.
+        faults: what is wrong is added to it, and the rest is read; None: the first fault is raised.
 
     Raises:
         MotionFormatError: a list is missing, has a clip twice or one that another list has too, as it is or mirrored (M000001
@@ -286,58 +306,81 @@ def folder_contents(path: Path, layout: FeatureLayout | None = None, splits: Seq
     """
     if unknown := [split for split in splits or () if split not in SPLITS]:
         raise ValueError(f"splits has {unknown[0]!r}; expected some of {', '.join(SPLITS)}")
-    wanted = splits or [split for split in SPLITS if (path / f"{split}.txt").is_file()]
+    wanted = splits or has_lists(path)
     if not wanted:
         lists = ", ".join(f"{split}.txt" for split in SPLITS)
         raise MotionFormatError(path, "folder", "no list of clips", f"one of {lists}, beside captions")
     clips: list[CaptionedClip] = []
     left_out: dict[str, str] = {}
-    for split, names in _lists(path, wanted).items():
+    for split, names in _lists(path, wanted, faults).items():
         for name in names:
-            file = path / FEATURES / f"{name}.npy"
-            if not file.is_file():
-                left_out[name] = BROKEN[0]
-                continue
-            if not (path / TEXTS / f"{name}.txt").is_file():
-                left_out[name] = BROKEN[1]
-                continue
-            features = _features(file)
-            layout = layout or _layout(features, file)
-            if features.shape[1] != layout.width:
-                expected = f"(T, {layout.width}) for {layout.name}"
-                raise MotionFormatError(file, "array", f"shape {features.shape}", expected)
-            if why := _fault(features, layout):
-                left_out[name] = why
-                continue
-            for clip in _entries(features, _captions(path / TEXTS / f"{name}.txt"), name, split):
-                if why := _length_fault(len(clip.features), layout):
-                    left_out[clip.name] = why
-                else:
-                    clips.append(clip)
+            try:
+                features = _features_of(path, name, layout, left_out)
+                if features is None:
+                    continue
+                layout = layout or LAYOUTS[features.shape[1]]
+                for clip in _entries(features, _captions(path / TEXTS / f"{name}.txt"), name, split):
+                    if why := _length_fault(len(clip.features), layout):
+                        left_out[clip.name] = why
+                    else:
+                        clips.append(clip)
+            except MotionFormatError as error:
+                if faults is None:
+                    raise
+                faults.append(error)
     return FolderContents(clips, left_out)
 
 
-def _lists(path: Path, wanted: Sequence[str]) -> dict[str, list[str]]:
+def has_lists(path: Path) -> list[str]:
+    """Those of "train", "val" and "test" of which a folder has a list."""
+    return [split for split in SPLITS if (path / f"{split}.txt").is_file()]
+
+
+def _features_of(
+    path: Path, name: str, layout: FeatureLayout | None, left_out: dict[str, str]
+) -> Float[np.ndarray, "T D"] | None:
+    """Features of a clip, of a known width; None if it is left out, and why."""
+    file = path / FEATURES / f"{name}.npy"
+    for needed, why in ((file, BROKEN[0]), (path / TEXTS / f"{name}.txt", BROKEN[1])):
+        if not needed.is_file():
+            left_out[name] = why
+            return None
+    features = _features(file)
+    layout = layout or _layout(features, file)
+    if features.shape[1] != layout.width:
+        raise MotionFormatError(file, "array", f"shape {features.shape}", f"(T, {layout.width}) for {layout.name}")
+    if why := _fault(features, layout):
+        left_out[name] = why
+    return None if why else features
+
+
+def _lists(path: Path, wanted: Sequence[str], faults: list[MotionFormatError] | None) -> dict[str, list[str]]:
     """The IDs of every list that is wanted; all lists that are there are compared."""
-    there = [split for split in SPLITS if split in wanted or (path / f"{split}.txt").is_file()]
-    lists = {split: read_text(path / f"{split}.txt", SMALL_TEXT).split() for split in there}
-    owner: dict[str, tuple[str, str]] = {}
-    for split, names in lists.items():
-        file = path / f"{split}.txt"
-        if twice := [name for name, count in Counter(names).items() if count > 1]:
-            raise MotionFormatError(file, "list", f"{_some(twice)} more than once", "every clip once")
-        shared = [(name, *owner[name.removeprefix("M")]) for name in names if name.removeprefix("M") in owner]
-        if shared:
-            words = _some([f"{name} ({other} in {elsewhere}.txt)" for name, elsewhere, other in shared])
-            raise MotionFormatError(
-                file, "list", words, "clips that no other list has, as they are or mirrored (M before the ID)"
-            )
-        owner |= {name.removeprefix("M"): (split, name) for name in names}
+    lists: dict[str, list[str]] = {split: [] for split in SPLITS if split in wanted or split in has_lists(path)}
+    for error in _fill(lists, path):
+        if faults is None:
+            raise error
+        faults.append(error)
     return {split: lists[split] for split in wanted}
 
 
-def _some(names: Sequence[str], most: int = 5) -> str:
-    return ", ".join(names[:most]) + (f" and {len(names) - most} more" if len(names) > most else "")
+def _fill(lists: dict[str, list[str]], path: Path) -> Iterator[MotionFormatError]:
+    """Read the lists; every ID that stands in one twice, or in two, as it is or mirrored, is an error."""
+    owner: dict[str, tuple[str, str]] = {}  # ID without M -> the list that has it, and where
+    for split, names in lists.items():
+        lines: dict[str, int] = {}
+        file = path / f"{split}.txt"
+        for line, row in enumerate(read_text(file, SMALL_TEXT).splitlines(), 1):
+            for name in row.split():
+                whose, where = owner.setdefault(name.removeprefix("M"), (split, f"as {name} in {file.name}, line {line}"))
+                if name in lines:
+                    yield MotionFormatError(file, f"line {line}", f"{name}, as in line {lines[name]}", "every clip once")
+                elif whose != split:
+                    expected = "clips that no other list has, as they are or mirrored (M before the ID)"
+                    yield MotionFormatError(file, f"line {line}", f"{name}, {where}", expected)
+                if name not in lines:
+                    names.append(name)
+                lines.setdefault(name, line)
 
 
 def read_features(array: Shaped[np.ndarray, "*shape"], file: Path, hints: Hints) -> Reading:
@@ -386,6 +429,8 @@ def _fault(features: Float[np.ndarray, "T D"], layout: FeatureLayout) -> str:
 
 
 def _length_fault(frames: int, layout: FeatureLayout) -> str:
+    if frames == 0:
+        return BROKEN[3]
     if frames < layout.shortest:
         return f"shorter than {layout.shortest} frames"
     return f"{TOO_LONG} frames or longer" if frames >= TOO_LONG else ""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pickle
+import re
 from pathlib import Path
 
 import numpy as np
@@ -145,25 +146,65 @@ def test_malformed_features_are_refused(folder, array, message):
         read_folder(folder, splits=["test"])
 
 
-@pytest.mark.parametrize(
-    ("train", "test", "message"),
-    [
-        ("000001 000002 000002", "000003", r"train.txt, list: found 000002 more than once; expected every clip once"),
-        (
-            "000001 000002",
-            "000002",
-            r"test.txt, list: found 000002 \(000002 in train.txt\); expected clips that no other list has",
-        ),
-        ("000001 000002", "M000001", r"test.txt, list: found M000001 \(000001 in train.txt\)"),
-        ("M000001 000002", "000001 000003", r"test.txt, list: found 000001 \(M000001 in train.txt\)"),
-    ],
-)
+SHARED = "expected clips that no other list has, as they are or mirrored"
+LISTS = [
+    ("000001\n000002 000002", "000003", ["train.txt, line 2: found 000002, as in line 2; expected every clip once"]),
+    ("000001\n\n000002\n000001\n", "000003", ["train.txt, line 4: found 000001, as in line 1; expected every clip once"]),
+    ("000001\n000002", "000002", [f"test.txt, line 1: found 000002, as 000002 in train.txt, line 2; {SHARED}"]),
+    (" 000001\t\n", "\n M000001 \n", [f"test.txt, line 2: found M000001, as 000001 in train.txt, line 1; {SHARED}"]),
+    ("M000001", "000001", [f"test.txt, line 1: found 000001, as M000001 in train.txt, line 1; {SHARED}"]),
+    (
+        "000001\nM000001\n000003\n000003",
+        "M000001\n000004\n000001\n000004",
+        [
+            "train.txt, line 4: found 000003, as in line 3; expected every clip once",
+            f"test.txt, line 1: found M000001, as 000001 in train.txt, line 1; {SHARED}",
+            f"test.txt, line 3: found 000001, as 000001 in train.txt, line 1; {SHARED}",
+            "test.txt, line 4: found 000004, as in line 2; expected every clip once",
+        ],
+    ),
+]
+
+
+@pytest.mark.parametrize(("train", "test", "messages"), LISTS)
 @pytest.mark.parametrize("splits", [None, ["test"], ["train"]])
-def test_training_and_test_share_no_clip_nor_its_mirror_image(folder, train, test, message, splits):
+def test_training_and_test_share_no_clip_nor_its_mirror_image(folder, train, test, messages, splits):
     (folder / "train.txt").write_text(train)
     (folder / "test.txt").write_text(test)
-    with pytest.raises(MotionFormatError, match=message):
+    with pytest.raises(MotionFormatError, match=re.escape(messages[0])):
         folder_contents(folder, splits=splits)
+    faults: list[MotionFormatError] = []
+    folder_contents(folder, splits=splits, faults=faults)
+    assert len(faults) == len(messages) and all(m in str(fault) for m, fault in zip(messages, faults, strict=True))
+
+
+def test_a_clip_beside_its_mirror_image_in_one_list_is_fine(folder):
+    (folder / "train.txt").write_text("000001\nM000001\n")
+    assert [c.name for c in read_folder(folder, splits=["train"])][::2] == ["000001", "M000001"]
+
+
+@pytest.mark.parametrize("times", ["4.0#2.0", "2.0#2.0", "2.0#nan", "20.0#25.0"])
+def test_times_without_a_frame_between_them_are_told(folder, times):
+    (folder / "texts" / "000004.txt").write_text(WHOLE + f"stops#stop/VERB#{times}\n")
+    with pytest.warns(BrokenFilesWarning, match=r"1 left out, no frame between its times: 000004 line 2, [\d.]+ to [\d.]+ s"):
+        assert [c.name for c in read_folder(folder, splits=["test"])] == ["000004"]
+
+
+def test_a_start_that_is_not_known_is_the_beginning(folder):
+    (folder / "texts" / "000004.txt").write_text(" stops # stop/VERB # nan # 3.0 \n")
+    ((name, captions, length),) = [(c.name, c.captions, len(c.features)) for c in read_folder(folder, splits=["test"])]
+    assert (name, captions, length) == ("000004 line 1, 0 to 3 s", ("stops",), 60)
+
+
+def test_all_that_is_wrong_with_a_folder_is_found_at_once(folder):
+    (folder / "texts" / "000001.txt").write_text("walks\n")
+    (folder / "texts" / "M000001.txt").write_text(WHOLE + " #a/DET#0#0\n")
+    np.save(folder / "new_joint_vecs" / "000002.npy", clip(50)[:, :200])
+    faults: list[MotionFormatError] = []
+    found = folder_contents(folder, faults=faults)
+    assert [Path(fault.file).name for fault in faults] == ["000001.txt", "M000001.txt", "000002.npy"]
+    assert [c.name for c in found.clips] == ["000004"]
+    assert found.broken() == ["1 left out, no features: 000021", "1 left out, not finite: 007975"]
 
 
 def test_missing_lists_and_texts(folder):
