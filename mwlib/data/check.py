@@ -18,7 +18,7 @@ from mwlib.body.motion import Motion
 from mwlib.body.skeleton import H36M17
 from mwlib.data.collections import COLLECTIONS, h36m, named_source
 from mwlib.data.collections.record import Protocol
-from mwlib.data.load import caller_says, find_source, motion_files, readings
+from mwlib.data.load import caller_says, find_source, motion_files, readings, unread_entries
 from mwlib.data.meaning import ADULT, UPRIGHT, Reading, Stated, clips_row, height, rows_without_files, standing, told_alone
 from mwlib.data.mirroring import unmirrored
 from mwlib.data.untrusted import MotionFormatError, bare_suffix
@@ -241,7 +241,8 @@ def check_data(
         motions = [clip.reading.motion for clip in group]
         usual = _protocol(motions[0])
         protocol = Protocol(fps or usual.fps, history or usual.history, future or usual.future, usual.stride)
-        lines += [*_describe(motions, protocol, _files(group[0])), *_known_frames(group), *_known_windows(motions), ""]
+        lines += [*_describe(motions, protocol, _files(group[0])), *_unread(group), *_known_frames(group)]
+        lines += [*_known_windows(motions), ""]
         short += _left_out([(clip.name, clip.reading.motion) for clip in group], protocol)
     doubts = _doubts([(clip.name, clip.reading) for clip in clips])
     lines += _list("left out of training", [*short, *dict.fromkeys(broken)]) + _list("looks wrong", [*alone, *doubts])
@@ -311,6 +312,16 @@ def _describe(motions: list[Motion], protocol: Protocol, files: str) -> list[str
         _line("bones", f"lengths change by up to {1000 * stretch:.1f} mm within a clip"),
         _line("fastest", f"joint {max(speeds):.1f} m/s; {sum(s > GLITCH for s in speeds)} clips above {GLITCH:g} m/s"),
     ]
+
+
+def _unread(clips: Sequence[Clip]) -> list[str]:
+    """Lines on entries of archives that nothing is read from."""
+    files = dict.fromkeys(clip.file for clip in clips if clip.file and bare_suffix(clip.file) == ".npz")
+    found: dict[str, list[str]] = {}
+    for file in files:
+        if names := unread_entries(file):
+            found.setdefault(_some(names), []).append(file.name)
+    return [_line("unread", f"entries {names} of {_some(holders, 3)}") for names, holders in found.items()]
 
 
 def _list(title: str, found: Sequence[str]) -> list[str]:

@@ -7,6 +7,7 @@ import re
 import sys
 import warnings
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from io import BytesIO
 from pathlib import Path
 from typing import Unpack
@@ -21,6 +22,7 @@ from mwlib.data.collections import NAMED_SOURCES, SKELETONS, named_source
 from mwlib.data.collections.cmu import BENCHMARK_COLUMNS
 from mwlib.data.formats.humanml import FEATURES, is_features, read_features, without_features
 from mwlib.data.meaning import (
+    ENTRY,
     LEVELS_UP,
     Given,
     Hints,
@@ -40,11 +42,13 @@ from mwlib.data.untrusted import (
     archive_names,
     array_header,
     bare_suffix,
+    near_name,
     open_regular,
     read_archive,
     read_array,
     read_bytes,
     read_head,
+    single,
     without_twins,
 )
 from mwlib.settings import real, shown
@@ -293,7 +297,7 @@ def _is_motion(file: Path) -> bool:
 
 def _archive_is_motion(file: Path) -> bool:
     try:
-        return bool({"positions", "positions_3d"} & archive_names(file))
+        return any(_positions_meant(name) for name in archive_names(file))
     except MotionFormatError:  # without its list of contents, which stands at the end, it still has a beginning
         return MOTION_ENTRY.search(read_head(file, HEAD)) is not None
 
@@ -337,20 +341,55 @@ def _read_npy(file: Path, known: Hints) -> Reading:
 
 def _read_npz(file: Path, known: Hints) -> list[Reading] | Reading:
     """positions_3d: the VideoPose3D layout; positions: an array of one's own."""
+    from mwlib.data.formats.arrays import layout_of, read_positions
+
     streams = read_archive(file, ENTRIES)
+    _check_entries(file)
     if "positions_3d" in streams:
         from mwlib.data.formats.h36m import read_positions_3d
 
+        said = {name: single(read_array(streams[name], file, name), file, name) for name in MEANINGS if name in streams}
+        inside = layout_of(said, file, ENTRY)
+        known = replace(known, unit=known.unit or inside.unit, up=known.up or inside.up, fps=known.fps or inside.fps)
         return read_positions_3d(streams["positions_3d"], file, known)
     if "positions" not in streams:
         found = f"entries {', '.join(sorted(archive_names(file)))[:120] or 'none'}"
         raise MotionFormatError(file, "archive", found, "positions (T, J, 3), or positions_3d (Human3.6M)")
-    from mwlib.data.formats.arrays import read_positions
-
     return read_positions({name: read_array(stream, file, name) for name, stream in streams.items()}, file, known)
 
 
-ENTRIES = {"positions_3d", "positions", "fps", "unit", "up", "subject", "action", "skeleton"}
+MEANINGS = ("fps", "unit", "up")
+ENTRIES = ("positions", "positions_3d", *MEANINGS, "subject", "action", "skeleton")
+NEAR = 0.75  # of an entry to one of these: "units", "Positions", "subject_id", but not "poses", "names" or "mocap_framerate"
+
+
+def _check_entries(file: Path) -> None:
+    """Refuse an entry that looks like a missing one of ours; what other programs keep there as well is only passed over."""
+    names = archive_names(file)
+    whole = {"positions", "positions_3d"} & names
+    missing = [name for name in ENTRIES[2:] if name not in names and (name in MEANINGS or "positions_3d" not in names)]
+    for name in sorted(names.difference(ENTRIES)):
+        if near := near_name(name, missing, NEAR) or ("" if whole else _positions_meant(name)):
+            found = f"unknown entry {name[:40]!r} (did you mean {near!r}?)"
+            raise MotionFormatError(file, "archive", found, f"some of {', '.join(ENTRIES)}, and others unlike these")
+
+
+def _positions_meant(name: str) -> str:
+    """Which of the two the name of an entry means; "" if none: positions_2d are no motion."""
+    words = {"position": "positions", "positions": "positions", "positions3d": "positions_3d"}
+    return words.get(re.sub(r"[\W_]", "", name.lower()), "")
+
+
+def unread_entries(file: Path) -> list[str]:
+    """What an archive of motions holds besides, of which nothing is read.
+
+    Raises:
+        MotionFormatError: it is no archive.
+    """
+    names = archive_names(file)
+    return sorted(names.difference(("positions_3d", *MEANINGS) if "positions_3d" in names else ENTRIES))
+
+
 READERS: dict[str, Callable[[Path, Hints], Reading | list[Reading]]] = {
     ".bvh": _read_bvh,
     ".amc": _read_amc,

@@ -327,10 +327,16 @@ def check_names(found: Iterable[object], valid: Sequence[str], what: str, file: 
     """
     for name in found:
         if name not in valid:
-            plain = re.sub(r"[\W_]", "", str(name).lower())
-            near = [meant for meant in (MEANT.get(plain),) if meant in valid] or difflib.get_close_matches(plain, valid, n=1)
-            hint = f" (did you mean {near[0]!r}?)" if near else ""
+            near = near_name(name, valid)
+            hint = f" (did you mean {near!r}?)" if near else ""
             raise MotionFormatError(file, place, f"unknown {what} {str(name)[:40]!r}{hint}", f"some of {', '.join(valid)}")
+
+
+def near_name(name: object, valid: Sequence[str], cutoff: float = 0.6) -> str:
+    """The valid name that was likely meant; "" if none is near enough."""
+    plain = re.sub(r"[\W_]", "", str(name).lower())
+    near = [meant for meant in (MEANT.get(plain),) if meant in valid] or difflib.get_close_matches(plain, valid, 1, cutoff)
+    return near[0] if near else ""
 
 
 MOST_DIMENSIONS = 4  # of any array of motions

@@ -58,7 +58,7 @@ def read_positions(arrays: dict[str, Shaped[np.ndarray, "*shape"]], file: Path, 
     """
     beside = _layout_beside(file, arrays["positions"].shape)
     said = {name: single(array, file, name) for name, array in arrays.items() if name != "positions"}
-    inside = _layout(said, file, ENTRY)
+    inside = layout_of(said, file, ENTRY)
     skeleton = inside.skeleton or beside.skeleton or hints.fallback_skeleton
     fps = hints.fps or inside.fps or beside.fps
     if skeleton is None or fps is None:
@@ -117,7 +117,7 @@ def read_skeleton_file(file: Path) -> Layout:
         tree["skeleton"] = _skeleton(tree, file)
     else:
         tree["skeleton"] = tree["name"]
-    return _layout(tree, file, BESIDE)
+    return layout_of(tree, file, BESIDE)
 
 
 def _skeleton(tree: dict, file: Path) -> Skeleton:
@@ -147,8 +147,16 @@ def _skeleton(tree: dict, file: Path) -> Skeleton:
         raise MotionFormatError(file, "skeleton", str(error), "a tree") from error
 
 
-def _layout(said: dict, file: Path, source: str) -> Layout:
-    """Check what a file says about an array; `skeleton` is a Skeleton or the name of a known one."""
+def layout_of(said: dict, file: Path, source: str) -> Layout:
+    """Check what a file says about an array.
+
+    Args:
+        said: any of skeleton (a Skeleton, or the name of a known one), unit, up and fps.
+        source: who says so.
+
+    Raises:
+        MotionFormatError: a value makes no sense.
+    """
     skeleton, unit, up = said.get("skeleton"), said.get("unit"), said.get("up")
     if skeleton is not None and not isinstance(skeleton, Skeleton):
         if not isinstance(skeleton, str) or skeleton not in SKELETONS:

@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 import json
+import re
 
 import numpy as np
 import pytest
 
 from mwlib import MotionFormatError, load_motions
 from mwlib.body.skeleton import H36M17, HUMANML22
+from mwlib.data.check import check_data
 from mwlib.data.formats import arrays
+from mwlib.data.load import readings, unread_entries
+from mwlib.synthetic.motions import synthetic_motions
 
 OWN = {
     "name": "cross",
@@ -22,6 +26,7 @@ OWN = {
     "unit": "cm",
     "up": "y",
 }
+WALK = synthetic_motions(subjects=1, seconds=2.0)[0]
 POSITIONS = np.array([[[0, 90, 0], [120, 90, 0], [-120, 90, 0], [0, 180, 0]]] * 3, dtype=np.float32)
 
 
@@ -169,6 +174,62 @@ def test_other_archives_are_refused_by_what_they_hold(tmp_path):
     (tmp_path / "c.npz").write_bytes((tmp_path / "a.npz").read_bytes()[:200])
     with pytest.raises(MotionFormatError, match="archive"):
         load_motions(tmp_path / "c.npz")
+
+
+MEANT = [
+    ({"units": "cm"}, "'units' (did you mean 'unit'?)"),
+    ({"Unit": "cm"}, "'Unit' (did you mean 'unit'?)"),
+    ({"FPS": 25, "fps": None}, "'FPS' (did you mean 'fps'?)"),
+    ({"frame_rate": 25, "fps": None}, "'frame_rate' (did you mean 'fps'?)"),
+    ({"up_axis": "y"}, "'up_axis' (did you mean 'up'?)"),
+    ({"subject_id": "A"}, "'subject_id' (did you mean 'subject'?)"),
+    ({"actions": "run"}, "'actions' (did you mean 'action'?)"),
+    ({"Skeleton": "H36M17", "skeleton": None}, "'Skeleton' (did you mean 'skeleton'?)"),
+    ({"Positions": POSITIONS, "positions": None}, "'Positions' (did you mean 'positions'?)"),
+    ({"positions3d": POSITIONS, "positions": None}, "'positions3d' (did you mean 'positions_3d'?)"),
+]
+
+
+@pytest.mark.parametrize(("change", "found"), MEANT)
+def test_an_entry_that_looks_like_one_of_ours_is_refused(tmp_path, change, found):
+    whole = {"positions": POSITIONS, "fps": 25.0, "skeleton": "H36M17"} | change
+    np.savez(tmp_path / "a.npz", **{name: value for name, value in whole.items() if value is not None})
+    expected = "expected some of positions, positions_3d, fps, unit, up, subject, action, skeleton, and others unlike these"
+    for source in (tmp_path / "a.npz", tmp_path):
+        with pytest.raises(MotionFormatError, match=re.escape(f"a.npz, archive: found unknown entry {found}; {expected}")):
+            load_motions(source)
+
+
+FOREIGN = {"poses": POSITIONS, "trans": 1, "betas": 1, "gender": "male", "mocap_framerate": 120, "joint_names": "a", "dmpls": 1}
+
+
+def test_what_other_programs_keep_beside_positions_is_told_and_not_read(tmp_path):
+    own = {"positions": WALK.positions, "fps": 50.0, "skeleton": "H36M17", "up": "z", "unit": "m"}
+    np.savez(tmp_path / "a.npz", **own, **FOREIGN, units="cm", positions_2d=POSITIONS)
+    (motion,) = load_motions(tmp_path)
+    assert motion.fps == 50.0 and unread_entries(tmp_path / "a.npz") == sorted([*FOREIGN, "units", "positions_2d"])
+    check = check_data(tmp_path)
+    assert check.is_whole
+    told = "  unread    entries betas, dmpls, gender, joint_names, mocap_framerate, poses, positions_2d, trans, units of a.npz"
+    assert told in check.report.splitlines()
+
+
+def test_an_archive_of_human36m_may_say_what_its_numbers_mean(tmp_path):
+    tree = np.array({"S1": {"Walking": WALK.positions * 1000}}, dtype=object)
+    np.savez(tmp_path / "a.npz", positions_3d=tree, fps=25.0, unit="mm", up="z", positions_2d=1, metadata=1, subject="S1")
+    (found,) = readings(tmp_path / "a.npz")
+    assert (found.unit.value, found.fps.value) == (0.001, 25.0)
+    assert {found.unit.source, found.fps.source, found.up.source} == {"its own entry"}
+    assert unread_entries(tmp_path / "a.npz") == ["metadata", "positions_2d", "subject"]
+    np.savez(tmp_path / "a.npz", positions_3d=tree, units="mm")
+    with pytest.raises(MotionFormatError, match=r"unknown entry 'units' \(did you mean 'unit'"):
+        load_motions(tmp_path)
+
+
+def test_an_archive_of_other_things_is_no_motion(tmp_path):
+    np.savez(tmp_path / "data_2d.npz", positions_2d=POSITIONS, metadata=1, units="px")
+    np.savez(tmp_path / "a.npz", positions=WALK.positions, fps=50.0, skeleton="H36M17")
+    assert len(load_motions(tmp_path, strict=True)) == 1
 
 
 @pytest.mark.parametrize(

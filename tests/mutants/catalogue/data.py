@@ -111,6 +111,14 @@ MUTANTS = [
          ", source_state(folder / CAPTIONS))", "data/test_captioned_cmu.py"),
     ),
     *of(
+        "data/load.py", "data/formats/test_arrays.py",
+        ("entries-of-any-name", "if near := near_name(name, missing, NEAR) or", "if near :="),
+        ("entries-of-others-are-refused", "NEAR = 0.75", "NEAR = 0.2"),
+        ("human36m-says-nothing-of-its-numbers", "unit=known.unit or inside.unit", "unit=known.unit"),
+        ("capital-positions-are-passed-over", 'r"[\\W_]", "", name.lower())', 'r"[\\W_]", "", name)'),
+        ("entries-are-passed-over-silently", "return sorted(names.difference((", "return sorted(names & set(("),
+    ),
+    *of(
         "data/load.py", "data/test_captioned.py",
         ("kept-until-the-size-changes", "file.stat().st_mtime_ns, file.stat().st_size)", "0, file.stat().st_size)"),
     ),
