@@ -63,13 +63,20 @@ def to_h36m17(skeleton: Skeleton) -> list[int] | None:
     """
     if skeleton.h36m17 and {*skeleton.h36m17} <= {*skeleton.joints}:
         return [skeleton.joints.index(name) for name in skeleton.h36m17]
+    scheme = _cmu_scheme(skeleton)
+    return None if scheme is None else [skeleton.joints.index(name) for name in scheme.joints]
+
+
+def is_cmu(skeleton: Skeleton) -> bool:
+    """Whether this is CMU's tree, under the names of any of its publications; fingers, toes and eyes may be missing."""
+    return skeleton == CMU or _cmu_scheme(skeleton) is not None
+
+
+def _cmu_scheme(skeleton: Skeleton) -> Scheme | None:
     above = {
         child: skeleton.joints[parent] for child, parent in zip(skeleton.joints, skeleton.parents, strict=True) if parent >= 0
     }
-    for scheme in SCHEMES:
-        if scheme.above.items() <= above.items():
-            return [skeleton.joints.index(name) for name in scheme.joints]
-    return None
+    return next((scheme for scheme in SCHEMES if scheme.above.items() <= above.items()), None)
 
 
 def to_humanml22(skeleton: Skeleton) -> Float[np.ndarray, "22 joints"] | None:

@@ -18,16 +18,18 @@ from mwlib.body.motion import Motion
 from mwlib.body.skeleton import H36M17
 from mwlib.data.collections import COLLECTIONS, h36m, named_source
 from mwlib.data.collections.record import Protocol
+from mwlib.data.doubts import MOST_NAMES, begin_with_a_jump, doubted, other_axis, rows_without_files, some, told_alone
+from mwlib.data.formats.humanml import TEXTS, folder_contents, has_lists
 from mwlib.data.load import caller_says, find_source, motion_files, readings, unread_entries
-from mwlib.data.meaning import ADULT, UPRIGHT, Reading, Stated, clips_row, height, rows_without_files, standing, told_alone
+from mwlib.data.meaning import ADULT, UNITS, UPRIGHT, Reading, Stated, adults, clips_row, height, standing
 from mwlib.data.mirroring import unmirrored
 from mwlib.data.untrusted import MotionFormatError, bare_suffix
 from mwlib.data.windows import windows
 from mwlib.hashing import sha256
 from mwlib.synthetic.motions import synthetic_motions
 
+MOST_FAULTS = 40  # of lists and captions, told one by one
 STANDARD = Protocol(50.0, 25, 100, 25)
-MOST_NAMES = 12
 
 
 def _line(word: str, text: str) -> str:
@@ -56,11 +58,18 @@ def _frames_fault(file: Path, motion: Motion) -> str | None:
     listed = row.get("frames") or row.get("rows")
     if listed is None:
         return None
-    added = row.get("tpose_frame0") or str(int("rows" in row))
-    if not re.fullmatch(r"\d{1,12}", listed) or added not in ("0", "1"):
+    added = row.get("first_frame") or row.get("tpose_frame0") or str(int("rows" in row))
+    if not re.fullmatch(r"\d{1,12}", listed) or not (added in ("0", "1") or row.get("first_frame")):
         return f"{motion.name} has {len(motion)}, {table.name} says {listed[:40]!r} less {added[:40]!r}"
     expected = int(listed) - int(added)
     return "" if len(motion) == expected else f"{motion.name} has {len(motion)}, clips.csv says {expected}"
+
+
+def _t_poses(clips: Sequence[Clip]) -> list[str]:
+    """A line on the clips whose first row is left out without a word of the user's."""
+    names = [clip.name for clip in clips if clip.reading.first.value and not clip.reading.first.is_users]
+    text = f"row 0 of {some(names, 3)} is an added T-pose and left out; first_frame 0 in clips.csv keeps it"
+    return [_line("T-pose", text)] if names else []
 
 
 def _known_frames(clips: Sequence[Clip]) -> list[str]:
@@ -114,21 +123,29 @@ GLITCH = 25.0  # metres per second; above it are the marker glitches of CMU, bel
 
 def fastest(motion: Motion) -> float:
     """Fastest joint between two frames, metres per second."""
+    return _fastest(motion)[0]
+
+
+def _fastest(motion: Motion) -> tuple[float, int, str]:
+    """The same, the frame that it is reached in, and the joint."""
     steps = np.linalg.norm(np.diff(motion.positions, axis=0), axis=-1)
-    return float(steps.max(initial=0.0)) * motion.fps
+    if not steps.size:
+        return 0.0, 0, ""
+    frame, joint = np.unravel_index(steps.argmax(), steps.shape)
+    return float(steps[frame, joint]) * motion.fps, int(frame) + 1, motion.skeleton.joints[joint]
 
 
 def _left_out(clips: Sequence[tuple[str, Motion]], protocol: Protocol) -> list[str]:
     """One line on the clips, by name, that give no window."""
     fps, history, future, _ = protocol
     short = [name for name, motion in clips if _frames_at(motion, fps) <= history + future]
-    return [f"{len(short)} clips no longer than {history} + {future} frames at {fps:g} Hz: {_some(short)}"] if short else []
+    return [f"{len(short)} clips no longer than {history} + {future} frames at {fps:g} Hz: {some(short)}"] if short else []
 
 
 def _doubts(clips: Sequence[tuple[str, Reading]]) -> list[str]:
-    """One line for each kind of doubt, with the names of the clips: size, axis, speed, copies, people, sides, skeletons."""
+    """A line for each kind of doubt, with the names of the clips: size, axis, speed, copies, people, sides, skeletons."""
     motions = [reading.motion for _, reading in clips]
-    return [*_bodies(clips), *_copies(clips), *_people(motions), *_skeletons(clips)]
+    return [*_bodies(clips), *begin_with_a_jump(clips), *_copies(clips), *_people(motions), *_skeletons(clips)]
 
 
 def _bodies(clips: Sequence[tuple[str, Reading]]) -> list[str]:
@@ -137,13 +154,17 @@ def _bodies(clips: Sequence[tuple[str, Reading]]) -> list[str]:
     for name, reading in clips:
         m = reading.motion
         tall, stands = height(m.positions, m.skeleton), standing(m.positions, m.skeleton, m.up)
-        small += [f"{name} ({tall:.3g} m)"] if not ADULT[0] <= tall <= ADULT[1] else []
-        other += [f"{name} (along {stands.axis})"] if stands.is_clear or stands.share < UPRIGHT else []
-        wild += [f"{name} ({fastest(m):.0f} m/s)"] if fastest(m) > GLITCH else []
+        better = [f"{tall / reading.unit.value * UNITS[unit]:.3g} m in {unit}" for unit in adults(tall / reading.unit.value)]
+        small += [f"{name} ({', '.join([f'{tall:.3g} m', *better])})"] if not ADULT[0] <= tall <= ADULT[1] else []
+        lies = (stands.is_clear or stands.share < UPRIGHT) and not other_axis(reading)
+        other += [f"{name} (along {stands.axis})"] if lies else []
+        speed, frame, joint = _fastest(m)
+        wild += [f"{name} ({speed:.0f} m/s, {joint} in row {reading.first.value + frame})"] if speed > GLITCH else []
+    cut = "The column first_frame in clips.csv cuts a beginning off"
     return [
-        *([f"no adult's height: {_some(small)}. State the unit if that is wrong"] if small else []),
-        *([f"not upright along the up-axis: {_some(other)}. People who lie, or another axis is up"] if other else []),
-        *([f"faster than {GLITCH:g} m/s, so perhaps glitches: {_some(wild)}"] if wild else []),
+        *([f"no adult's height: {some(small)}. State the unit if that is wrong"] if small else []),
+        *([f"not upright along the up-axis: {some(other)}. People who lie, or another axis is up"] if other else []),
+        *([f"faster than {GLITCH:g} m/s, so perhaps glitches: {some(wild)}. {cut}"] if wild else []),
     ]
 
 
@@ -153,7 +174,7 @@ def _copies(clips: Sequence[tuple[str, Reading]]) -> list[str]:
         content = np.ascontiguousarray(reading.motion.positions, dtype=np.float32)
         same.setdefault(sha256([content.tobytes()]), []).append(name)
     twice = [" = ".join(names) for names in same.values() if len(names) > 1]
-    return [f"the same clip twice, perhaps in training and test: {_some(twice)}"] if twice else []
+    return [f"the same clip twice, perhaps in training and test: {some(twice)}"] if twice else []
 
 
 def _people(motions: Sequence[Motion]) -> list[str]:
@@ -173,13 +194,9 @@ def _skeletons(clips: Sequence[tuple[str, Reading]]) -> list[str]:
     reasons = [unmirrored([m for _, m in group]) for group in kinds.values()]
     found = [f"training will not mirror: {reason}" for reason in reasons if reason]
     if len(kinds) > 1:
-        groups = "; ".join(f"{kind} ({_some([name for name, _ in group], 3)})" for kind, group in kinds.items())
+        groups = "; ".join(f"{kind} ({some([name for name, _ in group], 3)})" for kind, group in kinds.items())
         found.append(f"{len(kinds)} skeletons, and training takes one: {groups}")
     return found
-
-
-def _some(names: Sequence[str], most: int = MOST_NAMES) -> str:
-    return ", ".join(names[:most]) + (f" and {len(names) - most} more" if len(names) > most else "")
 
 
 COLUMNS = ("files", "clips", "frames", "seconds", "subjects", "Hz", "skeleton", "up", "metres per unit", "height in m")
@@ -199,7 +216,11 @@ class Clip(NamedTuple):
 
 
 class Check(NamedTuple):
-    """A report on motions, whether every file could be read and every row of a clips.csv has one, and the clips."""
+    """A report on motions, whether nothing in it needs a repair or a word of the user's, and the clips.
+
+    It does where a file cannot be read, a row of a clips.csv has no file, lists and captions are faulty, or numbers likely mean
+    something else than was assumed (`doubts.doubted`). What may be as it looks, such as a glitch, does not count.
+    """
 
     report: str
     is_whole: bool
@@ -218,8 +239,8 @@ def check_data(
 
     A table has one row for each kind of file: clips, frames, seconds, subjects; rate, up-axis and unit, each with who said so;
     skeleton, and the standing height of the bodies. Then, kind by kind: actions, windows, how constant the bones are, the
-    fastest joint, and what is known of the same data. At the end: what will be left out of training and why, what looks wrong,
-    and which files cannot be read.
+    fastest joint, and what is known of the same data. At the end: what will be left out of training and why, what looks wrong
+    (in lists and captions, too), and which files cannot be read.
 
     Args:
         source: as in `load_motions`.
@@ -241,13 +262,32 @@ def check_data(
         motions = [clip.reading.motion for clip in group]
         usual = _protocol(motions[0])
         protocol = Protocol(fps or usual.fps, history or usual.history, future or usual.future, usual.stride)
-        lines += [*_describe(motions, protocol, _files(group[0])), *_unread(group), *_known_frames(group)]
-        lines += [*_known_windows(motions), ""]
+        lines += [*_describe(motions, protocol, _files(group[0])), *_unread(group), *_t_poses(group)]
+        lines += [*_known_frames(group), *_known_windows(motions), ""]
         short += _left_out([(clip.name, clip.reading.motion) for clip in group], protocol)
-    doubts = _doubts([(clip.name, clip.reading) for clip in clips])
-    lines += _list("left out of training", [*short, *dict.fromkeys(broken)]) + _list("looks wrong", [*alone, *doubts])
+    named = [(clip.name, clip.reading) for clip in clips]
+    lists, unsaid = _captions(source), doubted(named)
+    lines += _list("left out of training", [*short, *dict.fromkeys(broken)])
+    lines += _list("looks wrong", [*alone, *lists, *unsaid, *_doubts(named)])
     lines += [f"{len(broken)} files cannot be read" if broken else "every file could be read"]
-    return Check("\n".join(lines), not broken and not alone, clips)
+    return Check("\n".join(lines), not (broken or alone or lists or unsaid), clips)
+
+
+def _captions(source: str | Path) -> list[str]:
+    """What is wrong with the lists and captions of a folder laid out as HumanML3D or KIT."""
+    try:
+        path = find_source(named_source(source)[0])
+    except FileNotFoundError:  # synthetic
+        return []
+    if not (path.is_dir() and has_lists(path) and (path / TEXTS).is_dir()):
+        return []
+    faults: list[MotionFormatError] = []
+    try:
+        broken = folder_contents(path, faults=faults).broken()
+    except MotionFormatError as error:
+        return [str(error)]
+    more = [f"and {len(faults) - MOST_FAULTS} more faults of lists and captions"] if len(faults) > MOST_FAULTS else []
+    return [*map(str, faults[:MOST_FAULTS]), *more, *broken]
 
 
 def _read(source: str | Path, **stated) -> tuple[list[Clip], list[str], list[str]]:
@@ -320,8 +360,8 @@ def _unread(clips: Sequence[Clip]) -> list[str]:
     found: dict[str, list[str]] = {}
     for file in files:
         if names := unread_entries(file):
-            found.setdefault(_some(names), []).append(file.name)
-    return [_line("unread", f"entries {names} of {_some(holders, 3)}") for names, holders in found.items()]
+            found.setdefault(some(names), []).append(file.name)
+    return [_line("unread", f"entries {names} of {some(holders, 3)}") for names, holders in found.items()]
 
 
 def _list(title: str, found: Sequence[str]) -> list[str]:

@@ -24,19 +24,20 @@ from mwlib.data.formats.humanml import FEATURES, is_features, read_features, wit
 from mwlib.data.meaning import (
     ENTRY,
     LEVELS_UP,
+    TABLE,
     Given,
     Hints,
     Reading,
+    Stated,
     check_size,
     check_up,
     hints,
     metres_per_unit,
-    rows_without_files,
-    told_alone,
 )
 from mwlib.data.untrusted import (
     MOST_BYTES,
     BrokenFilesWarning,
+    DoubtfulDataWarning,
     MotionFormatError,
     allowed,
     archive_names,
@@ -83,7 +84,8 @@ def load_motions(
     files or above supplies true frame rates, units, up-axes, subjects and actions (see `hints.hints`). What the caller says goes
     before clips.csv, that before the file or a skeleton.json beside it, that before what is inferred (see `Hints`). A body of
     no human's size, or one that stands along another axis than the one said to be up, is refused unless `unit` or `up` was
-    stated. Rows of a clips.csv that match no file are told in a warning.
+    stated. Rows of a clips.csv that match no file are told in a warning; so is what was likely assumed wrongly, because nobody
+    said it: the up-axis of a body of nameless joints that stands along another one, 120 Hz of a trial that CMU recorded at 60.
 
     Args:
         source: "synthetic", the name of a preset (its data at its frame rate), or a path; a relative one is looked up in the
@@ -212,29 +214,31 @@ def source_state(source: str | Path) -> tuple[tuple[str, int, int], ...]:
 
 
 def _read(path: Path, given: Given, strict: bool) -> list[Motion]:
-    if not path.is_dir():
-        return read_motion_file(path, **given)
+    from mwlib.data.doubts import doubted, rows_without_files, told_alone
+
     files = motion_files(path)
-    for table, alone in rows_without_files(files).items():
+    for table, alone in rows_without_files(files).items() if path.is_dir() else ():
         warnings.warn(told_alone(table, alone, files), BrokenFilesWarning, stacklevel=3)
     quiet = len(files) <= MANY_FILES or not sys.stderr.isatty()
-    motions: list[Motion] = []
+    found: list[tuple[str, Reading]] = []
     broken: list[MotionFormatError] = []
     for file in tqdm(files, "reading motions", unit="file", disable=quiet):
         try:
-            motions += read_motion_file(file, **given)
+            found += [(file.name, reading) for reading in readings(file, **given)]
         except MotionFormatError as error:
             if strict or len(files) == 1:
                 raise
             broken.append(error)
-    if broken and not motions and len({str(error) for error in broken}) == 1:
+    if broken and not found and len({str(error) for error in broken}) == 1:
         raise broken[0]
-    if broken and not motions:
+    if broken and not found:
         raise MotionFormatError(path, "folder", f"no file that can be read:{_reasons(broken)}", "at least one")
     if broken:
-        found = f"{len(broken)} of {len(files)} files in {path} cannot be read and are left out (strict=True refuses them):"
-        warnings.warn(found + _reasons(broken), BrokenFilesWarning, stacklevel=3)
-    return motions
+        told = f"{len(broken)} of {len(files)} files in {path} cannot be read and are left out (strict=True refuses them):"
+        warnings.warn(told + _reasons(broken), BrokenFilesWarning, stacklevel=3)
+    for doubt in doubted(found):
+        warnings.warn(doubt, DoubtfulDataWarning, stacklevel=3)
+    return [reading.motion for _, reading in found]
 
 
 def _reasons(broken: list[MotionFormatError]) -> str:
@@ -266,17 +270,29 @@ def readings(file: Path, **given: Unpack[Given]) -> list[Reading]:
     try:
         with open_regular(file):
             pass
-        found = reader(file, hints(file, **given))
+        known = hints(file, **given)
+        found = reader(file, known)
     except MotionFormatError:
         raise
     except FAILURES as error:
         raise MotionFormatError(file, CONTENT, f"{type(error).__name__}: {str(error)[:200]}", "another content") from error
-    found = found if isinstance(found, list) else [found]
+    found = [_begun(reading, known, file) for reading in (found if isinstance(found, list) else [found])]
     for reading in found:
         motion = reading.motion
         check_size(motion.positions, motion.skeleton, reading.unit, file)
         check_up(motion.positions, motion.skeleton, reading.up, file)
     return found
+
+
+def _begun(reading: Reading, known: Hints, file: Path) -> Reading:
+    """The clip from the row on that clips.csv names."""
+    if known.first_frame is None:
+        return reading
+    rows = len(reading.motion)
+    if known.first_frame >= rows:
+        expected = f"a row of the file, 0 to {rows - 1}"
+        raise MotionFormatError(file, "first_frame", f"{known.first_frame} in clips.csv", expected)
+    return replace(reading, motion=reading.motion.cut(known.first_frame, rows), first=Stated(known.first_frame, TABLE))
 
 
 def _is_motion(file: Path) -> bool:

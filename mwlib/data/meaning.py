@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import csv
-import difflib
-import os
 import posixpath
 import re
 from collections import Counter
@@ -18,6 +16,7 @@ from typing import Generic, NamedTuple, TypedDict, TypeVar, Unpack
 import numpy as np
 from jaxtyping import Float
 
+from mwlib.body.correspondence import is_cmu
 from mwlib.body.kinematics import AXES, bone_lengths
 from mwlib.body.motion import FASTEST, Motion
 from mwlib.body.skeleton import Skeleton
@@ -51,12 +50,13 @@ def stated(value: Value | None, source: str) -> Stated[Value] | None:
 
 @dataclass(frozen=True)
 class Reading:
-    """A motion as its file has it, in metres, and who said so: metres per unit, the up-axis, frames per second."""
+    """A motion as its file has it, in metres, and who said so: metres per unit, the up-axis, frames per second, first row."""
 
     motion: Motion
     unit: Stated[float]
     up: Stated[str]
     fps: Stated[float]
+    first: Stated[int] = Stated(0, FORMAT)
 
 
 UNITS = {"m": 1.0, "cmu": 0.0254 / 0.45, "inch": 0.0254, "cm": 0.01, "mm": 0.001}  # metres
@@ -68,7 +68,8 @@ HEIGHT_BY_REACH = 1.7 / 2.4  # of an adult: standing height by the way from a to
 SMALLEST, TALLEST = 0.5, 2.5  # metres, of a human
 ADULT = 1.2, 2.3  # metres; heights of known skeletons come out as 1.3 to 1.8
 SWING = 0.5  # a bone whose length varies by more of itself is none: it ties the body to the world's origin
-STATE_UNIT = "unit= (of load_motions, as a setting or an option; or a column unit in clips.csv, or unit in skeleton.json)"
+STATE = "(of load_motions, as a setting or an option; or a column {0} in clips.csv, or for arrays {0} in skeleton.json)"
+STATE_UNIT = f"unit= {STATE.format('unit')}"
 
 
 def metres_per_unit(unit: float | str) -> float:
@@ -141,8 +142,9 @@ def infer_unit(
 ) -> Stated[float]:
     """Metres per unit, so that the body has the size of a human.
 
-    The usual unit of the skeleton's or the format's files is taken if it makes an adult. Else exactly one unit must make a human
-    of 0.5 to 2.5 m, and a metric one: inches and CMU's units are told from nothing but a known skeleton.
+    The usual unit of the skeleton's or the format's files is taken if it makes an adult; of CMU's people, who all are adults,
+    the one that does. Else exactly one unit must make a human of 0.5 to 2.5 m, and a metric one: inches and CMU's units are
+    told from nothing but a known skeleton.
 
     Raises:
         MotionFormatError: no unit does, or several do; the message says how to state it.
@@ -151,6 +153,9 @@ def infer_unit(
     usual = usual or USUAL.get(skeleton.name)
     if usual and ADULT[0] < found * UNITS[usual] < ADULT[1]:
         return Stated(UNITS[usual], SKELETON)
+    adult = adults(found) if is_cmu(skeleton) else []  # published in CMU's units, inches and centimetres; no two make an adult
+    if len(adult) == 1:
+        return Stated(UNITS[adult[0]], SKELETON)
     fitting = _fitting(found)
     if len(fitting) == 1 and fitting[0] in METRIC:
         return Stated(UNITS[fitting[0]], SIZE)
@@ -182,6 +187,11 @@ def _fitting(found: float) -> list[str]:
     return [name for name, metres in UNITS.items() if SMALLEST <= found * metres <= TALLEST]
 
 
+def adults(found: float) -> list[str]:
+    """Units in which a height is an adult's."""
+    return [name for name, metres in UNITS.items() if ADULT[0] <= found * metres <= ADULT[1]]
+
+
 def _readings(found: float, names: list[str]) -> str:
     return f": a person of {' or '.join(f'{found * UNITS[n]:.2f} m if the unit is {n}' for n in names)}" if names else ""
 
@@ -192,7 +202,7 @@ MOST_FRAMES_LOOKED_AT = 200
 UPRIGHT = 0.5  # share of the way from feet to head along an axis, median over frames; people who stand or bend have 0.69 and more
 OTHERWISE = 0.75  # along another axis; people who lie and roll have 0.42 at most
 STEADY = 0.8  # how far the lowest joint wanders along it, by the body's length: over steps and boxes 0.6, in crawling far
-STATE_AXIS = "(of load_motions, as a setting or an option; or a column up in clips.csv, or up in skeleton.json)"
+STATE_AXIS = STATE.format("up")
 LONGER = 2.0  # without names of joints: how much longer than along both others the body is
 
 
@@ -218,7 +228,7 @@ def standing(positions: Float[np.ndarray, "T joints 3"], skeleton: Skeleton, up:
     """
     frames = np.linspace(0, len(positions) - 1, min(len(positions), MOST_FRAMES_LOOKED_AT)).astype(int)
     places, here = positions[frames], AXES[up]
-    ends = _joints(skeleton, UPPER), _joints(skeleton, LOWER)
+    ends = head_and_feet(skeleton)
     if all(ends):
         way = np.subtract(*(places[:, joints].mean(axis=1) for joints in ends))
         length = np.maximum(np.linalg.norm(way, axis=-1), 1e-9)
@@ -250,17 +260,34 @@ def check_up(positions: Float[np.ndarray, "T joints 3"], skeleton: Skeleton, up:
     raise MotionFormatError(file, "up-axis", f"a body that stands along {found.axis}", expected)
 
 
-def _joints(skeleton: Skeleton, kinds: list[re.Pattern[str]]) -> list[int]:
-    """Joints named by the first of the patterns that names any."""
-    every = ([joint for joint, name in enumerate(skeleton.joints) if kind.search(name)] for kind in kinds)
-    return next((joints for joints in every if joints), [])
+def head_and_feet(skeleton: Skeleton) -> tuple[list[int], list[int]]:
+    """Joints of the upper and of the lower end, each named by the first of the patterns that names any."""
+
+    def named(kinds: list[re.Pattern[str]]) -> list[int]:
+        every = ([joint for joint, name in enumerate(skeleton.joints) if kind.search(name)] for kind in kinds)
+        return next((joints for joints in every if joints), [])
+
+    return named(UPPER), named(LOWER)
 
 
 LEVELS_UP = 4  # folders above a file in which its clips.csv or skeleton.json may lie
 SLOWEST = 1.0  # frames per second; a rate below looks like milliseconds taken for seconds
 MOST_COLUMNS, MOST_ROWS = 100, 100_000  # of clips.csv; all of CMU are 2435 rows
 # Columns of clips.csv that are read, and those that may stand there as well: notes, and what tables of known collections have.
-COLUMNS = ("file", "fps", "unit", "up", "subject", "action", "content", "description", "frames", "rows", "tpose_frame0")
+COLUMNS = (
+    "file",
+    "fps",
+    "unit",
+    "up",
+    "subject",
+    "action",
+    "content",
+    "description",
+    "frames",
+    "rows",
+    "tpose_frame0",
+    "first_frame",
+)
 MORE_COLUMNS = (
     "note", "notes", "trial", "take", "split", "style", "dataset", "id", "format", "skeleton", "joints", "columns", "glitch",
     "duration_s", "file_header_fps", "height_frame0_cm", "max_joint_speed_cm_s", "windows_65_by_40",
@@ -281,6 +308,7 @@ class Hints:
         up: "y" or "z".
         fps: the true frame rate (cgspeed writes 120 Hz into 60 Hz files).
         subject, action: who and what, "" if unknown.
+        first_frame: the row of the file at which the motion begins, from 0; None: an added T-pose is left out where it is found.
         fallback_skeleton: used where the file states none.
     """
 
@@ -289,6 +317,7 @@ class Hints:
     fps: Stated[float] | None = None
     subject: str = ""
     action: str = ""
+    first_frame: int | None = None
     fallback_skeleton: Skeleton | None = None
 
     def label(self, motion: Motion, file: Path) -> Motion:
@@ -313,7 +342,7 @@ def hints(file: Path, **given: Unpack[Given]) -> Hints:
     """Hints for a file: what the caller gave, and its row in the nearest clips.csv that lists it.
 
     clips.csv has a column `file` (relative to its own folder or to one above) and any of fps, unit, up, subject, action (or
-    content); more may stand in columns such as notes. Blanks around a cell do not count.
+    content), first_frame; more may stand in columns such as notes. Blanks around a cell do not count.
 
     Raises:
         MotionFormatError: clips.csv is malformed, has an unknown column or one twice, a row without a file, or two rows for
@@ -326,12 +355,16 @@ def hints(file: Path, **given: Unpack[Given]) -> Hints:
         "up": _up(row["up"], table, place) if row.get("up") else None,
         "fps": frame_rate(row["fps"], table, place) if row.get("fps") else None,
     }
+    first = row.get("first_frame", "")
+    if first and not re.fullmatch(r"\d{1,9}", first):
+        raise MotionFormatError(table, place, f"first_frame {first[:40]!r}", "a row of the file, from 0")
     return Hints(
         unit=stated(given.get("unit"), CALLER) or stated(listed["unit"], TABLE),
         up=stated(given.get("up"), CALLER) or stated(listed["up"], TABLE),
         fps=stated(given.get("fps"), CALLER) or stated(listed["fps"], TABLE),
         subject=row.get("subject") or "",
         action=row.get("action") or row.get("content") or "",
+        first_frame=int(first) if first else None,
         fallback_skeleton=given.get("fallback_skeleton"),
     )
 
@@ -354,7 +387,7 @@ def clips_row(file: Path) -> tuple[dict[str, str], Path]:
     path = file.resolve()
     for depth, folder in enumerate(path.parents[:LEVELS_UP]):
         table = folder / "clips.csv"
-        rows = _rows(table) if table.is_file() else {}
+        rows = rows_of(table) if table.is_file() else {}
         keys = [_key(path.parts[start:]) for start in range(len(path.parts) - depth - 1, 0, -1)] if rows else []
         if listed := [rows[key] for key in keys if key in rows]:
             if len(listed) > 1:
@@ -364,51 +397,12 @@ def clips_row(file: Path) -> tuple[dict[str, str], Path]:
     return {}, path
 
 
-def rows_without_files(files: Sequence[Path]) -> dict[Path, list[str]]:
-    """Rows of the clips.csv beside and above some files that match no file: table -> what they have in the column file.
+def rows_of(table: Path) -> dict[str, dict[str, str]]:
+    """Rows of a clips.csv by the path of their file; an edited one is read again.
 
-    A table that cannot be read is passed over: its error is told when a file is read.
+    Raises:
+        MotionFormatError: see `hints`.
     """
-    folders = {folder for parent in {file.parent for file in files} for folder in _levels(parent.resolve())}
-    found = {}
-    for table in sorted(folder / "clips.csv" for folder in folders):
-        try:
-            rows = _rows(table) if table.is_file() else {}
-        except MotionFormatError:
-            continue
-        if alone := [row["file"] for key, row in rows.items() if not _is_there(key, table.parent)]:
-            found[table] = alone
-    return found
-
-
-def told_alone(table: Path, alone: Sequence[str], files: Sequence[Path], most: int = 12) -> str:
-    """A sentence on rows that match no file, with files that may have been meant."""
-    names, words = {bare_name(file).lower(): os.path.relpath(file.resolve(), table.parent) for file in files}, []
-    for word in alone[:most]:
-        close = difflib.get_close_matches(bare_name(Path(word)).lower(), names, n=1, cutoff=0.9)
-        near = [names[name] for name in close]
-        words.append(repr(word[:80]) + (f" (did you mean {near[0]!r}?)" if near else ""))
-    more = f" and {len(alone) - most} more" if len(alone) > most else ""
-    expected = f"paths from the table's folder or one above, at most {LEVELS_UP - 1} folders deep"
-    return f"{table}: {len(alone)} rows match no file: {', '.join(words)}{more}; expected {expected}"
-
-
-def _levels(folder: Path) -> tuple[Path, ...]:
-    return (folder, *folder.parents)[:LEVELS_UP]
-
-
-def _is_there(key: str, folder: Path) -> bool:
-    """Whether a file is below the folder of a clips.csv whose row is found by this key."""
-    parts, above = tuple(key.split("/")), folder.parts
-    for start in range(len(parts)):
-        inside = parts[start:]
-        if len(inside) <= LEVELS_UP and ".." not in inside and (not start or above[-start:] == parts[:start]):
-            if any(os.path.isfile(str(folder.joinpath(*inside)) + packing) for packing in ("", *PACKED)):
-                return True
-    return False
-
-
-def _rows(table: Path) -> dict[str, dict[str, str]]:
     state = table.stat()
     return _clips(table, state.st_mtime_ns, state.st_size)
 

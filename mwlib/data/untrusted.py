@@ -39,6 +39,10 @@ class BrokenFilesWarning(UserWarning):
     """Motion files of a folder cannot be read and are left out, or rows of a clips.csv match no file; the message says which."""
 
 
+class DoubtfulDataWarning(UserWarning):
+    """What the numbers of a motion mean was not said, and was likely assumed wrongly; the message says how to state it."""
+
+
 PACKED = (".xz", ".gz")
 # What a file of up to SMALL_FILE bytes on disk may unfold to; a larger one may in proportion. So many take less than 5 s and
 # 1 GiB. Own choice, by measurement: a byte on disk holds at most 7.2 bytes of text and 0.23 points in 309 public files, so that
@@ -335,7 +339,9 @@ def check_names(found: Iterable[object], valid: Sequence[str], what: str, file: 
 def near_name(name: object, valid: Sequence[str], cutoff: float = 0.6) -> str:
     """The valid name that was likely meant; "" if none is near enough."""
     plain = re.sub(r"[\W_]", "", str(name).lower())
-    near = [meant for meant in (MEANT.get(plain),) if meant in valid] or difflib.get_close_matches(plain, valid, 1, cutoff)
+    if (meant := MEANT.get(plain, "")) in valid:
+        return meant
+    near = difflib.get_close_matches(plain, valid, 1, cutoff)
     return near[0] if near else ""
 
 

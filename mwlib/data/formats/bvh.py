@@ -163,10 +163,10 @@ def read_bvh(file: Path, hints: Hints) -> Reading:
     up, rate = hints.up or Stated("y", FORMAT), hints.fps or Stated(fps, FILE)
     positions *= unit.value
     turns = [i for i, name in enumerate(nodes[0].channels or ()) if name in ANGLES]
-    first = int(starts_in_tpose(table[:, turns], positions, up.value))
+    first = int(hints.first_frame is None and starts_in_tpose(table[:, turns], positions, up.value))
     rig = bvh_rig(nodes, table[first:], picked, unit.value)
     motion = Motion(positions[first:].astype(np.float32), rate.value, skeleton, up=up.value, rig=rig)
-    return Reading(hints.label(motion, file), unit, up, rate)
+    return Reading(hints.label(motion, file), unit, up, rate, Stated(first, FILE))
 
 
 def _hierarchy(rest: Iterator[str], file: Path) -> list[Node]:

@@ -17,7 +17,7 @@ from mwlib.body.motion import Motion
 from mwlib.body.skeleton import CMU, Skeleton
 from mwlib.data.collections.cmu import BENCHMARK_COLUMNS
 from mwlib.data.formats.frames import in_blocks, starts_in_tpose
-from mwlib.data.meaning import FORMAT, UNITS, Hints, Reading, Stated
+from mwlib.data.meaning import FILE, FORMAT, UNITS, Hints, Reading, Stated
 from mwlib.data.untrusted import number_table, read_text
 
 FPS = 120.0  # every row; the usual protocol keeps every second one
@@ -54,9 +54,9 @@ def read_benchmark(file: Path, hints: Hints) -> Reading:
     unit = hints.unit or Stated(UNITS["cmu"], FORMAT)
     up, fps = hints.up or Stated("y", FORMAT), hints.fps or Stated(FPS, FORMAT)
     positions *= unit.value
-    first = int(starts_in_tpose(table[:, 3:6], positions, up.value))
+    first = int(hints.first_frame is None and starts_in_tpose(table[:, 3:6], positions, up.value))
     motion = Motion(positions[first:].astype(np.float32), fps.value, CMU, action=file.parent.name, up=up.value)
-    return Reading(hints.label(motion, file), unit, up, fps)
+    return Reading(hints.label(motion, file), unit, up, fps, Stated(first, FILE))
 
 
 def _positions(table: Float[np.ndarray, "n 117"]) -> Float[np.ndarray, "n joints 3"]:
