@@ -15,6 +15,7 @@ from mwlib.data import fetching
 from mwlib.data.collections import COLLECTIONS
 from mwlib.data.formats.h36m import write_h36m
 from mwlib.data.load import data_folder
+from mwlib.experiments.outlook import outlook
 from mwlib.files import write_atomic
 from mwlib.synthetic.motions import synthetic_motions
 
@@ -32,8 +33,9 @@ def check_data(
     """Say what is in motion data, what will be left out of training and what looks wrong.
 
     Read a file or folder of motions. Print a table of its kinds of files with rate, skeleton, up-axis and unit, and who said so;
-    windows, bones and published counts of each kind; what training will leave out; what looks wrong. Exit status 1 if a file
-    cannot be read.
+    windows, bones and published counts of each kind; what training will leave out; what looks wrong; and what each system would
+    make of the bodies. Exit status 1 if something needs a repair or a word of yours: a file that cannot be read, a row of
+    clips.csv without a file, faults of lists and captions, an up-axis or a rate that was likely assumed wrongly.
 
     Args:
         path: file or folder (in the working folder or under MWLIB_DATA), or 'synthetic'.
@@ -50,6 +52,9 @@ def check_data(
         raise ValueError(f"picture is {picture}; expected a name that ends in .png")
     check = checking.check_data(path, fps=fps, history=history, future=future, **meaning)
     print(check.report)
+    if check.clips or not check.is_whole:
+        print("\ntraining, at default settings:")
+        print("\n".join(f"  {line}" for line in outlook(path, [each.reading.motion for each in check.clips], fps)))
     if picture and check.clips:
         named = [each for each in check.clips if clip in (each.name, each.reading.motion.name, "")]
         if not named:

@@ -55,7 +55,11 @@ def load_source(source: SourceConfig) -> list[Motion]:
     return load_motions(source.data, unit=unit, up=up, file_fps=file_fps)
 
 
-def split_motions(source: SourceConfig, ready: Callable[[Sequence[Motion], float], list[Motion]] = prepare) -> Split:
+def split_motions(
+    source: SourceConfig,
+    ready: Callable[[Sequence[Motion], float], list[Motion]] = prepare,
+    loaded: Sequence[Motion] | None = None,
+) -> Split:
     """Load the configured data and part it by subject, so that nobody in the test set was ever trained on.
 
     Test data: `test_subjects`; else the last quarter of the subjects that no list names; with one subject in the data, the last
@@ -64,12 +68,13 @@ def split_motions(source: SourceConfig, ready: Callable[[Sequence[Motion], float
     Args:
         source: which clips.
         ready: what makes clips at their own rate, given `source.fps`, into what a training takes.
+        loaded: the clips as `load_source` gives them; None: they are loaded.
 
     Raises:
         ValueError: a named subject does not occur or stands in two lists, the clips differ in skeleton, or nothing is left to
             train or to test on.
     """
-    motions = ready(load_source(source), source.fps)
+    motions = ready(load_source(source) if loaded is None else loaded, source.fps)
     Bodies.of(motions)
     present = sorted({m.subject for m in motions})
     lists = {name: getattr(source, name) for name in ("train_subjects", "validation_subjects", "test_subjects")}

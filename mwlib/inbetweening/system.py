@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import torch
@@ -10,6 +10,7 @@ from jaxtyping import Float
 from torch import Tensor
 from tqdm import tqdm
 
+from mwlib.body.motion import Motion
 from mwlib.data.sources import Split, split_motions
 from mwlib.data.windows import prepare
 from mwlib.inbetweening.baselines import GaussianBetween, between
@@ -68,13 +69,17 @@ make_objective, open_model = InbetweeningObjective, Bridge.from_tensors
 Fill = Callable[[PlacedWindows, list[int]], Tensor]  # windows, their numbers -> states (n, S, T, C)
 
 
-def load_data(cfg: Config) -> Split:
+def load_data(cfg: Config, loaded: Sequence[Motion] | None = None) -> Split:
     """Clips for training, validation and test: with their rotations, or on 17 joints where a correspondence is known.
+
+    Args:
+        cfg: data and task.
+        loaded: the clips as they were read, if they are there already.
 
     Raises:
         ValueError: as in `split_motions`.
     """
-    return split_motions(cfg.data, ready if cfg.task.state == "rotations" else prepare)
+    return split_motions(cfg.data, ready if cfg.task.state == "rotations" else prepare, loaded)
 
 
 def make_fill(cfg: Config, get_model: Callable[[], Bridge], split: Split, space: Space) -> Fill:

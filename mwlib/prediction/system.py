@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import torch
 from torch import Tensor
 from tqdm import tqdm
 
+from mwlib.body.motion import Motion
 from mwlib.data.sources import Split, split_motions
 from mwlib.data.windows import Bodies, Windows, too_short, windows
 from mwlib.metrics import Column, MetricTable, multimodal_apd, multimodal_futures
@@ -128,13 +129,17 @@ def evaluate(cfg: Config, get_model: Callable[[], Predictor], split: Split, prog
     return {**{k: v for k, v in found.items() if k != "actions"}, "windows": len(test), "actions": actions}
 
 
-def load_data(cfg: Config) -> Split:
+def load_data(cfg: Config, loaded: Sequence[Motion] | None = None) -> Split:
     """Clips for training, validation and test; a warning names those too short to give any window.
+
+    Args:
+        cfg: data and windows.
+        loaded: the clips as they were read, if they are there already.
 
     Raises:
         ValueError: as in `split_motions`, or no clip of a part is longer than a window.
     """
-    split, frames = split_motions(cfg.data), cfg.windows.frames
+    split, frames = split_motions(cfg.data, loaded=loaded), cfg.windows.frames
     for name, part in split._asdict().items():
         if part and max(map(len, part)) <= frames:
             longest = max(part, key=len)

@@ -87,6 +87,8 @@ MUTANTS = [
     ),
     *of(
         "data/check.py", "data/test_doubts.py",
+        ("faults-of-lists-pass-a-check", "not (broken or alone or lists or unsaid)", "not (broken or alone or unsaid)",
+         "experiments/test_outlook.py"),
         ("doubts-are-no-fault", "not (broken or alone or lists or unsaid)", "not (broken or alone or lists)"),
     ),
     *of(

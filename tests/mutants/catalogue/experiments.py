@@ -149,4 +149,10 @@ MUTANTS = [
         "experiments/page.py", "experiments/test_page.py::test_what_cannot_be_loaded_is_refused_with_its_sentence",
         ("only-what-is-wrong-in-a-file-is-refused", "except (ValueError, OSError) as error:", "except ValueError as error:"),
     ),
+    *of(
+        "experiments/outlook.py", "experiments/test_outlook.py",
+        ("all-bodies-are-kept", "kept = all(m.skeleton == after.skeleton for m in motions)", "kept = True"),
+        ("every-space-takes-every-body", "make_space(split.train, state)", 'make_space(split.train, "positions")'),
+        ("training-at-another-rate-is-foretold", "rate = {} if fps is None else", "rate = {} if True else"),
+    ),
 ]  # fmt: skip

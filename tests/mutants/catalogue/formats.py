@@ -37,7 +37,8 @@ MUTANTS = [
     *of(
         "data/formats/bvh.py", "data/formats/test_bvh.py",
         ("positions-do-not-replace-offsets", "offsets[:, joint, MOVES.index(name)] = table[:, column]", "pass"),
-        ("t-poses-are-kept", "first = int(hints.first_frame is None and starts_in_tpose(table[:, turns], positions, up.value))", "first = 0"),
+        ("t-poses-are-kept",
+         "first = int(hints.first_frame is None and starts_in_tpose(table[:, turns], positions, up.value))", "first = 0"),
         ("rates-are-never-vague", "if is_vague and fitting:", "if False:"),
     ),
     *of(

@@ -1,0 +1,86 @@
+"""The bodies that each system would train on, found by letting the systems make their data ready."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+from mwlib.body.motion import Motion
+from mwlib.data.captioned_cmu import FOLDER
+from mwlib.data.collections import named_source
+from mwlib.data.formats.humanml import has_lists
+from mwlib.data.load import data_folder, find_source
+from mwlib.data.sources import Split
+from mwlib.inbetweening import system as inbetweening
+from mwlib.inbetweening.windows import make_space
+from mwlib.prediction import system as prediction
+from mwlib.text_to_motion import system as text_to_motion
+
+
+def outlook(source: str | Path, motions: Sequence[Motion], fps: float | None = None) -> list[str]:
+    """A line for each system on what its training makes of these data, or why it refuses them.
+
+    What is said comes from the functions with which the systems load their data and encode it, at their default settings.
+
+    Args:
+        source: as in `load_motions`.
+        motions: what was read from it, at their own rates.
+        fps: of training; None: each system's default.
+    """
+    rate = {} if fps is None else {"fps": fps}
+
+    def predicted() -> str:
+        cfg = prediction.Config().override(data=str(source), **rate)
+        return _carried(motions, prediction.load_data(cfg, motions))
+
+    def between(state: str) -> Callable[[], str]:
+        def found() -> str:
+            cfg = inbetweening.Config().override(data=str(source), state=state, **rate)
+            split = inbetweening.load_data(cfg, motions)
+            space = make_space(split.train, state)
+            for motion in (m for part in split for m in part):
+                space.encode(motion)
+            return _carried(motions, split)
+
+        return found
+
+    lines = [f"prediction: {_or_refused(predicted)}"] if motions else []
+    lines += [f"in-betweening, {state}: {_or_refused(between(state))}" for state in ("positions", "rotations") if motions]
+    return [*lines, f"text to motion: {_or_refused(lambda: _captioned(source))}"]
+
+
+def _or_refused(say: Callable[[], str]) -> str:
+    with warnings.catch_warnings(action="ignore"):  # the report has said it
+        try:
+            return say()
+        except (ValueError, OSError) as error:
+            return f"refused: {error}"
+
+
+def _carried(motions: Sequence[Motion], split: Split) -> str:
+    """How bodies and rates change from files to training, and how many clips are left for what."""
+    after = split.train[0]
+    before, rates = (sorted({*found}) for found in ((len(m.skeleton) for m in motions), (m.fps for m in motions)))
+    kept = all(m.skeleton == after.skeleton for m in motions)
+    joints = f"{_and(before)} joints {'kept' if kept else f'carried to {len(after.skeleton)}'}"
+    counts = f"{len(split.train)} clips to train on, {len(split.test)} to test on"
+    return f"{joints}, {_and(rates)} Hz {'kept' if rates == [after.fps] else f'→ {after.fps:g} Hz'}; {counts}"
+
+
+def _and(numbers: Sequence[float]) -> str:
+    words = [f"{number:g}" for number in numbers]
+    return " and ".join([", ".join(words[:-1]), words[-1]] if len(words) > 1 else words)
+
+
+def _captioned(source: str | Path) -> str:
+    source, _ = named_source(source)
+    if source == "synthetic":
+        return "its built-in people have captions (data=people)"
+    path = find_source(source)
+    if path.is_dir() and has_lists(path):
+        parts = text_to_motion.load_data(text_to_motion.Config().override(data=str(source)))
+        return f"{parts.layout.name}, {len(parts.train)} clips to train on, {len(parts.test)} to test on"
+    if path.resolve() == (data_folder() / FOLDER).resolve():
+        return "CMU's clips have captions (data=cmu)"
+    return "needs captions, as a folder laid out as HumanML3D or KIT has them: none found"
