@@ -12,6 +12,7 @@ SET ?=
 ALL ?=
 CHROMIUM ?= chromium
 FILES ?= 15000
+CALLS ?= 2000
 SEED ?= 0
 
 VENV := .venv
@@ -71,8 +72,8 @@ test-workflow: $(READY) ## make and Snakemake in earnest: a clone with any name,
 mutants: $(READY) ## plant small mistakes in copies of the library; each must make a unit test fail: JOBS=2
 	$(RUN) -m tests.mutants --jobs $(JOBS)
 
-fuzz: $(READY) ## read spoilt motion files of every kind under limits of time and memory: FILES=15000 SEED=0
-	$(RUN) -m tests.fuzz --files $(FILES) --seed $(SEED)
+fuzz: $(READY) ## read spoilt files of every kind, under limits, and call with spoilt arguments: FILES=15000 CALLS=2000 SEED=0
+	$(RUN) -m tests.fuzz --files $(FILES) --calls $(CALLS) --seed $(SEED)
 
 test-blender: $(READY) ## open written BVH files in Blender: installs bpy, 1 GB, outside the repository; needs Python 3.11
 	@test -x $(BLENDER)/bin/python || $(WITH) -m venv $(BLENDER)

@@ -203,6 +203,9 @@ def _hints(kind: type) -> dict[str, Any]:
     return get_type_hints(kind, include_extras=True)
 
 
+LARGEST_YAML = 250_000  # bytes of a file, which are read in seconds; own choice: the course's largest has 73,000
+
+
 class Written(dict[Any, Any]):
     """A mapping read from YAML that knows in which line it begins, and which line each key stands in."""
 
@@ -244,10 +247,14 @@ def read_yaml(source: str | Path) -> Any:
 
     Raises:
         FileNotFoundError: there is no such file.
-        ValueError: it is not YAML, or a mapping has a key twice; the message names the file and the line.
+        ValueError: it is not YAML, too large, or a mapping has a key twice; the message names the file and the line.
     """
+    if isinstance(source, Path) and (size := source.stat().st_size) > LARGEST_YAML:
+        raise ValueError(f"{source} has {size} bytes; expected at most {LARGEST_YAML}")
     try:
-        return yaml.load(source.read_text(encoding="utf-8") if isinstance(source, Path) else source, _Loader)  # noqa: S506
+        found = yaml.load(source.read_text(encoding="utf-8") if isinstance(source, Path) else source, _Loader)  # noqa: S506
+        if _entries(found, {}) <= LARGEST_YAML:
+            return found
     except _TwiceError as error:
         raise ValueError(f"{_place(source)}, {error}") from None
     except UnicodeDecodeError as error:
@@ -255,6 +262,17 @@ def read_yaml(source: str | Path) -> Any:
         raise ValueError(f"{_place(source)} is not UTF-8: {found}; expected text") from None
     except (yaml.YAMLError, RecursionError, ValueError) as error:
         raise ValueError(f"{_place(source)} is not YAML: {' '.join(str(error).split())}") from None
+    raise ValueError(f"{_place(source)} has aliases for more than {LARGEST_YAML} entries, or one inside itself; expected fewer")
+
+
+def _entries(tree: Any, known: dict[int, float]) -> float:
+    """How many values there are if each alias is written out; infinite where one stands inside itself."""
+    if not isinstance(tree, list | dict):
+        return 1
+    if id(tree) not in known:
+        known[id(tree)] = math.inf
+        known[id(tree)] = 1 + sum(_entries(part, known) for part in (tree.values() if isinstance(tree, dict) else tree))
+    return known[id(tree)]
 
 
 def near(found: object, known: Iterable[str]) -> str:

@@ -10,7 +10,7 @@ from typing import Annotated, ClassVar, Literal
 import pytest
 
 from mwlib.prediction.config import Config
-from mwlib.settings import BelowOne, Count, Natural, NotNegative, OneOf, Positive, Settings, Share, parse_changes
+from mwlib.settings import BelowOne, Count, Natural, NotNegative, OneOf, Positive, Settings, Share, parse_changes, read_yaml
 
 
 @dataclass(frozen=True)
@@ -220,3 +220,20 @@ def test_every_field_is_explained_on_its_line(group):
 
 def test_names_are_unique_over_all_groups():
     assert len(Config.owners()) == sum(len(fields(group)) for group in Config.groups().values())
+
+
+DOUBLED = "a0: &a0 [1, 2]\n" + "".join(f"a{n}: &a{n} [*a{n - 1}, *a{n - 1}]\n" for n in range(1, 18))
+
+
+@pytest.mark.parametrize(
+    "text, message",
+    [
+        ("a: " + "b" * 250_000, "has 250003 bytes; expected at most 250000"),
+        (DOUBLED, "has aliases for more than 250000 entries, or one inside itself; expected fewer"),
+        ("a: &a [1, *a]", "has aliases for more than 250000 entries, or one inside itself; expected fewer"),
+    ],
+)
+def test_yaml_that_would_take_all_memory_is_refused(tmp_path, text, message):
+    (tmp_path / "a.yaml").write_text(text)
+    with pytest.raises(ValueError, match=f"a.yaml {message}"):
+        read_yaml(tmp_path / "a.yaml")

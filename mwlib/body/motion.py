@@ -15,6 +15,7 @@ from mwlib.body.skeleton import H36M17, HUMANML22, Skeleton
 RIG_SLACK = 1e-3, 1e-6  # metres, and share of the largest coordinate, between a position and its rig: more is another pose
 
 FASTEST = 10_000.0  # frames per second
+MOST_FRAMES = 1_000_000  # that resampling makes of fewer: own choice, hours of motion
 
 
 @dataclass(frozen=True)
@@ -98,12 +99,15 @@ class Motion:
         kinematics, so that bones keep their lengths. Own choice: 120 to 60 Hz keeps every second frame exactly.
 
         Raises:
-            ValueError: no rate that a camera has.
+            ValueError: no rate that a camera has; or more than a million frames, as of a clip whose rate is wrong.
         """
         if not 0 < fps <= FASTEST:
             raise ValueError(f"fps is {fps:g}; expected up to {FASTEST:g} frames per second")
         if fps == self.fps:
             return self
+        if not self.duration * fps <= max(MOST_FRAMES, len(self)):
+            found = f"{self.name or 'a clip'} has {len(self)} frames at fps {self.fps:g}, {self.duration:.3g} s"
+            raise ValueError(f"{found}; expected at most {MOST_FRAMES} frames at {fps:g} Hz")
         frames = int(np.floor(self.duration * fps + 1e-6)) + 1
         at = np.minimum(np.arange(frames) * (self.fps / fps), len(self) - 1)
         low = np.minimum(at.astype(int), max(len(self) - 2, 0))

@@ -20,6 +20,7 @@ from mwlib.body.motion import Motion
 from mwlib.body.skeleton import H36M17, Skeleton
 from mwlib.data.collections import known_skeleton
 from mwlib.data.mirroring import unmirrored
+from mwlib.data.untrusted import LARGEST
 from mwlib.settings import shown, whole
 
 
@@ -369,7 +370,7 @@ def clips_given(name: str, source: object, others: str = "") -> list[Motion]:
 
 
 def check_finite(name: str, motion: Motion) -> None:
-    """Refuse a clip whose places are not all numbers.
+    """Refuse a clip whose places are not all numbers of a sensible size.
 
     Raises:
         ValueError: some are not; the message names the first frame.
@@ -377,10 +378,11 @@ def check_finite(name: str, motion: Motion) -> None:
     kind = getattr(motion.positions.dtype, "kind", "?")
     if kind not in "fiu":
         raise ValueError(f"{name} has positions of {motion.positions.dtype}; expected real numbers")
-    if not (finite := np.isfinite(motion.positions)).all():
-        frame = int(np.argmin(finite.all(axis=(1, 2))))
+    if not (good := np.abs(motion.positions) <= np.float64(LARGEST)).all():  # False for nan
+        frame = int(np.argmin(good.all(axis=(1, 2))))
         called = f" ({motion.name})" if motion.name else ""
-        raise ValueError(f"{name}{called} is not finite in frame {frame}; expected metres")
+        what = f"holds places over {LARGEST:g} m" if np.isfinite(motion.positions[frame]).all() else "is not finite"
+        raise ValueError(f"{name}{called} {what} in frame {frame}; expected metres")
 
 
 def _joined(motions: Sequence[Motion]) -> JoinedClips:

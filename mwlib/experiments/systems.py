@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
 from mwlib.hashing import code_behind
-from mwlib.settings import Settings, read_tree
+from mwlib.settings import Settings, read_tree, shown
 
 if TYPE_CHECKING:  # names of types alone: listing the systems waits for no torch
     from torch import Tensor
@@ -94,6 +94,8 @@ def system(name: str) -> System:
     Raises:
         ValueError: there is none; the message lists those there are.
     """
+    if not isinstance(name, str):
+        raise ValueError(f"system is {shown(name)}; expected one of {', '.join([*MODULES, *_REGISTERED])}")
     if name in MODULES:
         return importlib.import_module(MODULES[name])  # pyright: ignore[reportReturnType]  (checked by a test)
     if name not in _REGISTERED:
@@ -117,4 +119,9 @@ def read_config(file: Path) -> Settings:
     Raises:
         ValueError: it is none, was written by a version before 0.2, holds an unknown setting, or lacks one.
     """
-    return system(read_tree(file)["system"]).Config.from_yaml(file, whole=True)
+    name = read_tree(file)["system"]
+    try:
+        config = system(name).Config
+    except ValueError as error:
+        raise ValueError(f"{file}: {error}") from None
+    return config.from_yaml(file, whole=True)

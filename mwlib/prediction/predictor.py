@@ -15,6 +15,7 @@ from torch import Tensor
 from mwlib.body.kinematics import bones_of, scale_bones
 from mwlib.body.motion import Motion
 from mwlib.data.meaning import check_people
+from mwlib.data.untrusted import LARGEST
 from mwlib.data.windows import Bodies, Windows, clips_given
 from mwlib.diffusion import (
     AfterStep,
@@ -103,8 +104,10 @@ def _checked(x: Tensor, bodies: Bodies, history: int) -> Float[Tensor, "N H C"]:
         )
     if len(x) == 0:
         raise ValueError("there are no windows; expected at least one history")
-    if not (finite := x.float().isfinite()).all():  # as the network takes them
-        raise ValueError(f"x_history of window {int((~finite).nonzero()[0, 0])} is not finite; expected metres")
+    if not (good := x.abs() <= LARGEST).all():  # False for nan
+        window = int((~good).nonzero()[0, 0])
+        what = f"holds numbers over {LARGEST:g}" if x[window].isfinite().all() else "is not finite"
+        raise ValueError(f"x_history of window {window} {what}; expected metres")
     joints = np.pad(x.cpu().double().numpy().reshape(len(x), history, -1, 3), ((0, 0), (0, 0), (1, 0), (0, 0)))
     check_people(joints, bodies.skeleton, [f"x_history of window {window}" for window in range(len(x))])
     return x

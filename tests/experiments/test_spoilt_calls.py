@@ -32,6 +32,11 @@ def times(motion: mw.Motion, factor: float) -> mw.Motion:
     return replace(motion, positions=motion.positions * factor, rig=None)
 
 
+def half(motion: mw.Motion) -> mw.Motion:
+    """Numbers that are too large for their kind."""
+    return replace(motion, positions=np.full_like(motion.positions, np.inf, np.float16), rig=None)
+
+
 def past() -> torch.Tensor:
     return mw.windows(two_people().train, 6, 14, 9).x_history[:5]
 
@@ -63,13 +68,16 @@ SOURCES = {
     "two dimensions": (lambda clips: past()[0], r"x_history has shape \(6, 48\); expected \(N, 6, 48\)"),
     "nested": (lambda clips: torch._nested_tensor_from_tensor_list([past()[0], past()[1]]), "source is a tensor of"),
     "masked": (lambda clips: np.ma.masked_greater(past().numpy(), 0.3), "x_history of window 0 is not finite; expected metres"),
-    "huge": (lambda clips: past().double() * 1e308, "x_history of window 0 is not finite; expected metres"),
+    "huge": (lambda clips: past().double() * 1e308, "x_history of window 0 holds numbers over 1e.07; expected metres"),
     "no windows": (lambda clips: past()[:0], "there are no windows"),
     "inf": (lambda clips: past().index_fill(0, torch.tensor(3), torch.inf), "x_history of window 3 is not finite; expected met"),
     "clip nan": (lambda clips: [clips[0], times(clips[1], np.nan)], r"source\[1\] \(.+\) is not finite in frame 0; exp"),
     "clip of objects": (lambda clips: [replace(clips[0], positions=clips[0].positions.astype(object), rig=None)], "of object"),
     "mm": (lambda clips: 1000 * past(), r"x_history of window 0 shows a body of 1.+e\+03 m: a person of 1.* if the unit is mm"),
     "cm": (lambda clips: [clips[0], times(clips[1], 100)], "of window 1 shows a body of 1.. m: .* if the unit is cm"),
+    "far": (lambda clips: [times(clips[0], 1e30)], r"source\[0\] .* holds places over 1e.07 m in frame 0; expected metres"),
+    "half": (lambda clips: [half(clips[0])], r"source\[0\] .* is not finite in frame 0; expected metres"),
+    "no rate": (lambda clips: [replace(clips[0], fps=1e-9)], "frames at fps 1e-09, .* s; expected at most 1000000 frames"),
     "small": (lambda clips: 0.1 * past(), r"shows a body of 0.1.* m; expected metres, and a human of 0.5 to 2.5 m"),
     "one place": (lambda clips: 0 * past(), "shows a body of 0 m; expected metres, and a human"),
 }  # fmt: skip

@@ -5,15 +5,18 @@ from __future__ import annotations
 import multiprocessing
 import resource
 import shutil
+import signal
 import time
 import warnings
 from dataclasses import dataclass
+from math import ceil
 from multiprocessing.connection import Connection
 from pathlib import Path
 
 import numpy as np
 
-SECONDS, BYTES = 5.0, 2**30
+SECONDS, BYTES = 5.0, 2**30  # of the processor, and of memory
+BUSY = 20  # times these seconds of wall clock: the machine may have other things to do
 
 
 @dataclass(frozen=True)
@@ -23,7 +26,7 @@ class Outcome:
     Args:
         fault: "" if it was read or refused as it should be, else what went wrong.
         is_read: whether it was read.
-        seconds: of wall clock.
+        seconds: of the processor.
         mebibytes: the process's greatest size so far.
     """
 
@@ -34,7 +37,9 @@ class Outcome:
 
 
 def read(file: Path) -> tuple[str, bool]:
-    """Read a motion file; what is wrong with how that ended, and whether it was read."""
+    """Read motions, grids, a configuration or a folder of captions; what is wrong with how it ended, and whether it was read."""
+    if file.suffix == ".yaml" or file.is_dir():
+        return read_text(file)
     from mwlib.data.load import CONTENT, motion_files, read_motion_file
     from mwlib.data.untrusted import MotionFormatError
 
@@ -56,17 +61,41 @@ def read(file: Path) -> tuple[str, bool]:
     return "" if fine else "positions that are not finite", True
 
 
+def read_text(file: Path) -> tuple[str, bool]:
+    """Grids, a run's configuration, or a folder of clips with captions; as `read`."""
+    from mwlib.data.formats.humanml import folder_contents
+    from mwlib.experiments.grids import read_grids
+    from mwlib.experiments.systems import read_config
+
+    readers = {"grids.yaml": read_grids, "config.yaml": read_config}
+    try:
+        with warnings.catch_warnings(action="error"):
+            found = readers.get(file.name, folder_contents)(file)
+    except ValueError as error:
+        return ("" if str(file) in str(error) else f"without its place: {error}"), False
+    except Exception as error:
+        return f"{type(error).__name__}: {error}", False
+    fine = not file.is_dir() or all(np.isfinite(clip.features).all() for clip in found.clips)
+    return "" if fine else "features that are not finite", True
+
+
 def _work(there: Connection) -> None:
-    import mwlib.data.load  # noqa: F401
+    import mwlib.data.load
+    import mwlib.experiments.grids  # noqa: F401
+    from mwlib.experiments.systems import MODULES, system
+
+    for name in MODULES:
+        system(name)
 
     there.send("ready")
     while True:
         file = there.recv()
-        started = time.perf_counter()
+        used = time.process_time()
+        resource.setrlimit(resource.RLIMIT_CPU, (ceil(used + SECONDS), resource.getrlimit(resource.RLIMIT_CPU)[1]))
         fault, is_read = read(file)
         grown = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024
         fault = fault or (f"{grown / 2**20:.0f} MiB" if grown > BYTES else "")
-        there.send(Outcome(fault, is_read, time.perf_counter() - started, grown / 2**20))
+        there.send(Outcome(fault, is_read, time.process_time() - used, grown / 2**20))
 
 
 class Worker:
@@ -89,14 +118,17 @@ class Worker:
         shutil.rmtree(self.folder, ignore_errors=True)
         self.folder.mkdir(parents=True)
         for other, content in files.items():
+            (self.folder / other).parent.mkdir(exist_ok=True)
             (self.folder / other).write_bytes(content)
         self._here.send(self.folder / name)
         try:
-            if self._here.poll(SECONDS):
+            if self._here.poll(BUSY * SECONDS):
                 return self._here.recv()
             outcome = Outcome(f"more than {SECONDS:g} s", False, SECONDS, 0.0)
         except (EOFError, ConnectionError):
-            outcome = Outcome("the process died", False, 0.0, 0.0)
+            self._process.join()
+            slow = self._process.exitcode == -signal.SIGXCPU
+            outcome = Outcome(f"more than {SECONDS:g} s" if slow else "the process died", False, SECONDS * slow, 0.0)
         self.close()
         self._start()
         return outcome

@@ -13,6 +13,20 @@ MUTANTS = [
         ("noise-of-other-lengths", "return noise()[:, :most] * mask[..., None]", "return noise()[:, -most:] * mask[..., None]"),
     ),
     *of(
+        "text_to_motion/model.py", "experiments/test_sentences.py",
+        ("sentences-without-a-known-word", "if len(unknown) == len(words):", "if False:"),
+        ("sentences-without-a-word", "            if not words:\n", "            if words is None:\n"),
+        ("open-words-held-to-a-list", "if known and word not in known", "if word not in known"),
+        ("guidance-that-overflows", "self.finite(self.statistics.denormalise(last.y))", "self.statistics.denormalise(last.y)"),
+        ("seeds-of-sentences-unchecked", 'whole("seed", self.sampling.sampling_seed if seed is None else seed)',
+         "self.sampling.sampling_seed if seed is None else seed"),
+    ),
+    *of(
+        "experiments/sampling.py", "experiments/test_sentences.py",
+        ("unknown-words-untold", "if not (strange := model.check_words(texts)):", "if model.check_words(texts) is not None:"),
+        ("seconds-that-are-texts", 'real("seconds" if is_one else f"seconds[{i}]", one)', "float(one)"),
+    ),
+    *of(
         "text_to_motion/system.py", "experiments/test_runs.py::test_another_model_behind_a_run_makes_it_another_run",
         ("critic-without-a-hash", "+ critic", "+ []"),
         ("evaluator-without-a-hash", "return stands_on(cfg.sampling.evaluator)", "return []"),

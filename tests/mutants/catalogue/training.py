@@ -81,6 +81,8 @@ MUTANTS = [
         ("truth-values-are-numbers", 'return "bool" in', 'return "truth" in'),
         ("numbers-without-a-bottom", "if number < least:", "if False:"),
         ("numbers-without-a-top", "if most is not None and number > most:", "if False:"),
+        ("yaml-of-any-size", "> LARGEST_YAML:", "> 10 * LARGEST_YAML:", "test_settings.py"),
+        ("aliases-of-aliases", "if _entries(found, {}) <= LARGEST_YAML:", "if True:", "test_settings.py"),
         ("texts-as-numbers", "if isinstance(values, str | bytes | Mapping):", "if isinstance(values, Mapping):"),
     ),
     *of(
