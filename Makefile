@@ -29,7 +29,7 @@ quoted = '$(subst ','\'',$(1))'
 setting = $(call quoted,$(1)= '$(subst ','',$(value $(2)))' $(HASH))
 WITH = $(call quoted,$(value PYTHON))
 BLENDER = $(call quoted,$(BLENDER_ENV))
-OPTIONS = --cores $(call quoted,$(value JOBS)) --keep-going --rerun-incomplete --quiet progress rules \
+OPTIONS = --cores $(call quoted,$(value JOBS)) --keep-going --rerun-incomplete --nolock --quiet progress rules \
 	--config $(call setting,preset,PRESET) $(call setting,data,DATA) $(call setting,out,OUT)
 
 define BROWSING
@@ -81,9 +81,10 @@ test-blender: $(READY) ## open written BVH files in Blender: installs bpy, 1 GB,
 	MWLIB_BLENDER=$(BLENDER)/bin/python $(RUN) -m pytest tests/blender
 
 site: $(SITE_READY) ## build the site from the repository as it lies into build/site: chapters, exhibits, how-tos, the library
-	@rm -rf build/site build/site-sources build/site-doctrees
+	@rm -rf build/site-new build/site-sources build/site-doctrees
 	$(RUN) -m mwlib site-sources build/site-sources
-	$(RUN) -m sphinx --fail-on-warning --keep-going --quiet -c docs -d build/site-doctrees build/site-sources build/site
+	$(RUN) -m sphinx --fail-on-warning --keep-going --quiet -c docs -d build/site-doctrees build/site-sources build/site-new
+	@rm -rf build/site && mv build/site-new build/site
 	@echo 'Open build/site/index.html'
 
 test-site: site ## open every page of the site in a headless browser, as on a desk and on a phone: needs Chromium or Chrome

@@ -13,6 +13,7 @@ import shlex
 import sys
 from pathlib import Path
 
+from filelock import FileLock, Timeout
 from snakemake.exceptions import WorkflowError
 
 from mwlib.course.notebooks import EXPERIMENT, LONGEST, course, source_hash, write_hashes
@@ -21,7 +22,7 @@ from mwlib.experiments import read_grids, system
 from mwlib.experiments.grids import grids_file, row_config, row_parameters
 from mwlib.experiments.results import result_of
 from mwlib.data.sources import data_fingerprint
-from mwlib.hashing import file_hash, package_hash
+from mwlib.hashing import digest, file_hash, package_hash
 from mwlib.settings import parse_changes
 
 
@@ -101,7 +102,24 @@ def one_training(wildcards):
     return f"{TRAINING}/metrics.json" if TRAINING in NAMES and not TABLES[wildcards.grid].trains else []
 
 
+def said(*names):
+    """What files of .sources say. By its time alone one that changed after the clock was put back is older than results."""
+
+    def read(wildcards):
+        files = [OUT / ".sources" / f"{getattr(wildcards, name, name)}.sha256" for name in names]
+        return digest([file.read_text(encoding="utf-8") for file in files])
+
+    return read
+
+
 if workflow.is_main_process:  # jobs on other machines find the files made
+    AT_WORK = FileLock(OUT / ".lock")  # dies with this process, however it ends; Snakemake's own would stay behind a kill
+    OUT.mkdir(parents=True, exist_ok=True)
+    try:
+        if not workflow.dryrun:
+            AT_WORK.acquire(timeout=0)
+    except Timeout:
+        raise WorkflowError(f"another make or Snakemake is at work in {OUT}; wait for its end, or say another out")
     for name in RESULTS:
         if result_of((OUT / name).parent).get("status") == "failed":
             (OUT / name).unlink()
@@ -162,6 +180,7 @@ rule notebook:
     wildcard_constraints:
         name=rf"(?!{LONG})\d\d[a-z]?_[^/]+",
     params:
+        said=said("name", "mwlib", "data"),
         given=lambda wildcards: NOTEBOOK,
         file=lambda wildcards: str(FOLDER / f"{wildcards.name}.ipynb"),
         out=lambda wildcards: str(OUT / wildcards.name),
@@ -187,6 +206,7 @@ rule table:
     output:
         "grids/{grid}.csv",
     params:
+        said=said("grids"),
         given=lambda wildcards: ROW,
         out=lambda wildcards: str(OUT / "grids"),
     shell:
@@ -207,6 +227,7 @@ rule experiment:
         row=r"\d+",
         seed=r"\d+",
     params:
+        said=said(EXPERIMENT.stem, "mwlib", "data"),
         given=lambda wildcards: ROW,
         settings=row_settings,
         out=lambda wildcards: str(OUT / f"grids/{wildcards.grid}/{wildcards.row}-{wildcards.seed}"),

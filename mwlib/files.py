@@ -25,7 +25,10 @@ def write_together(contents: Mapping[Path, bytes | str]) -> None:
         for file, content in contents.items():
             file.parent.mkdir(parents=True, exist_ok=True)
             parts[file] = file.with_name(f".{file.name}.{os.getpid()}.part")
-            _write(parts[file], content if isinstance(content, bytes) else content.encode())
+            try:
+                _write(parts[file], content if isinstance(content, bytes) else content.encode())
+            except OSError as error:  # a full disk names no file
+                raise OSError(error.errno, error.strerror, str(file)) from None
         *others, proof = contents
         if others:
             proof.unlink(missing_ok=True)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import errno
 import os
+import resource
 
 import pytest
 import torch
@@ -64,6 +65,20 @@ def test_a_full_disk_leaves_the_old_files_and_no_debris(tmp_path, monkeypatch, a
     with pytest.raises(OSError, match="No space"):
         write_together(dict.fromkeys(names, "new"))
     assert sorted(tmp_path.iterdir()) == sorted(names) and {name.read_text() for name in names} == {"old"}
+
+
+def test_a_file_that_the_disk_does_not_take_is_named(tmp_path):
+    """In earnest: the kernel lets no file grow beyond a limit."""
+    table = tmp_path / "a.csv"
+    write_atomic(table, "old")
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (10_000, hard))
+    try:
+        with pytest.raises(OSError, match=rf"^\[Errno {errno.EFBIG}\] File too large: '{table}'$"):
+            write_atomic(table, "new" * 10_000)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+    assert table.read_text() == "old" and list(tmp_path.iterdir()) == [table]
 
 
 def test_the_proof_is_never_beside_files_of_another_time(tmp_path, monkeypatch):

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import ast
+import os
 import re
 import shutil
 import subprocess
 import sys
+import time
 import tomllib
 from pathlib import Path
 
@@ -154,3 +156,41 @@ def test_snakemake_runs_again_what_changed_and_nothing_else(tmp_path):
     (tmp_path / "data" / "b.bvh").write_text("b")
     todo = snakemake(tmp_path, "--dry-run")
     assert ".sources/data.sha256" in todo and jobs(todo) == {"notebook": 2, "long_notebook": 1}
+
+
+def test_a_clock_that_was_put_back_hides_no_change(tmp_path):
+    """Then a file that changed is older than what was made of it before."""
+    for stem in ("01_first", "02_second"):
+        save(runnable(), tmp_path / "notebooks", stem)
+        write_atomic(tmp_path / "out" / stem / "metrics.json", "{}")
+    for name in ("out/index.html", "data/a.bvh"):
+        write_atomic(tmp_path / name, "a")
+    (tmp_path / "grids.yaml").write_text("grids: {}")
+    snakemake(tmp_path, "--touch")
+    tomorrow = time.time() + 86400
+    for file in [*(tmp_path / "out").glob("*/metrics.json"), tmp_path / "out" / "index.html"]:
+        os.utime(file, (tomorrow, tomorrow))
+    assert "Nothing to be done" in snakemake(tmp_path, "--dry-run")
+    save(runnable("print('changed')"), tmp_path / "notebooks", "01_first")
+    assert jobs(snakemake(tmp_path, "--dry-run")) == {"notebook": 1}
+
+
+SPHINX_STOPS = """#!/bin/sh
+for last; do :; done
+case "$*" in *sphinx*) mkdir -p "$last"; touch "$last/half.html"; exit ${STOPS:-0};; esac
+"""
+
+
+def test_a_site_that_cannot_be_built_leaves_the_one_before(tmp_path):
+    shutil.copy(ROOT / "Makefile", tmp_path)
+    python = tmp_path / ".venv" / "bin" / "python"
+    write_atomic(python, SPHINX_STOPS)
+    python.chmod(0o755)
+    for name in ("pyproject.toml", "constraints.txt", "docs/package-lock.json", ".venv/.ready", ".venv/.site-ready"):
+        write_atomic(tmp_path / name, "")
+    write_atomic(tmp_path / "build" / "site" / "index.html", "before")
+    make = dict(args=["make", "site"], cwd=tmp_path, capture_output=True)
+    assert subprocess.run(**make, env={**os.environ, "STOPS": "1"}).returncode != 0
+    assert [file.name for file in (tmp_path / "build" / "site").iterdir()] == ["index.html"]
+    assert subprocess.run(**make).returncode == 0
+    assert [file.name for file in (tmp_path / "build" / "site").iterdir()] == ["half.html"], "the new one, nothing of the old"

@@ -169,22 +169,23 @@ def run_notebook(
     digest = results.parameters_hash(values)
     folder = (out or home() / "build" / "runs" / f"{notebook.stem}-{digest}").resolve()
     folder.mkdir(parents=True, exist_ok=True)
-    _forget(folder, notebook.stem)
     kept = kept or (Path(named) if (named := os.environ.get("MWLIB_EXECUTED")) else None)
     before = kept / f"{notebook.stem}-{digest}" if kept else None
-    if before and results.result_of(before).get("depends", {}).get("surroundings") == surroundings():
-        if not outdated(before, tree, digest):
-            return _copied(before, folder, page)
-    try:
-        _execute(notebook, tree, values, folder, timeout, page)
-    except NotDone as error:
-        if go_on:
-            status = "refused" if error.refused else "failed"
-            about = {"notebook": source_hash(tree), "mwlib": package_hash()}
-            results.write_result(folder, {}, digest, about, status, {"reason": str(error)})
-        raise
-    if before:
-        _copied(folder, before)
+    with results.locked(folder.with_suffix(".lock")):
+        _forget(folder, notebook.stem)
+        if before and results.result_of(before).get("depends", {}).get("surroundings") == surroundings():
+            if not outdated(before, tree, digest):
+                return _copied(before, folder, before, page)
+        try:
+            _execute(notebook, tree, values, folder, timeout, page)
+        except NotDone as error:
+            if go_on:
+                status = "refused" if error.refused else "failed"
+                about = {"notebook": source_hash(tree), "mwlib": package_hash()}
+                results.write_result(folder, {}, digest, about, status, {"reason": str(error)})
+            raise
+        if before:
+            _copied(folder, before, before)
     return folder
 
 
@@ -218,9 +219,9 @@ def _execute(
         raise not_done from error
 
 
-def _copied(source: Path, target: Path, page: bool = False) -> Path:
-    """Copy what a run left, its result last; with its page, made if it has none."""
-    with results.locked(source.with_suffix(".lock")), results.locked(target.with_suffix(".lock")):
+def _copied(source: Path, target: Path, kept: Path, page: bool = False) -> Path:
+    """Copy what a run left, its result last; with its page, made if it has none. One of them is kept for other runs."""
+    with results.locked(kept.with_suffix(".lock")):
         (target / results.RESULT).unlink(missing_ok=True)
         files = sorted((file for file in source.rglob("*") if file.is_file()), key=lambda file: file.name == results.RESULT)
         for file in files:

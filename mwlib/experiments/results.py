@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+import logging
 import os
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -15,6 +16,8 @@ from filelock import FileLock, Timeout
 from mwlib.files import write_json
 from mwlib.hashing import digest
 from mwlib.paths import course_folder, home
+
+log = logging.getLogger(__name__)
 
 RESULT = "metrics.json"
 Status = Literal["ok", "finished", "refused", "failed"]
@@ -106,7 +109,7 @@ def parameters_hash(parameters: Mapping[str, Any]) -> str:
 
 @contextmanager
 def locked(file: Path, patience: float = -1) -> Iterator[bool]:
-    """One process at a time, the others wait; the lock dies with its holder, however it dies.
+    """One process at a time, the others say so and wait; the lock dies with its holder, however it dies.
 
     It is for making something: whoever finds it finished reads it without the lock, and needs no leave to write.
 
@@ -123,10 +126,14 @@ def locked(file: Path, patience: float = -1) -> Iterator[bool]:
     file.parent.mkdir(parents=True, exist_ok=True)
     lock = FileLock(file)
     try:
-        lock.acquire(timeout=patience)
+        lock.acquire(timeout=0)
     except Timeout:
-        yield False
-        return
+        log.warning("another process holds %s; waiting for its end", file)
+        try:
+            lock.acquire(timeout=patience)
+        except Timeout:
+            yield False
+            return
     try:
         yield True
     finally:

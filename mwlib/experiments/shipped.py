@@ -18,7 +18,7 @@ from mwlib.hashing import digest
 from mwlib.paths import CONFIG
 from mwlib.settings import Settings
 from mwlib.training import MODEL
-from mwlib.training.checkpoint import load_tensors, save_tensors
+from mwlib.training.checkpoint import load_tensors, packed
 from mwlib.version import __version__
 
 CARD, METRICS = "card.md", "metrics.json"
@@ -76,19 +76,16 @@ def ship(cfg: Settings, folder: Path, title: str, command: str, progress: bool =
     found = {name: get_result(c, data, progress) for name, c in asked.items()}
     run = get_run(cfg, data)
     tensors, about = load_tensors(run / MODEL)
-    save_tensors(
-        folder / MODEL,
-        {name: t.half() if name.startswith("net.") and t.is_floating_point() else t for name, t in tensors.items()},
-        about,
-    )
+    tensors = {name: t.half() if name.startswith("net.") and t.is_floating_point() else t for name, t in tensors.items()}
     metrics: dict[str, Any] = {name: _kept(result) for name, result in found.items()}
     metrics["training"] = read_result(run, cfg.training_hash())
     metrics["about"] = {
         "settings": cfg.hash(), "data": list(data.fingerprints()), "mwlib": __version__, "measured on": found["model"]["machine"],
         "code": digest(found["model"]["depends"]["code"]), **of_older_code(),
     }  # fmt: skip
-    text = card(title, command, cfg, metrics)
-    write_together({folder / CONFIG: cfg.to_yaml(), folder / CARD: text, folder / METRICS: json.dumps(metrics, indent=1)})
+    files = {MODEL: packed(tensors, about), CONFIG: cfg.to_yaml(), CARD: card(title, command, cfg, metrics)}
+    files[METRICS] = json.dumps(metrics, indent=1)  # last, as it proves that the others are there
+    write_together({folder / name: content for name, content in files.items()})
     return metrics
 
 

@@ -29,11 +29,16 @@ class DamagedFileError(ValueError):
 
 
 def save_tensors(file: Path, tensors: Mapping[str, Tensor], metadata: Mapping[str, str]) -> None:
-    """Tensors and text to one safetensors file, atomically. No code can hide in it, and the same content gives the same bytes."""
+    """Tensors and text to one safetensors file, atomically."""
+    write_atomic(file, packed(tensors, metadata))
+
+
+def packed(tensors: Mapping[str, Tensor], metadata: Mapping[str, str]) -> bytes:
+    """What `save_tensors` writes. No code can hide in it, and the same content gives the same bytes."""
     whole = {name: tensor.detach().cpu().contiguous().clone() for name, tensor in sorted(tensors.items())}
     text = json.dumps(dict(metadata), sort_keys=True)
     # one entry, as safetensors writes several in random order
-    write_atomic(file, save(whole, {"mwlib": json.dumps([text, _sha256(whole, text)])}))
+    return save(whole, {"mwlib": json.dumps([text, _sha256(whole, text)])})
 
 
 def load_tensors(file: Path) -> tuple[dict[str, Tensor], dict[str, str]]:

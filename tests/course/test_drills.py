@@ -164,6 +164,25 @@ def test_sigterm_leaves_no_result(tmp_path):
     assert not (out / "metrics.json").exists()
 
 
+ALONE = """import os, pathlib, time
+mine = pathlib.Path(out, "mine")
+mine.touch(exist_ok=False)
+time.sleep(1)
+mine.unlink()"""
+
+
+def test_two_runs_into_one_folder_come_one_after_the_other(tmp_path):
+    notebook, out = save(bare(ALONE), tmp_path), tmp_path / "out"
+    logs = [tmp_path / "0.log", tmp_path / "1.log"]
+    words = ["run-notebook", str(notebook), "--out", str(out)]
+    both = [started(main, words, log=log, cwd=ROOT) for log in logs]
+    for process in both:
+        process.join(180)
+    told = [log.read_text() for log in logs]
+    assert sum("another process holds" in text for text in told) == 1 and all(str(out) in text for text in told)
+    assert results.result_of(out)["status"] == "ok" and not any(NotDone.__name__ in text for text in told)
+
+
 def test_the_command_refuses_what_the_notebook_does_not_offer(tmp_path, monkeypatch, capsys):
     for name in ("OMP_NUM_THREADS", "MW_STATIC"):  # the command sets them for its kernel
         monkeypatch.setenv(name, "1")

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import os
+from pathlib import Path
 
 import pytest
 import torch
@@ -79,3 +81,28 @@ def test_a_shipped_model_is_its_run_in_half_precision(tmp_path, monkeypatch):
     changes = {name: small().get(name) for name in ("history", "future")}
     monkeypatch.setitem(RECIPES, "synthetic", ("Somebody", "prediction", "tiny", changes))
     assert recipe("synthetic")[1].get("history") == 6
+
+
+def test_no_card_speaks_of_another_model(tmp_path, monkeypatch):
+    """Shipped again with other settings, and killed at any rename: a card with metrics beside it is the model's own."""
+    monkeypatch.setenv("MWLIB_RUNS", str(tmp_path / "runs"))
+    wholes, out, rename = [], tmp_path / "out", os.replace
+    ways = [(small(data="synthetic", test_windows=3, seed=seed), out, f"Number {seed}", "mwlib ship somebody") for seed in (0, 1)]
+    for way in ways:
+        ship(*way)
+        wholes.append({file.name: file.read_bytes() for file in out.iterdir()})
+    assert all(wholes[0][name] != wholes[1][name] for name in (CONFIG, MODEL, CARD, METRICS))
+    for place in (1, 3):
+        left = iter(range(place))
+
+        def deadly(old, new, left=left):
+            if Path(new).parent == out and next(left, None) is None:
+                raise KeyboardInterrupt
+            rename(old, new)
+
+        with monkeypatch.context() as patch, pytest.raises(KeyboardInterrupt):
+            patch.setattr(os, "replace", deadly)
+            ship(*ways[0])
+        assert not (out / METRICS).exists(), "which would prove that the others belong to each other"
+    ship(*ways[0])
+    assert {file.name: file.read_bytes() for file in out.iterdir()} == wholes[0]

@@ -1,7 +1,8 @@
-"""A workflow that is killed in the middle of a grid goes on where it was."""
+"""A workflow that is killed in the middle of a grid or of a chapter goes on where it was; two do not mix."""
 
 from __future__ import annotations
 
+import json
 import os
 import signal
 import subprocess
@@ -12,7 +13,8 @@ from pathlib import Path
 import matplotlib
 
 from tests.experiments.test_grids import ROWS, write
-from tests.sample_notebooks import NASTY
+from tests.sample_notebooks import NASTY, bare, save
+from tests.workflow.test_clone import clone
 
 ROOT = Path(__file__).parents[2]
 
@@ -47,3 +49,36 @@ def test_after_a_kill_only_what_is_missing_runs_again(tmp_path):
     assert done[0].stat().st_mtime_ns == first
     assert (folder / "out" / "grids" / "bases.csv").read_text().count("\n") == 3
     assert not [*tmp_path.rglob("X")]
+
+
+HANGS_ONCE = """import pathlib, time
+begun = pathlib.Path(out, "begun")
+if not begun.exists():
+    begun.touch()
+    time.sleep(300)"""
+
+
+def test_figures_killed_in_a_chapter_go_on_by_the_same_command(tmp_path):
+    """Meanwhile a second `make figures` into the same folder is refused. What was finished stays."""
+    folder = clone(tmp_path / "clone")
+    (finished,) = (path.stem for path in folder.glob("notebooks/02*"))
+    save(bare(HANGS_ONCE), folder / "notebooks", "03_hangs_once")
+    environment = {name: value for name, value in os.environ.items() if name not in ("MWLIB_RUNS", "MWLIB_DATA")}
+    environment |= {"XDG_CACHE_HOME": str(tmp_path / "cache"), "MPLCONFIGDIR": matplotlib.get_cachedir(), "PYTHON": "false"}
+    make = dict(args=["make", "figures", "OUT=out"], cwd=folder, env=environment, text=True)
+    out = folder / "out"
+    with subprocess.Popen(**make, start_new_session=True, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL) as process:
+        deadline = time.monotonic() + 300
+        while not ((out / "03_hangs_once" / "begun").exists() and (out / finished / "notebook.html").exists()):
+            assert process.poll() is None and time.monotonic() < deadline
+            time.sleep(0.1)
+        second = subprocess.run(**make, capture_output=True)
+        assert second.returncode != 0 and f"another make or Snakemake is at work in {out}; wait for its end" in second.stderr
+        assert "Traceback" not in second.stderr
+        os.killpg(process.pid, signal.SIGKILL)
+    results = [out / name / "metrics.json" for name in (finished, "03_hangs_once")]
+    first = results[0].stat().st_mtime_ns
+    again = subprocess.run(**make, capture_output=True)
+    assert again.returncode == 0, again.stdout + again.stderr
+    assert results[0].stat().st_mtime_ns == first and (out / "index.html").exists()
+    assert [json.loads(file.read_text())["status"] for file in results] == ["ok", "ok"]

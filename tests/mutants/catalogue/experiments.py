@@ -45,6 +45,8 @@ MUTANTS = [
     *of(
         "experiments/shipped.py", "experiments/test_shipped.py",
         ("shipped-in-single-precision", 't.half() if name.startswith("net.") and t.is_floating_point() else t', "t"),
+        ("a-card-before-its-model", "for name, content in files.items()}", "for name, content in reversed(files.items())}",
+         "experiments/test_shipped.py::test_no_card_speaks_of_another_model"),
         ("shipped-without-its-owners-words", ', *acknowledgement(cfg.get("data")).values()]', "]"),
     ),
     *of(
@@ -98,6 +100,8 @@ MUTANTS = [
          "experiments/test_runs.py::test_results_are_believed_only_when_whole"),
         ("the-place-of-results-counts", 'if name != "out"', "if name",
          "experiments/test_runs.py::test_the_hash_of_a_notebooks_parameters_leaves_out_where_results_go"),
+        ("waiting-without-a-word", 'log.warning("another process', 'log.debug("another process',
+         "course/test_drills.py::test_two_runs_into_one_folder_come_one_after_the_other"),
         ("nobody-waits-for-a-lock", "lock.acquire(timeout=patience)", "pass",
          "experiments/test_runs.py::test_the_second_waits_until_the_first_is_dead"),
     ),

@@ -4,6 +4,10 @@ from tests.mutants.mutant import of
 
 MUTANTS = [
     *of(
+        "files.py", "test_files.py",
+        ("a-full-disk-names-no-file", "raise OSError(error.errno, error.strerror, str(file)) from None", "raise"),
+    ),
+    *of(
         "settings.py", "test_settings.py",
         ("newer-fields-always-in-the-hash", "if name not in newer or value != newer[name]", "if True"),
         ("newer-fields-never-in-the-hash", "if name not in newer or value != newer[name]", "if name not in newer"),
