@@ -18,7 +18,7 @@ MUTANTS = [
     *of(
         "course/execute.py", "course/test_drills.py::test_a_run_with_a_skipped_cell_is_not_done",
         ("skipped-cells-pass", "if cell.execution_count != number:", "if False:"),
-        ("two-runs-mix", 'with results.locked(folder.with_suffix(".lock")):', 'with results.locked(folder.with_suffix(f".{os.getpid()}")):',
+        ("two-runs-mix", 'results.locked(folder.with_suffix(".lock"))', 'results.locked(folder.with_suffix(f".{os.getpid()}"))',
          "course/test_drills.py::test_two_runs_into_one_folder_come_one_after_the_other"),
         ("an-exit-passes", "        if left:\n", "        if False:\n",
          "course/test_drills.py::test_a_run_that_breaks_is_not_done"),
