@@ -28,6 +28,7 @@ from mwlib.data.fetching import PROOF, FetchError, NotOfferedError, at, bring, c
 from mwlib.data.sources import fingerprint, split_motions
 from mwlib.data.untrusted import BrokenFilesWarning, read_bytes
 from mwlib.prediction.config import Config
+from mwlib.synthetic.motions import synthetic_motions
 from mwlib.version import __version__
 from tests.data.publisher import HASTY, PAGE, Publisher, clip, publish_two_people, serving
 from tests.sample_motions import ASF, BVH
@@ -393,6 +394,15 @@ def test_a_kill_amid_the_archive_leaves_what_was_whole(publisher, lafan1, tmp_pa
     killed_amid(publisher, lafan1, tmp_path, "lafan1.zip")
     assert visible(tmp_path / "lafan1") == {"license.txt"}
     assert visible(bring(lafan1, tmp_path, HASTY)) == LAFAN1_WHOLE and publisher.asked == ["lafan1.zip"]
+
+
+def test_a_digest_sees_rate_skeleton_and_every_place():
+    walk = synthetic_motions(subjects=1)[0]
+    moved = walk.positions.copy()
+    moved[-1, -1, 1] += 0.01
+    others = [replace(walk, fps=25.0), replace(walk, positions=moved), walk.cut(0, len(walk) - 1), replace(walk, up="y")]
+    digests = [motion_digest(motion) for motion in (walk, *others)]
+    assert len({*digests}) == 5 and motion_digest(replace(walk, name="another")) == digests[0]
 
 
 def test_a_list_is_written_from_the_very_files(tmp_path, monkeypatch):

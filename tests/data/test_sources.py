@@ -33,19 +33,19 @@ def split_of(monkeypatch, motions, **changes) -> Split:
 
 
 def test_people_are_kept_apart(monkeypatch):
-    people = [clip(s) for s in "ABCDEFGH" for _ in range(2)]
+    people = [clip(s) for s in "ABCDEFGHI" for _ in range(2)]
     split = split_of(monkeypatch, people)
-    assert {m.subject for m in split.test} == {"G", "H"} and {m.subject for m in split.train} == set("ABCDEF")
+    assert {m.subject for m in split.test} == {"H", "I"} and {m.subject for m in split.train} == set("ABCDEFG")
     split = split_of(monkeypatch, people, test_subjects=("B",), validation_subjects=("C",))
     assert {m.subject for m in split.test} == {"B"} and {m.subject for m in split.validation} == {"C"}
-    assert {m.subject for m in split.train} == set("ADEFGH")
+    assert {m.subject for m in split.train} == set("ADEFGHI")
     split = split_of(monkeypatch, people, train_subjects=("A",), test_subjects=("B",))
     assert {m.subject for m in split.train} == {"A"} and split.validation == []
 
 
 def test_one_person_is_split_by_clips(monkeypatch):
-    split = split_of(monkeypatch, [clip("A", 60 + i) for i in range(8)])
-    assert [m.name for m in split.test] == ["A_66", "A_67"] and len(split.train) == 6
+    split = split_of(monkeypatch, [clip("A", 60 + i) for i in range(9)])
+    assert [m.name for m in split.test] == ["A_67", "A_68"] and len(split.train) == 7
     with pytest.raises(ValueError, match="no test clips: somewhere has 1 clips .*; give .* clips.csv"):
         split_of(monkeypatch, [clip("A", 3)])
     with pytest.raises(ValueError, match=r"test_subjects has \['Z'\]"):

@@ -36,7 +36,9 @@ def asked(monkeypatch):
         k = 10 * len(cfg.model.wavelet) + cfg.sampling.sampling_seed**2 + 3 * cfg.training.seed
         values = {m: k + i for i, m in enumerate(METRICS)}
         errors = {m: k / 100 for m in METRICS}
-        return {"mean": values, "standard_error": errors, "windows": 5, "seconds": 2.0, "actions": {"walk": values}}
+        each = {m: [value, value + 1.0] for m, value in values.items()}
+        about = {"windows": 5, "seconds": 2.0, "actions": {"walk": values}}
+        return {"mean": values, "standard_error": errors, "values": each, **about}
 
     monkeypatch.setattr(tables, "get_result", answer)
     return seen
@@ -58,7 +60,7 @@ def test_numbers_over_seeds_by_hand(asked):
     for i, m in enumerate(METRICS):
         assert first["mean"][m] == pytest.approx(mean(k) + i) and first["seed_deviation"][m] == pytest.approx(stdev(k))
         assert first["standard_error"][m] == pytest.approx(0.4), "of the first seed"
-        assert first["actions"]["walk"][m] == 40 + i
+        assert first["actions"]["walk"][m] == 40 + i and first["values"][m] == pytest.approx([mean(k) + i, mean(k) + i + 1])
         assert second["mean"][m] == pytest.approx(mean(k) - 10 + i) and once["seed_deviation"][m] is None
     assert [(row["seeds"], row["windows"], row["seconds"]) for row in (first, second, once)] == [(3, 5, 6.0)] * 2 + [(1, 5, 2.0)]
 

@@ -153,6 +153,13 @@ def test_feet_are_to_stand_where_those_of_the_truth_do():
     assert floor_of(both, [0, 1]).tolist() == [7.0, 8.0]
 
 
+@pytest.mark.parametrize(("metres_a_second", "stands"), [(0.19, True), (0.21, False)])
+def test_a_foot_that_creeps_stands(metres_a_second, stands):
+    truth = torch.zeros(4, 1, 3, dtype=torch.float64)
+    truth[:, 0, 0] = metres_a_second / 10 * torch.arange(4)
+    assert (float(contact_loss(truth, truth, [0], 10.0)) > 0) == stands
+
+
 def test_forward_kinematics_has_no_length_loss():
     motion = dancers().train[0]
     space = RotationSpace.of(motion)

@@ -144,6 +144,30 @@ def test_with_a_past_what_is_between_is_scored_alone(method):
     assert one(x, whole)["keyframe_error"].min() > 0.1 and other(x[:, :, 3:], late)["keyframe_error"].max() < 1e-5
 
 
+class Lifted(Score):
+    """The joints of some samples, of several, are lifted above the floor."""
+
+    lifted: slice
+
+    def joints(self, x, offsets):
+        places = super().joints(x, offsets).clone()
+        if places.shape[1] > 1:
+            places[:, self.lifted, ..., 2] += 0.3
+        return places
+
+
+def test_feet_skate_on_the_floor_of_the_truth_and_in_samples_that_touch_it():
+    data = data_of(small())
+    space = make_space(data.train, "positions")
+    windows = Clips(data.test, space).windows(8, 8)
+    score, x = Lifted(space, Score.of(data, space, 8).deviation), windows.x[:, None].expand(-1, 2, -1, -1)
+    found = {}
+    for name, score.lifted in (("none", slice(0)), ("one", slice(1, 2)), ("all", slice(2))):
+        found[name] = score(x, windows)["skate"]
+    assert found["all"].isnan().all() and found["none"].isfinite().any() and found["none"].nansum() > 0
+    torch.testing.assert_close(found["one"], found["none"], equal_nan=True)
+
+
 def test_scores_do_not_depend_on_how_many_are_scored_together(monkeypatch):
     whole = score(method="hermite")
     monkeypatch.setattr("mwlib.inbetweening.system.CHUNK", 3)

@@ -94,6 +94,9 @@ def test_attention_mean_is_one_and_the_mask_widens(generator):
     maps = torch.softmax(torch.randn(3, 2, 4, K, K, generator=generator), dim=-1)
     a_t = temporal_attention(maps)
     torch.testing.assert_close(a_t.mean(-1), torch.ones(3))
+    by_hand = sum(maps[:, block, head] for block in range(2) for head in range(4)).sum(1) / 8
+    torch.testing.assert_close(a_t, by_hand)
+    assert not attention_mask(torch.ones(K), 1.0, 3).any(), "where all rows are alike none is attended more"
     one = torch.zeros(K)
     one[4] = 2.0
     assert attention_mask(one, 1.0, 1)[:, 0].nonzero()[:, 0].tolist() == [4]

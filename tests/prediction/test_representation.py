@@ -43,6 +43,16 @@ def held(x: torch.Tensor) -> torch.Tensor:
     return torch.cat([x[:, :H], x[:, H - 1 : H].repeat(1, F, 1)], dim=1)
 
 
+def test_views_follow_frames_and_rate():
+    """A sixth of the cosines, as the paper's 20 of 125, and one at least; windows of a phase are odd, and no longer than said."""
+    dct = {frames: make_transform(small(transform="dct").model, frames, C, 10.0).shape[0] for frames in (125, 100, 20, 2)}
+    assert dct == {125: 20, 100: 16, 20: 3, 2: 1}
+    assert make_transform(small(transform="dct", dct_rows=7).model, 20, C, 10.0).shape[0] == 7
+    phase = small(transform="phase", phase_seconds=1.0).model
+    windows = {fps: make_transform(phase, 20, C, fps).window for fps in (10.0, 25.0, 50.0, 1.0)}
+    assert windows == {10.0: 11, 25.0: 25, 50.0: 51, 1.0: 3}
+
+
 @pytest.mark.parametrize("kind", ["pose", "displacement"])
 def test_coefficients_by_hand(x, kind):
     """A displacement is the motion minus its last observed pose; its condition is a pose, with a scale of its own."""

@@ -14,7 +14,7 @@ from mwlib import metrics, write_bvh
 from mwlib.data.sources import Split
 from mwlib.prediction.config import EvaluationConfig
 from mwlib.prediction.predictor import Predictor
-from mwlib.prediction.system import DETAILS, METRICS, baseline, evaluate, load_data, score, test_windows, trained
+from mwlib.prediction.system import DETAILS, METRICS, _worst, baseline, evaluate, load_data, score, test_windows, trained
 from mwlib.synthetic.motions import synthetic_motions
 from tests.sample_settings import small, two_people
 
@@ -79,6 +79,14 @@ def test_the_truth_has_no_error_and_standing_still_is_the_measure_of_the_worst(s
     sets = metrics.multimodal_futures(every.x_history[:, -1], every.x_future, 0.5)
     if len(every) == len(test_windows(split, small().windows)):
         assert truth["multimodal_apd"] == pytest.approx(float(metrics.multimodal_apd(sets).mean()))
+
+
+def test_the_worst_of_those_who_hardly_move_is_in_units_of_five_centimetres(split):
+    test = test_windows(split, small().windows).thin(2)
+    x = torch.zeros_like(test.x)
+    x[0, test.history :, 0], x[1, test.history :, 0] = 0.2, 0.01
+    assert _worst(torch.tensor([0.1, 0.03]), replace(test, x=x)) == pytest.approx(0.6)
+    assert _worst(torch.tensor([0.1, 0.02]), replace(test, x=x)) == pytest.approx(0.5)
 
 
 def test_windows_that_are_skipped_do_not_stop_the_table(split):

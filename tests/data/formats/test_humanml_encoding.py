@@ -155,6 +155,12 @@ def test_another_body_in_the_same_directions():
     longer[20] += 0.1  # the left forearm alone
     reach = with_bones(positions, HUMANML3D, longer) - positions
     assert set(np.nonzero(np.abs(reach).max(axis=(0, 2)) > 1e-9)[0]) == {20}
+    for chain in HUMANML3D.chains[:2]:
+        longer = [*HUMANML3D.bone_lengths]
+        longer[chain[2]] += 0.1
+        legs = [joint for leg in HUMANML3D.chains[:2] for joint in leg[2:4]]
+        grown = 1 + 0.1 / sum(HUMANML3D.bone_lengths[joint] for joint in legs)
+        np.testing.assert_allclose(with_bones(positions, HUMANML3D, longer)[:, 0], grown * positions[:, 0], atol=1e-9)
     with pytest.raises(ValueError, match="lengths is None; expected 21 lengths, as KIT-ML knows of none"):
         with_bones(wandering(3, KIT), KIT)
 

@@ -222,4 +222,10 @@ MUTANTS = [
         ("dwarfs-among-arguments", "(tall >= SMALLEST) & (tall <= TALLEST)", "tall <= TALLEST"),
         ("the-last-wrong-body", "first = int(wrong[0])", "first = int(wrong[-1])"),
     ),
+    *of(
+        "data/sources.py", "data/test_sources.py::test_people_are_kept_apart",
+        ("split-quarter-third", "len(present) // 4)", "len(present) // 3)"),
+        ("split-quarter-third-of-the-clips", "max(1, len(motions) // 4)", "max(1, len(motions) // 3)",
+         "data/test_sources.py::test_one_person_is_split_by_clips"),
+    ),
 ]  # fmt: skip

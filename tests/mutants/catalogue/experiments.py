@@ -159,4 +159,8 @@ MUTANTS = [
         ("every-space-takes-every-body", "make_space(split.train, state)", 'make_space(split.train, "positions")'),
         ("training-at-another-rate-is-foretold", "rate = {} if fps is None else", "rate = {} if True else"),
     ),
+    *of(
+        "experiments/tables.py", "experiments/test_tables.py::test_numbers_over_seeds_by_hand",
+        ("values-first-seed", "np.mean([w[m] for w in windows], axis=0)", "np.asarray(windows[0][m])"),
+    ),
 ]  # fmt: skip

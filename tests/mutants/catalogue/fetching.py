@@ -22,4 +22,9 @@ MUTANTS = [
         ("no-pause-between-files", "time.sleep(self.patience.between)", "pass"),
         ("half-clips-in-an-archive", "if len(clips) != archive.count:", "if len(clips) > archive.count:"),
     ),
+    *of(
+        "data/fetching.py", "data/test_fetching.py::test_a_digest_sees_rate_skeleton_and_every_place",
+        ("digest-without-rate", 'f"{motion.fps:g}/{motion.up}/', 'f"{motion.up}/'),
+        ("digest-without-axis", '/{motion.up}/{s.joints}', '/{s.joints}'),
+    ),
 ]  # fmt: skip

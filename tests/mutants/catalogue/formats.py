@@ -90,4 +90,13 @@ MUTANTS = [
         ("frames-missing", "if np.any(np.diff(numbers) != 1):", "if False:"),
         ("bones-that-hang-nowhere", 'if above != "root":', "if False:"),
     ),
+    *of(
+        "data/formats/bvh.py", "data/formats/test_bvh.py::test_the_frame_time_stands_for_a_whole_rate_if_its_digits_allow",
+        ("bvh-rate-nearest", "float(min(fitting,", "float(max(fitting,"),
+        ("bvh-rate-first", "float(min(fitting, key=lambda rate: abs(1 / rate - step)))", "float(fitting[0])"),
+    ),
+    *of(
+        "data/formats/humanml_encoding.py", "data/formats/test_humanml_encoding.py::test_another_body_in_the_same_directions",
+        ("hml-legs-one-side", "for chain in layout.chains[:2]", "for chain in layout.chains[:1]"),
+    ),
 ]  # fmt: skip

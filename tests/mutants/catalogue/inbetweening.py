@@ -121,4 +121,15 @@ MUTANTS = [
         ("fractions-as-frames", 'None if frames is None else whole("frames", frames, 1, MOST_FRAMES)', "frames"),
         ("inbetweens-of-no-numbers", "self.finite(self._sample(", "torch.Tensor.clone(self._sample("),
     ),
+    *of(
+        "inbetweening/system.py",
+        "inbetweening/test_system.py::test_feet_skate_on_the_floor_of_the_truth_and_in_samples_that_touch_it",
+        ("ib-floor-of-pred", "floor_of(g[:, 0], self.feet or [0])", "floor_of(p[:, 0], self.feet or [0])"),
+        ("ib-skate-nan-as-mean", ".nanmean(1)} if self.feet", ".nan_to_num().mean(1)} if self.feet"),
+    ),
+    *of(
+        "inbetweening/losses.py", "inbetweening/test_losses.py::test_a_foot_that_creeps_stands",
+        ("ib-standing-speed", "STANDING = 0.2", "STANDING = 0.4"),
+        ("ib-standing-still", "STANDING = 0.2", "STANDING = 0.1"),
+    ),
 ]  # fmt: skip

@@ -76,4 +76,9 @@ MUTANTS = [
         ("ties-count-as-hits", "((distance == partner) & earlier)", "((distance == partner) & ~earlier)"),
         ("motions-and-texts-exchanged", 'if ranked == "motions" else (motion, text)', 'if ranked == "texts" else (motion, text)'),
     ),
+    *of(
+        "metrics/evaluation.py", "metrics/test_prediction.py::test_singletons",
+        ("mm-singleton-skip", 'if self.mm_singletons == "skip_all"', 'if self.mm_singletons != "keep"'),
+        ("mm-singletons-stay", 'hidden = alone if self.mm_singletons == "skip_mm"', 'hidden = alone if self.mm_singletons == ""'),
+    ),
 ]  # fmt: skip

@@ -145,4 +145,23 @@ MUTANTS = [
         ("chunk-zero-is-the-usual-one", "if chunk is None else whole(", "if not chunk else whole("),
         ("futures-of-no-numbers", "self.finite(self._future(y, x_history))", "self._future(y, x_history)"),
     ),
+    *of(
+        "prediction/representation.py", "prediction/test_representation.py::test_views_follow_frames_and_rate",
+        ("phase-window-even", "2 * int(model.phase_seconds * fps / 2) + 1", "2 * int(model.phase_seconds * fps / 2) - 1"),
+        ("phase-window-none-at-low-rates", "+ 1, 3)", "+ 1, 5)"),
+        ("dct-rows-default", "frames * 20 / 125", "frames * 25 / 125"),
+        ("dct-rows-none", "max(1, round(", "max(0, round("),
+    ),
+    *of(
+        "prediction/system.py",
+        "prediction/test_system.py::test_the_worst_of_those_who_hardly_move_is_in_units_of_five_centimetres",
+        ("worst-floor", ".clamp_min(0.05)", ".clamp_min(0.005)"),
+        ("worst-is-the-mean", "(errors / still).max()", "(errors / still).mean()"),
+    ),
+    *of(
+        "prediction/guidance.py", "prediction/test_guidance.py::test_attention_mean_is_one_and_the_mask_widens",
+        ("tabg-threshold-ge", "hit = (a_t > threshold)", "hit = (a_t >= threshold)"),
+        ("tabg-mean-block-only-heads", "attention.mean(dim=(-4, -3))", "attention[..., 0, :, :, :].mean(dim=-3)"),
+        ("tabg-mean-of-one-head", "attention.mean(dim=(-4, -3))", "attention[..., 0, :, :].mean(dim=-3)"),
+    ),
 ]  # fmt: skip

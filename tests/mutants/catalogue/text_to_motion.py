@@ -123,4 +123,9 @@ MUTANTS = [
         ("parts-of-speech-without-a-hash", "{tagged or ''}", "", "data/formats/test_humanml_folder.py"),
         ("few-from-the-beginning", "np.linspace(0, len(items) - 1, kept)", "np.arange(kept)"),
     ),
+    *of(
+        "text_to_motion/losses.py",
+        "text_to_motion/test_losses.py::test_the_stage_by_signal_to_noise_is_the_share_that_noise_drowns",
+        ("snr-stage-power", "(a * power < 1 - a)", "(a * power.sqrt() < 1 - a)"),
+    ),
 ]  # fmt: skip
