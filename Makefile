@@ -42,7 +42,7 @@ export OMP_NUM_THREADS ?= 1
 export MWLIB_RUNS ?= $(CURDIR)/runs
 
 .DEFAULT_GOAL := help
-.PHONY: help figures grids test types test-workflow mutants fuzz test-blender site test-site player test-player test-lab lab notebooks learner wheel
+.PHONY: help figures grids test test-data types test-workflow mutants fuzz test-blender site test-site player test-player test-lab lab notebooks learner wheel
 
 help: ## show this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-12s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -62,6 +62,9 @@ test: $(READY) ## lint, types, unit tests, every notebook executed and compared 
 	$(RUN) -m basedpyright
 	@$(if $(value ALL),rm -rf build/test-runs build/executed build/passed)
 	MW_STATIC=1 SOURCE_DATE_EPOCH=0 MWLIB_RUNS=$(call quoted,$(CURDIR)/build/test-runs) $(RUN) -m pytest --changed -n 2 --dist loadfile --no-loadscope-reorder --ignore=tests/blender --ignore=tests/browser --ignore=tests/workflow --ignore=tests/site tests
+
+test-data: $(READY) ## run every chapter on eight small foreign sets, and on the real ones in MWLIB_DATA: what is missing or out of date
+	MWLIB_RUNS=$(call quoted,$(CURDIR)/build/test-runs) $(RUN) -m tests.foreign --jobs $(call quoted,$(value JOBS))
 
 types: $(READY) ## check the library's types
 	$(RUN) -m basedpyright

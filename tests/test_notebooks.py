@@ -209,6 +209,8 @@ BREACHES = {
     "widget state": (widget_state, "outputs: metadata.widgets"),
     "nothing compared": (edit("energy", outputs=[]), "compared: no cell"),
     "clock compared": (append("energy", "\nperf_counter"), "compared: .*time"),
+    "assert of a preset": (append("energy", "\nassert preset != 'tiny' or level"), "claims: .*expected page.claim"),
+    "claim compared": (append("energy", "\npage.claim('x', True)"), "claims: .*is compared and claims"),
     "no symbols": (edit("## Energy", source="## Energy\n$$x$$"), "symbols: "),
     "picture without text": (unnamed_picture, "described: .*alternative text"),
     "picture without prose": (edit("What you should see", source="Nice."), "described: .*What you should see"),
