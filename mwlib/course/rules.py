@@ -217,14 +217,12 @@ def compared(notebook: NotebookNode) -> Iterator[str]:
 
 
 def claims(notebook: NotebookNode) -> Iterator[str]:
-    """What the data at hand show is claimed, not asserted: an assert that asks which preset or data stands for such a sentence."""
+    """What the data at hand show is claimed, not asserted: an assert that asks which preset or data it has is such a sentence."""
     for cell in code_cells(notebook):
         for node in ast.walk(parsed(cell)):
-            if isinstance(node, ast.Assert) and {n.id for n in ast.walk(node.test) if isinstance(n, ast.Name)} & {
-                "preset",
-                "data",
-            }:
-                yield f"cell {cell.execution_count} asserts something of one preset or data; expected page.claim, which records it"
+            asked = {n.id for n in ast.walk(node.test) if isinstance(n, ast.Name)} if isinstance(node, ast.Assert) else set()
+            if asked & {"preset", "data"}:
+                yield f"cell {cell.execution_count} asserts something of one preset or data; expected page.claim"
         if "nbval-check-output" in tags(cell) and re.search(r"\bpage\.claim\(", cell.source):
             yield f"cell {cell.execution_count} is compared and claims; a claim's numbers follow from a training"
 
@@ -309,6 +307,6 @@ def holes(notebook: NotebookNode) -> Iterator[str]:
 
 
 RULES: tuple[Rule, ...] = (
-    heading, first_cell, parameters, page, result, forbidden, length, executed, outputs, compared, claims, symbols, described, moving,
-    exercises, holes,
+    heading, first_cell, parameters, page, result, forbidden, length, executed, outputs, compared, claims, symbols, described,
+    moving, exercises, holes,
 )  # fmt: skip
