@@ -331,6 +331,9 @@ def folder_contents(
     return FolderContents(clips, left_out)
 
 
+LONGEST_NAME = 200  # bytes of a clip's name: with a suffix most file systems take 255
+
+
 def has_lists(path: Path) -> list[str]:
     """Those of "train", "val" and "test" of which a folder has a list."""
     return [split for split in SPLITS if (path / f"{split}.txt").is_file()]
@@ -365,13 +368,17 @@ def _lists(path: Path, wanted: Sequence[str], faults: list[MotionFormatError] | 
 
 
 def _fill(lists: dict[str, list[str]], path: Path) -> Iterator[MotionFormatError]:
-    """Read the lists; every ID that stands in one twice, or in two, as it is or mirrored, is an error."""
+    """Read the lists; an ID that no file can have, or that stands in one twice, or in two, as it is or mirrored, is an error."""
     owner: dict[str, tuple[str, str]] = {}  # ID without M -> the list that has it, and where
     for split, names in lists.items():
         lines: dict[str, int] = {}
         file = path / f"{split}.txt"
         for line, row in enumerate(read_text(file, SMALL_TEXT).splitlines(), 1):
             for name in row.split():
+                if (size := len(name.encode())) > LONGEST_NAME:  # no file has such a name
+                    found = f"{name[:20]!r} and so on, {size} bytes"
+                    yield MotionFormatError(file, f"line {line}", found, f"the name of a clip, at most {LONGEST_NAME} bytes")
+                    continue
                 whose, where = owner.setdefault(name.removeprefix("M"), (split, f"as {name} in {file.name}, line {line}"))
                 if name in lines:
                     yield MotionFormatError(file, f"line {line}", f"{name}, as in line {lines[name]}", "every clip once")

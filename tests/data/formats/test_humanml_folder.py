@@ -152,6 +152,11 @@ LISTS = [
     ("000001\n\n000002\n000001\n", "000003", ["train.txt, line 4: found 000001, as in line 1; expected every clip once"]),
     ("000001\n000002", "000002", [f"test.txt, line 1: found 000002, as 000002 in train.txt, line 2; {SHARED}"]),
     (" 000001\t\n", "\n M000001 \n", [f"test.txt, line 2: found M000001, as 000001 in train.txt, line 1; {SHARED}"]),
+    (
+        "000001\n" + 201 * "7",
+        "000003",
+        ["train.txt, line 2: found '77777777777777777777' and so on, 201 bytes; expected the name"],
+    ),
     ("M000001", "000001", [f"test.txt, line 1: found 000001, as M000001 in train.txt, line 1; {SHARED}"]),
     (
         "000001\nM000001\n000003\n000003",

@@ -102,6 +102,7 @@ MUTANTS = [
     ),
     *of(
         "data/formats/humanml.py", "data/formats/test_humanml_folder.py",
+        ("names-that-no-file-has", "if (size := len(name.encode())) > LONGEST_NAME:", "if (size := 0):"),
         ("a-clip-twice-in-a-list", "if name in lines:\n", "if False:\n"),
         ("a-mirror-image-is-another-clip", 'owner.setdefault(name.removeprefix("M"),', "owner.setdefault(name,"),
         ("lists-may-share-clips", "elif whose != split:", "elif False:"),
