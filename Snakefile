@@ -114,12 +114,14 @@ def said(*names):
 
 if workflow.is_main_process:  # jobs on other machines find the files made
     AT_WORK = FileLock(OUT / ".lock")  # dies with this process, however it ends; Snakemake's own would stay behind a kill
-    OUT.mkdir(parents=True, exist_ok=True)
     try:
+        OUT.mkdir(parents=True, exist_ok=True)
         if not workflow.dryrun:
             AT_WORK.acquire(timeout=0)
     except Timeout:
         raise WorkflowError(f"another make or Snakemake is at work in {OUT}; wait for its end, or say another out")
+    except OSError as error:
+        raise WorkflowError(f"nothing can be written to {OUT}: {error.strerror}; say another out")
     for name in RESULTS:
         if result_of((OUT / name).parent).get("status") == "failed":
             (OUT / name).unlink()

@@ -175,6 +175,15 @@ def test_a_clock_that_was_put_back_hides_no_change(tmp_path):
     assert jobs(snakemake(tmp_path, "--dry-run")) == {"notebook": 1}
 
 
+def test_a_folder_that_takes_nothing_is_told_in_a_sentence(tmp_path):
+    (tmp_path / "out").touch()
+    (tmp_path / "grids.yaml").write_text("grids: {}")
+    save(runnable(), tmp_path / "notebooks", "01_first")
+    with pytest.raises(AssertionError, match=rf"nothing can be written to {tmp_path}/out: File exists; say another out") as told:
+        snakemake(tmp_path)
+    assert "Traceback" not in str(told.value)
+
+
 SPHINX_STOPS = """#!/bin/sh
 for last; do :; done
 case "$*" in *sphinx*) mkdir -p "$last"; touch "$last/half.html"; exit ${STOPS:-0};; esac

@@ -193,6 +193,9 @@ def test_clips_that_are_brought_read_as_the_list_says(publisher, cmu, tmp_path):
     bring(cmu, tmp_path / "data", HASTY)
     assert len(publisher.asked) == 6, "what is there is not asked for again"
     assert {p.name for p in (tmp_path / "data").iterdir()} <= {"cmu", ".fetch-cmu.lock"}
+    (folder / "clips.csv").unlink()
+    bring(cmu, tmp_path / "data", HASTY)
+    assert visible(folder) == CMU_WHOLE and len(publisher.asked) == 6, "what was said of the clips is said again"
 
 
 def half(file: Path) -> None:

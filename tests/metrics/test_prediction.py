@@ -278,6 +278,11 @@ def test_a_swing_by_hand():
     assert float(metrics.pose_change(p[:, :, :26])) == pytest.approx(0.2 * 3**0.5, rel=0.01)  # half a period, three joints
 
 
+def test_a_change_of_pose_is_a_mean_over_samples():
+    p = torch.tensor([[0.0, 9.0, 1.0], [0.0, -9.0, 3.0]]).reshape(1, 2, 3, 1)
+    assert metrics.pose_change(p).tolist() == [2.0]
+
+
 def test_units_do_not_depend_on_the_frame_rate():
     fast, slow = swinging(0.1, 0.5), swinging(0.1, 0.5)[:, :, ::2]
     assert float(metrics.speed(slow, FPS / 2)) == pytest.approx(float(metrics.speed(fast, FPS)), rel=0.02)

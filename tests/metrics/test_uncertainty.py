@@ -37,6 +37,7 @@ def test_it_agrees_with_a_bootstrap_over_clips_of_unequal_length():
 def test_what_is_not_measured_does_not_count():
     values, clips = np.array([1.0, np.nan, 3.0, 4.0]), ["a", "b", "c", "c"]
     assert clustered_error(values, clips) == clustered_error(values[[0, 2, 3]], ["a", "c", "c"])
+    assert clustered_error(np.where(np.isnan(values), np.inf, values), clips) == clustered_error(values, clips)
     assert np.isnan(clustered_error(values[2:], clips[2:])) and np.isnan(clustered_error(np.array([]), []))
     with pytest.raises(ValueError, match="4 values of 3 clusters"):
         clustered_error(values, clips[1:])

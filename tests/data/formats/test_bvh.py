@@ -200,6 +200,10 @@ def test_an_added_t_pose_is_dropped_and_nothing_else(tmp_path):
     rows[0, 3] = 0.01  # a recorded pose is never turned by exactly nothing
     assert len(read(tmp_path, cgspeed(rows))) == 4
     assert len(read(tmp_path, cgspeed(np.tile(rows[2:3] * 0, (3, 1))))) == 3  # someone who stands still
+    lowered = np.tile([5.0, 17, 3] + [0.0] * 93, (4, 1))  # not turned, but arms down: no T-pose
+    lowered[0, 3 + 3 * CGSPEED.index("LeftArm")], lowered[0, 3 + 3 * CGSPEED.index("RightArm")] = -80, 80
+    lowered[1:, 3:6] = 10.0
+    assert len(read(tmp_path, cgspeed(lowered))) == 4
 
 
 def test_bandai_and_lafan_layouts_are_recognised(tmp_path):

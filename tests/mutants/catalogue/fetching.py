@@ -27,4 +27,10 @@ MUTANTS = [
         ("digest-without-rate", 'f"{motion.fps:g}/{motion.up}/', 'f"{motion.up}/'),
         ("digest-without-axis", '/{motion.up}/{s.joints}', '/{s.joints}'),
     ),
+    *of(
+        "data/fetching.py", "data/test_fetching.py",
+        ("empty-files-are-data", "    if not head:\n", "    if False:\n"),
+        ("pointers-are-data", "if head.startswith(POINTER):", "if False:"),
+        ("staging-stays", "        shutil.rmtree(folder)\n", "        pass\n"),
+    ),
 ]  # fmt: skip

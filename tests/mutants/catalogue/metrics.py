@@ -81,4 +81,18 @@ MUTANTS = [
         ("mm-singleton-skip", 'if self.mm_singletons == "skip_all"', 'if self.mm_singletons != "keep"'),
         ("mm-singletons-stay", 'hidden = alone if self.mm_singletons == "skip_mm"', 'hidden = alone if self.mm_singletons == ""'),
     ),
+    *of(
+        "metrics/table.py", "metrics/test_uncertainty.py",
+        ("one-clip-has-an-error", "if len(names) < 2:", "if len(names) < 1:"),
+        ("infinite-values-count", "kept = np.isfinite(values)", "kept = ~np.isnan(values)"),
+        ("errors-about-zero", "np.bincount(number, found - found.mean())", "np.bincount(number, found)"),
+    ),
+    *of(
+        "metrics/realism.py", "metrics/test_prediction.py",
+        ("one-sample-covers", "if samples == 1:", "if samples == 0:"),
+        ("change-of-the-largest-sample", "(p[:, :, -1] - p[:, :, 0]).norm(dim=-1).mean(1)",
+         "(p[:, :, -1] - p[:, :, 0]).norm(dim=-1).amax(1)"),
+        ("speed-over-a-tenth", "SPEED_SECONDS = 0.2", "SPEED_SECONDS = 0.1"),
+        ("coverage-of-any-share", "if not 0 < share < 1:", "if not 0 <= share <= 1:"),
+    ),
 ]  # fmt: skip
