@@ -8,6 +8,7 @@ import logging
 import os
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
+from functools import cache
 from pathlib import Path
 from typing import Any, Literal
 
@@ -107,6 +108,12 @@ def parameters_hash(parameters: Mapping[str, Any]) -> str:
     return digest({name: value for name, value in parameters.items() if name != "out"})
 
 
+@cache
+def _say_waiting(file: Path) -> None:
+    """Once a process and lock, however often it is asked for."""
+    log.warning("another process holds %s; waiting for its end", file)
+
+
 @contextmanager
 def locked(file: Path, patience: float = -1) -> Iterator[bool]:
     """One process at a time, the others say so and wait; the lock dies with its holder, however it dies.
@@ -128,7 +135,7 @@ def locked(file: Path, patience: float = -1) -> Iterator[bool]:
     try:
         lock.acquire(timeout=0)
     except Timeout:
-        log.warning("another process holds %s; waiting for its end", file)
+        _say_waiting(file)
         try:
             lock.acquire(timeout=patience)
         except Timeout:

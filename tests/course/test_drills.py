@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import json
 import os
 import re
@@ -111,7 +112,7 @@ def test_the_result_and_its_page_appear_together_or_not_at_all(tmp_path, monkeyp
     assert (out / "notebook.html").read_text() == "<html>"
 
     def full_disk(*_):
-        raise OSError("No space left on device")
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
     monkeypatch.setattr(files, "_write", full_disk)
     with pytest.raises(OSError, match="No space"):

@@ -69,8 +69,8 @@ def test_two_processes_train_a_run_once(tmp_path):
     askers = [started(ask, log=log, cwd=ROOT, env={"MWLIB_RUNS": str(tmp_path / "runs")}) for log in logs]
     for asker in askers:
         asker.join(300)
-    answers = [log.read_text() for log in logs]
-    assert answers[0] == answers[1] != "" and len(list((tmp_path / "runs").iterdir())) == 1
+    answers = [log.read_text().splitlines()[-1:] for log in logs]  # one may say before that it waits
+    assert answers[0] == answers[1] != [] and len(list((tmp_path / "runs").iterdir())) == 1
 
 
 def test_runs_folder_follows_the_environment(monkeypatch, tmp_path):
@@ -193,7 +193,9 @@ def test_several_processes_do_not_hang_when_another_finishes_their_run(monkeypat
         written = (folder / MODEL).stat().st_mtime_ns
     for process in processes:
         process.join(120)
-    told = [log.read_text().split() for log in logs]
+    waiting = f"another process holds {folder / '.lock'}; waiting for its end\n"
+    assert [log.read_text().count(waiting) for log in logs] == [1, 0]
+    told = [log.read_text().replace(waiting, "").split() for log in logs]
     assert told[0] == told[1] and told[0][-3:] == ["done", str(folder), str(written)] and "train" not in told[0]
     assert (folder / MODEL).stat().st_mtime_ns == written and [process.exitcode for process in processes] == [0, 0]
 
