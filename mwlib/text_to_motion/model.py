@@ -175,7 +175,7 @@ class TextToMotion(TrainedModel):
                 or the settings of the sampling make numbers overflow.
         """
         self.check(texts, frames)
-        seed = whole("seed", self.sampling.sampling_seed if seed is None else seed)
+        seed = self.sampling.sampling_seed if seed is None else seed
         ids = identities(ids, len(texts))
         order = sorted(range(len(texts)), key=lambda i: frames[i])  # like lengths together: less padding
         found: dict[int, Tensor] = {}
