@@ -28,7 +28,7 @@ def write_together(contents: Mapping[Path, bytes | str]) -> None:
             try:
                 _write(parts[file], content if isinstance(content, bytes) else content.encode())
             except OSError as error:  # a full disk names no file
-                raise OSError(error.errno, error.strerror, str(file)) from None
+                raise OSError(error.errno, error.strerror or str(error), str(file)) from None
         *others, proof = contents
         if others:
             proof.unlink(missing_ok=True)

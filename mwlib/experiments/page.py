@@ -78,7 +78,7 @@ class Page:
         TypeError: a parameter is not a JSON value.
 
     >>> import mwlib as mw
-    >>> page = Page("00_start_here", "", mw.Config.preset("tiny"), preset="tiny", data="", samples=20)
+    >>> page = Page("a_sample", "", mw.Config.preset("tiny"), preset="tiny", data="", samples=20)
     >>> page.provenance["data"], page.provenance["samples"]
     ('synthetic', 20)
     >>> page.table([{"prediction": "standing still", "ADE (m)": 0.4567}])

@@ -146,7 +146,7 @@ def test_a_model_that_does_not_fit_is_refused_before_anything_is_measured(folder
     assert main([*given, str(run), "--samples", "0"]) == 1
     told = capsys.readouterr().err
     assert "the model is of skeleton H36M17 with 17 joints; expected one of LaFAN1's 22 joints" in told
-    assert "cmu is a run of another system; expected one of in-betweening" in told and "Traceback" not in told
+    assert "run is cmu, a run of another system; expected one of in-betweening" in told and "Traceback" not in told
     assert "nowhere/config.yaml is missing" in told and "samples is 0; expected at least 1" in told
 
 
