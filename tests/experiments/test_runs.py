@@ -171,6 +171,7 @@ def ranks(tmp_path: Path) -> tuple[list[BaseProcess], list[Path]]:
     """Two processes as ``accelerate launch`` starts them, and what they print."""
     logs = [tmp_path / "0.log", tmp_path / "1.log"]
     world = {"MASTER_ADDR": "127.0.0.1", "MASTER_PORT": str(free_port()), "WORLD_SIZE": "2", "ACCELERATE_USE_CPU": "true"}
+    world["OMP_NUM_THREADS"] = "1"  # else Accelerate chooses, and says so
     ranked = [{**world, "RANK": str(rank), "LOCAL_RANK": str(rank)} for rank in range(2)]
     return [started(ask_aloud, log=log, cwd=ROOT, env=env) for log, env in zip(logs, ranked, strict=True)], logs
 
