@@ -181,7 +181,8 @@ class TextToMotion(TrainedModel):
         found: dict[int, Tensor] = {}
         for chunk in chunks(len(order), CHUNK, progress):
             part = order[chunk]
-            *_, last = self.steps([texts[i] for i in part], [frames[i] for i in part], seed, [ids[i] for i in part])
+            asked = [texts[i] for i in part], [frames[i] for i in part]
+            *_, last = self.steps(*asked, seed, [ids[i] for i in part])  # pyright: ignore[reportArgumentType]  (noise checks it)
             raw = self.finite(self.statistics.denormalise(last.y)).cpu()
             found |= {i: row[: frames[i]].clone() for i, row in zip(part, raw, strict=True)}
         return [found[i] for i in range(len(texts))]
