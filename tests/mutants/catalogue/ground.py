@@ -5,7 +5,7 @@ from tests.mutants.mutant import of
 MUTANTS = [
     *of(
         "files.py", "test_files.py",
-        ("a-full-disk-names-no-file", "raise OSError(error.errno, error.strerror, str(file)) from None", "raise"),
+        ("a-full-disk-names-no-file", "raise OSError(error.errno, error.strerror or str(error), str(file)) from None", "raise"),
     ),
     *of(
         "settings.py", "test_settings.py",
