@@ -10,15 +10,22 @@ import pytest
 
 from mwlib import write_bvh
 from mwlib.body.motion import Motion
+from mwlib.body.skeleton import HUMANML22
 from mwlib.cli import main
 from mwlib.data.formats.humanml import KIT
 from mwlib.data.sources import SourceConfig
 from mwlib.experiments.outlook import outlook
 from mwlib.prediction import system as prediction
+from mwlib.synthetic.acts import captioned_positions
 from mwlib.synthetic.motions import synthetic_motions
 from tests.sample_motions import BVH
 
 WALKS = synthetic_motions(subjects=2, seconds=4.0)
+ACTED = [
+    Motion(clip.positions, 20.0, HUMANML22, subject=clip.name, name=clip.name, up="y")
+    for clip in captioned_positions(20)
+    if len(clip.positions) > 60
+][:4]
 NO_CAPTIONS = "text to motion: needs captions, as a folder laid out as HumanML3D or KIT has them: none found"
 
 
@@ -51,6 +58,7 @@ def with_lists(folder, train: str, test: str) -> None:
             None,
             "prediction: 17 joints kept, 25 and 30 Hz → 50 Hz; 12 clips to train on, 12 to test on",
         ),
+        (ACTED, None, "prediction: 22 joints carried to 17, 20 Hz → 50 Hz; 3 clips to train on, 1 to test on"),
         ([own(m, 9 + (m.subject == "P2")) for m in WALKS], None, "prediction: refused: .* has skeleton own10 .*, .* has own9"),
         (WALKS, None, "in-betweening, positions: 17 joints kept, 50 Hz "),
         (WALKS, None, "in-betweening, rotations: refused: .* has positions only; expected rotations, as BVH and AMC files have"),
@@ -88,6 +96,14 @@ def test_captions_are_counted_or_refused_as_training_does(tmp_path, capsys):
         "1 left out, no features: M2",
     ):
         assert told in wrong
+
+
+@pytest.mark.parametrize(("faults", "code"), [([], 0), (["test.txt, line 2: found 3, as in line 1"], 1)])
+def test_a_fault_of_a_list_alone_is_a_fault(tmp_path, monkeypatch, capsys, faults, code):
+    (tmp_path / "a.bvh").write_text(BVH)
+    monkeypatch.setattr("mwlib.data.check._captions", lambda source: faults)
+    assert main(["check-data", str(tmp_path)]) == code
+    assert all(fault in capsys.readouterr().out for fault in faults)
 
 
 def test_check_data_ends_with_what_each_system_would_take(tmp_path, capsys):
