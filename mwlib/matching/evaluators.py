@@ -23,7 +23,7 @@ from mwlib.data.normalisation import WEIGHT, Statistics
 from mwlib.data.untrusted import SMALL_TEXT, MotionFormatError, bounded, open_regular, read_array, read_bytes, read_text
 from mwlib.matching.clips import PARTS, TaggedVocabulary, Vocabulary
 from mwlib.matching.config import Config, MatchingConfig
-from mwlib.networks.matching import UNIT, MotionEncoder, MovementEncoder, SentenceEncoder, published_weights
+from mwlib.networks.matching import UNIT, WINDOW, MotionEncoder, MovementEncoder, SentenceEncoder, published_weights
 from mwlib.paths import CONFIG, run_folder
 from mwlib.training import read_run, with_weights
 from mwlib.training.checkpoint import part
@@ -74,6 +74,7 @@ class Matcher:
         movement: codes of motions.
         statistics: scales features.
         vocabulary: numbers words; a `TaggedVocabulary` tells their parts of speech, too.
+        window: frames to which motions are padded, see `MovementEncoder.codes`; 0: more than the longest has.
     """
 
     def __init__(
@@ -82,9 +83,10 @@ class Matcher:
         movement: MovementEncoder,
         statistics: Statistics,
         vocabulary: Vocabulary | TaggedVocabulary,
+        window: int = 0,
     ) -> None:
         self.network, self.movement = network.eval().requires_grad_(False), movement.eval().requires_grad_(False)
-        self.statistics, self.vocabulary = statistics, vocabulary
+        self.statistics, self.vocabulary, self.window = statistics, vocabulary, window
 
     @classmethod
     def from_tensors(
@@ -118,14 +120,14 @@ class Matcher:
             lengths: frames of each clip.
 
         Raises:
-            ValueError: another width, or a clip has fewer than 4 frames, or more than there are.
+            ValueError: another width, or a clip has fewer than 4 frames, or more than there are or than the window has.
         """
         width = self.statistics.layout.width
         if features.shape[-1] != width or int(lengths.min()) < UNIT or int(lengths.max()) > features.shape[1]:
             found = f"features are {tuple(features.shape)}, lengths {int(lengths.min())} to {int(lengths.max())}"
             raise ValueError(f"{found}; expected (B, T, {width}) and lengths from {UNIT} to T")
         scaled = self.statistics.normalise(features.to(self.device, torch.float32))
-        return self.network.motion(*self.movement.codes(scaled, lengths))
+        return self.network.motion(*self.movement.codes(scaled, lengths, self.window))
 
     @torch.no_grad()
     def embed_text(self, texts: Sequence[str]) -> Float[Tensor, "B E"]:
@@ -195,7 +197,8 @@ def open_published(folder: Path) -> Matcher:
     """The published evaluator, frozen, on the CPU.
 
     It reads captions with parts of speech, see `TaggedVocabulary`, and scales motions by its own mean and deviation: the
-    deviations of root and contacts are 25 times smaller than in the collection's Std.npy. It warns where they are not.
+    deviations of root and contacts are 25 times smaller than in the collection's Std.npy. It warns where they are not. As
+    published it pads motions to 196 frames, and reads none that are longer.
 
     Args:
         folder: with ``text_mot_match/model/finest.tar``, ``mean.npy``, ``std.npy``, ``our_vab_data.npy``, ``our_vab_words.pkl``
@@ -224,7 +227,7 @@ def open_published(folder: Path) -> Matcher:
             raise ValueError(f"{files['weights']} has {own} {name}; expected {other}, as the files beside it")
     _warn_of_other_statistics(statistics, files["deviation"])
     network = MatchingNetwork(nn.Embedding.from_pretrained(vectors), text, motion)
-    return Matcher(network, movement, statistics, TaggedVocabulary(words))
+    return Matcher(network, movement, statistics, TaggedVocabulary(words), WINDOW)
 
 
 def _vocabulary(files: dict[str, Path]) -> tuple[list[str], Float[Tensor, "V W"]]:

@@ -19,6 +19,7 @@ from torch.nn.utils.rnn import pack_padded_sequence
 
 UNIT = 4  # frames of a movement
 CONTACTS = 4  # last features of a frame, which no movement encoder sees
+WINDOW = 196  # frames to which Guo et al. pad every clip, of HumanML3D and of KIT-ML, before it is embedded
 SLOPE = 0.2  # of the leaky rectifiers below zero
 
 
@@ -48,21 +49,31 @@ class MovementEncoder(nn.Module):
         """Codes of T // 4 movements, all frames taken as they are; see `codes` for clips of unequal length."""
         return self.out_net(self.main(x[..., :-CONTACTS].transpose(1, 2)).transpose(1, 2))
 
-    def codes(self, x: Float[Tensor, "B T D"], lengths: Int[Tensor, " B"]) -> tuple[Float[Tensor, "B U E"], Int[Tensor, " B"]]:
+    def codes(
+        self, x: Float[Tensor, "B T D"], lengths: Int[Tensor, " B"], window: int = 0
+    ) -> tuple[Float[Tensor, "B U E"], Int[Tensor, " B"]]:
         """Codes of clips of unequal length, and how many each has: lengths // 4.
 
-        What stands after a clip's last whole movement is taken as zeros, the mean pose, and so are frames after the last, of
-        which a last movement sees two. Own choice: so neither the content of the padding nor its length changes a code, and a
-        clip shorter than the published padding of 196 frames has the codes that the published code gives it.
+        What stands after a clip's last whole movement is taken as zeros, the mean pose. Its last movement sees two such frames.
+        So neither the content of the padding nor its length changes a code. Own choice: a clip never ends without zeros after it.
+
+        The published code pads to 196 frames. There a clip of all 196 has no zeros after it: the second convolution's own
+        padding follows, not what the first one makes of zeros. `window` does so, too.
 
         Args:
             x: normalised features.
             lengths: frames of each.
+            window: frames to which all clips are padded, a multiple of 4; 0: more than the longest has.
+
+        Raises:
+            ValueError: a clip has more whole movements than the window.
         """
         units = lengths.to(x.device) // UNIT
+        if window and int(units.max()) * UNIT > window:
+            raise ValueError(f"a clip has {int(lengths.max())} frames; expected at most {window} in whole movements")
         kept = torch.arange(x.shape[1], device=x.device) < UNIT * units[:, None]
-        padded = F.pad(torch.where(kept[..., None], x, 0.0), (0, 0, 0, UNIT + -x.shape[1] % UNIT))
-        return self(padded), units
+        frames = window or x.shape[1] + UNIT + -x.shape[1] % UNIT
+        return self(F.pad(torch.where(kept[..., None], x, 0.0), (0, 0, 0, frames - x.shape[1]))), units
 
 
 class MovementDecoder(nn.Module):

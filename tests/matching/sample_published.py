@@ -37,10 +37,10 @@ class Published(NamedTuple):
     vectors: np.ndarray
 
 
-def features(seed: int, frames: int) -> np.ndarray:
+def features(seed: int, frames: int, width: int = 263) -> np.ndarray:
     """Smooth numbers, and contacts that are 0 or 1."""
     rng = np.random.default_rng(seed)
-    x = gaussian_filter1d(rng.normal(size=(frames, 263)), 2.0, axis=0) + 0.3 * np.sin(np.arange(263)) + 0.2 * (seed % 3)
+    x = gaussian_filter1d(rng.normal(size=(frames, width)), 2.0, axis=0) + 0.3 * np.sin(np.arange(width)) + 0.2 * (seed % 3)
     x[:, -4:] = x[:, -4:] > 0
     return x.astype(np.float32)
 
@@ -58,17 +58,17 @@ def write_collection(folder: Path) -> Path:
     return folder
 
 
-def write_evaluator(folder: Path) -> Published:
-    """The files of the published evaluator, where its authors' archives have them."""
+def write_evaluator(folder: Path, width: int = 263) -> Published:
+    """The files of the published evaluator, where its authors' archives have them; KIT-ML has a width of 251."""
     torch.manual_seed(3)
-    networks = SentenceEncoder(6, 10, 7, parts_of_speech=15), MotionEncoder(8, 9, 7), MovementEncoder(263, 12, 8)
+    networks = SentenceEncoder(6, 10, 7, parts_of_speech=15), MotionEncoder(8, 9, 7), MovementEncoder(width, 12, 8)
     for parameter in (p for network in networks for p in network.eval().parameters()):
         torch.nn.init.normal_(parameter, std=0.4)
     names = ("text_encoder", "motion_encoder", "movement_encoder")
     states = {name: network.state_dict() for name, network in zip(names, networks, strict=True)}
     (folder / "text_mot_match" / "model").mkdir(parents=True)
     torch.save(states | {"epoch": 270, "opt_text_encoder": {"state": {}}}, folder / "text_mot_match" / "model" / "finest.tar")
-    frames = np.concatenate([features(number, 60) for number in range(6)])
+    frames = np.concatenate([features(number, 60, width) for number in range(6)])
     mean, deviation = frames.mean(0), frames.std(0)
     deviation[-4:] = deviation[-4:].mean() / 25  # the other weighed features are random anyway
     vectors = np.random.default_rng(4).normal(size=(len(WORDS) + 3, 6))

@@ -18,7 +18,7 @@ from mwlib.data.formats.humanml import HUMANML3D, KIT, TaggedCaption
 from mwlib.experiments import get_result, system_of
 from mwlib.experiments.runs import Run, _models
 from mwlib.matching.clips import KINDS, PARTS, TaggedVocabulary
-from mwlib.matching.evaluators import FILES, open_matcher, open_published, published_files
+from mwlib.matching.evaluators import FILES, Matcher, open_matcher, open_published, published_files
 from mwlib.networks.matching import published_weights
 from mwlib.text_to_motion.objective import TextObjective
 from mwlib.text_to_motion.system import evaluate
@@ -63,12 +63,20 @@ def slow_text(published: Published, caption: TaggedCaption) -> torch.Tensor:
     return slowly(published.text, torch.stack(x))
 
 
+def slow_convolution(layer: torch.nn.Conv1d, x: torch.Tensor) -> torch.Tensor:
+    """Every second of x (T, C) with the one before it and the two behind it; zeros beyond the ends; then the rectifier."""
+    framed = torch.cat([torch.zeros_like(x[:1]), x, torch.zeros_like(x[:1])])
+    rows = [sum(layer.weight[..., k] @ framed[t + k] for k in range(4)) + layer.bias for t in range(0, len(x), 2)]
+    return torch.stack([torch.where(row > 0, row, 0.2 * row) for row in rows])
+
+
 def slow_motion(published: Published, raw: np.ndarray) -> torch.Tensor:
     """One motion, scaled by the evaluator's numbers and padded with zeros to 196 frames as published."""
-    x = torch.zeros(1, 196, 263)
+    x = torch.zeros(196, raw.shape[1])
     frames = len(raw) // 4 * 4
-    x[0, :frames] = torch.from_numpy((raw[:frames] - published.mean) / published.deviation).float()
-    return slowly(published.motion, published.movement(x)[0, : frames // 4])
+    x[:frames] = torch.from_numpy((raw[:frames] - published.mean) / published.deviation).float()
+    codes = slow_convolution(published.movement.main[3], slow_convolution(published.movement.main[0], x[:, :-4]))
+    return slowly(published.motion, published.movement.out_net(codes[: frames // 4]))
 
 
 def close(found: torch.Tensor, expected: torch.Tensor) -> None:
@@ -106,6 +114,22 @@ def test_motions_are_scaled_by_the_evaluators_own_statistics(published):
     found = judge.embed_motions([torch.from_numpy(x) for x in motions])
     close(found, torch.stack([slow_motion(published, x) for x in motions]))
     assert judge.statistics.layout == HUMANML3D and judge.device.type == "cpu" and judge.to("cpu") is judge
+
+
+@pytest.mark.parametrize("width", [263, 251])
+def test_motions_are_padded_to_196_frames_and_no_further(width, tmp_path):
+    """As published: nothing is known of what comes after a clip of 196 frames."""
+    published = write_evaluator(tmp_path, width)
+    judge = open_published(tmp_path)
+    motions = [features(20 + frames, frames, width) for frames in (24, 192, 195, 196, 199)]
+    found = judge.embed_motions([torch.from_numpy(x) for x in motions])
+    close(found, torch.stack([slow_motion(published, x) for x in motions]))
+    open_end = Matcher(judge.network, judge.movement, judge.statistics, judge.vocabulary)
+    other = open_end.embed_motions([torch.from_numpy(x) for x in motions])
+    close(other[:3], found[:3])
+    assert (other[3:] - found[3:]).norm() > 0.005 * found[3:].norm(), "zeros after the end would be seen"
+    with pytest.raises(ValueError, match="a clip has 203 frames; expected at most 196 in whole movements"):
+        judge.embed_motions([torch.from_numpy(features(1, 203, width))])
 
 
 def test_it_may_take_part_in_a_loss(published, collection):

@@ -22,6 +22,8 @@ MUTANTS = [
          "networks/test_matching.py::test_padding_does_not_change_a_sentence"),
         ("padding-seen-by-the-movements", "torch.where(kept[..., None], x, 0.0)", "x",
          "networks/test_matching.py::test_padding_does_not_change_a_movement"),
+        ("a-window-of-another-length", "WINDOW = 196", "WINDOW = 200",
+         "matching/test_published.py::test_motions_are_padded_to_196_frames_and_no_further"),
         ("critic-refused-by-cudnn", "return super().train(True)", "return super().train(mode)",
          "networks/test_matching.py::test_a_frozen_critic_passes_gradients_to_the_motion"),
         ("contacts-seen", "x[..., :-CONTACTS].transpose(1, 2)", "x[..., CONTACTS:].transpose(1, 2)",
