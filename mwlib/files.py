@@ -1,7 +1,5 @@
 """Files that are whole or not there: write to a temporary name, flush, rename."""
 
-from __future__ import annotations
-
 import json
 import os
 from collections.abc import Mapping

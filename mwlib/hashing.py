@@ -1,7 +1,5 @@
 """Hashes of data, files and code; nothing else in the library makes any."""
 
-from __future__ import annotations
-
 import ast
 import hashlib
 import json

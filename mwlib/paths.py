@@ -4,8 +4,6 @@ The course lies in one of three places: a working copy around the working folder
 checkout that mwlib is imported from, or the copy inside the installed package.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 
 CHECKOUT = Path(__file__).resolve().parents[1]

@@ -1,7 +1,5 @@
 """Configurations: frozen dataclasses of groups, with overrides by name, checks declared beside each field, YAML and a hash."""
 
-from __future__ import annotations
-
 import difflib
 import json
 import math

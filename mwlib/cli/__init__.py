@@ -5,8 +5,6 @@ command, those behind it the options, with their types and defaults; its docstri
 (`mwlib.cli.source`): the function is imported when its command runs, so that help and mistyped words wait for no torch.
 """
 
-from __future__ import annotations
-
 import argparse
 import difflib
 import importlib

@@ -1,7 +1,5 @@
 """The command lafan1-benchmark."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from statistics import mean, stdev

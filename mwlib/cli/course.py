@@ -3,8 +3,6 @@
 Jupyter's packages are imported by the command that needs them, and none imports torch: notebooks run in kernels of their own.
 """
 
-from __future__ import annotations
-
 import logging
 import os
 import sys

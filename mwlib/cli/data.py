@@ -1,7 +1,5 @@
 """Commands on data: check-data, write-synthetic, fetch."""
 
-from __future__ import annotations
-
 import io
 import os
 import shlex

@@ -1,7 +1,5 @@
 """Commands that train and measure: train, grid-table, ship, storyboards, reproduction."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any

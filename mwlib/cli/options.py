@@ -1,7 +1,5 @@
 """Options that several commands share: a command has those of a function here by ``**name``."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Literal, NamedTuple

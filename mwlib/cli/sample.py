@@ -1,7 +1,5 @@
 """Commands that sample: predict, export-bvh, loop, inbetween, generate."""
 
-from __future__ import annotations
-
 import io
 import json
 import re

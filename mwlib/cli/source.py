@@ -1,7 +1,5 @@
 """Commands, names and settings as the library's source states them, read without importing it."""
 
-from __future__ import annotations
-
 import ast
 import re
 from collections.abc import Iterator

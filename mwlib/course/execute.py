@@ -5,8 +5,6 @@ Own choice: papermill's exit code and metadata do not prove success (a kernel th
 shows every cell run, in order, without an error; then the result gets the status "ok", together with the HTML page.
 """
 
-from __future__ import annotations
-
 import json
 import os
 import platform

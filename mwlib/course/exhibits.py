@@ -3,8 +3,6 @@
 Exhibits are written as Markdown. Sphinx reads it as it is; a build's `index.html` is the same turned into HTML.
 """
 
-from __future__ import annotations
-
 import csv
 import json
 import os

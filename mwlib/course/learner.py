@@ -1,7 +1,5 @@
 """Copies of the notebooks for learners: the same course without its solutions."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """The list of exhibits, `figures/manifest.yaml`: every table and figure, what it shows and which notebook makes it."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass, field

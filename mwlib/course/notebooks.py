@@ -1,7 +1,5 @@
 """Notebooks of the course: their files, hashes of their sources, and their parameters."""
 
-from __future__ import annotations
-
 import ast
 import io
 import json

@@ -3,8 +3,6 @@
 Chapters, committed results and texts keep their places relative to each other, so that the links between them hold.
 """
 
-from __future__ import annotations
-
 import json
 import re
 from collections.abc import Mapping

@@ -1,7 +1,5 @@
 """A working copy of the course: what a reader opens, runs and edits, taken out of the installed package."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import NamedTuple
 

@@ -1,7 +1,5 @@
 """CMU's motion capture with captions, as features of HumanML3D: real people and real sentences, few of them."""
 
-from __future__ import annotations
-
 import csv
 from collections.abc import Collection, Iterator
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Downloads of published motions: from their publishers, checked, one process at a time."""
 
-from __future__ import annotations
-
 import csv
 import io
 import json

@@ -1,7 +1,5 @@
 """load_motions: every reader behind one name."""
 
-from __future__ import annotations
-
 import os
 import re
 import sys

@@ -1,7 +1,5 @@
 """Left and right: joints paired by their names, and bodies that can be mirrored."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterator, Sequence
 from dataclasses import replace

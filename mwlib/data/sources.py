@@ -1,7 +1,5 @@
 """Configured motions: loading, people held out, and fingerprints."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Annotated, Literal, NamedTuple

@@ -1,7 +1,5 @@
 """Settings of the forward process, and of keyframes as conditions of sampling."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Literal
 

@@ -1,7 +1,5 @@
 """Claims of a paper, verdicts that follow from measured tables, and the page about them."""
 
-from __future__ import annotations
-
 import ast
 import json
 import re

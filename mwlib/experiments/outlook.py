@@ -1,7 +1,5 @@
 """The bodies that each system would train on, found by letting the systems make their data ready."""
 
-from __future__ import annotations
-
 import warnings
 from collections.abc import Callable, Sequence
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Pictures of a predictor on people never seen: storyboards beside the truth, end poses, and its loss curves."""
 
-from __future__ import annotations
-
 import json
 import platform
 from collections.abc import Sequence

@@ -1,7 +1,5 @@
 """Result files: what a run found and what that depends on, proof that it is whole, and the lock of whoever makes it."""
 
-from __future__ import annotations
-
 import csv
 import json
 import logging

@@ -1,7 +1,5 @@
 """Runs and their results: trained or measured once, and found again by settings, data and the code behind them."""
 
-from __future__ import annotations
-
 import json
 import logging
 import os

@@ -1,7 +1,5 @@
 """Motions between keyframes and from sentences, by a model that is named."""
 
-from __future__ import annotations
-
 import difflib
 import warnings
 from collections.abc import Sequence

@@ -1,7 +1,5 @@
 """The trained models that come with the package: made by one command, each with a card that says what it can do."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Mapping
 from math import isfinite

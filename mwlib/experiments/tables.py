@@ -1,7 +1,5 @@
 """Tables of grids: measured, arranged, with what a reader must know to trust them."""
 
-from __future__ import annotations
-
 import warnings
 from collections.abc import Collection, Mapping, Sequence
 from math import isfinite, nan

@@ -1,7 +1,5 @@
 """One look for every picture: colours, sizes, type. Nothing here acts until `style()` or `use_style()` is called."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from typing import Any

@@ -1,7 +1,5 @@
 """The player as a widget of a running notebook: Python sees which frame is shown, and can change it."""
 
-from __future__ import annotations
-
 import anywidget
 import traitlets
 

@@ -1,7 +1,5 @@
 """Tables of results, for a notebook's page and for a terminal."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Sliders, menus and boxes over figure functions. Thin shells: they build controls and redraw; the pictures come from `plots`."""
 
-from __future__ import annotations
-
 import os
 import time
 from collections.abc import Callable

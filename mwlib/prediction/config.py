@@ -1,7 +1,5 @@
 """Settings and presets of MotionWavelet: every option of the method, its training and its sampling."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 from typing import Annotated, Any, ClassVar, Literal, Self
 

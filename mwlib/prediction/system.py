@@ -1,7 +1,5 @@
 """MotionWavelet as the experiments see it: data, training and evaluation on people whom the model has never seen."""
 
-from __future__ import annotations
-
 import warnings
 from collections.abc import Callable, Sequence
 from typing import Any

@@ -8,8 +8,6 @@ Synonyms ask how far a small change of wording changes what a model makes of a s
 list: a sentence with other words keeps its meaning.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Mapping
 from typing import Literal, NamedTuple, get_args

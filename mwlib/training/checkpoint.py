@@ -1,7 +1,5 @@
 """Tensor files with checksums, the moving average of weights, and checkpoints of a training."""
 
-from __future__ import annotations
-
 import copy
 import json
 import os

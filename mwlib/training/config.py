@@ -1,7 +1,5 @@
 """Settings of the optimisation, and the learning rate that they describe."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from typing import Literal

@@ -1,7 +1,5 @@
 """The training loop: it yields every step, averages the weights, and resumes to the bit."""
 
-from __future__ import annotations
-
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Mapping

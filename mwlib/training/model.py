@@ -1,7 +1,5 @@
 """The base of trained models: a network with the configuration that it was trained with, and settings of the sampling."""
 
-from __future__ import annotations
-
 import copy
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any, ClassVar, TypeVar

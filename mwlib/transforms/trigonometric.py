@@ -1,7 +1,5 @@
 """Low-pass cosine and sine coefficients along time."""
 
-from __future__ import annotations
-
 import numpy as np
 from scipy.fft import dct, dst
 

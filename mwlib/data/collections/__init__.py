@@ -1,7 +1,5 @@
 """Known data sets: a module of records each, found by lying in this folder."""
 
-from __future__ import annotations
-
 import importlib
 import pkgutil
 from pathlib import Path

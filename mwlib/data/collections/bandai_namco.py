@@ -1,7 +1,5 @@
 """The clips of Bandai-Namco's motion data sets that our tests and tables use."""
 
-from __future__ import annotations
-
 import re
 
 from mwlib.body.skeleton import named_tree

@@ -1,7 +1,5 @@
 """CMU's motion capture: ASF/AMC, and conversions of it to BVH."""
 
-from __future__ import annotations
-
 import re
 from functools import partial
 

@@ -1,7 +1,5 @@
 """Human3.6M and HumanEva-I as VideoPose3D stores them, and what is published of their test windows."""
 
-from __future__ import annotations
-
 from mwlib.body.skeleton import H36M17, named_tree
 from mwlib.data.collections.record import Collection, Protocol
 

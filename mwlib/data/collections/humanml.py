@@ -1,7 +1,5 @@
 """HumanML3D and KIT motion-language, motions with descriptions."""
 
-from __future__ import annotations
-
 from mwlib.body.skeleton import HUMANML22, named_tree
 from mwlib.data.collections.record import Collection
 

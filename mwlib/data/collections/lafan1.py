@@ -1,7 +1,5 @@
 """Ubisoft's LaFAN1, whole."""
 
-from __future__ import annotations
-
 import re
 
 from mwlib.body.skeleton import named_tree

@@ -1,7 +1,5 @@
 """Records of data sets: what one is, how its files are understood, and how it is brought."""
 
-from __future__ import annotations
-
 import csv
 import re
 from collections.abc import Callable, Mapping, Sequence

@@ -4,8 +4,6 @@ A pickle is a program. This is an interpreter of the few instructions that NumPy
 5, from Python 2 or 3: it calls nothing that a file names, and every other instruction is refused.
 """
 
-from __future__ import annotations
-
 import math
 import pickletools
 import re
