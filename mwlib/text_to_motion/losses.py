@@ -12,7 +12,7 @@ from mwlib.transforms.trigonometric import DCTTransform
 
 Norm = Literal["l1", "mse"]
 Band = Literal["low", "high"]
-Stage = Literal["prose", "mdm_code", "eq16", "none", "snr"]
+Stage = Literal["prose", "mdm_code", "eq16", "smf_code", "none", "snr"]
 Semantic = Literal["cos_gt", "cos_text", "reward", "hinge", "detached"]
 
 HIGH, MDM_LOW, EQ16 = 0.6, 0.4, 0.3  # shares of the diffusion's steps: see stage_weights
@@ -134,9 +134,12 @@ def stage_weights(
     """How much each loss counts at each sample's noise level; t = 0 is almost clean, t = M - 1 is noise.
 
     Source: the paper says in words that low frequencies come early in denoising, at much noise ("prose": t >= 0.6 M, meaning
-    below), and prints the opposite (Eq. 16, "eq16": t <= 0.3 M, as its code for StableMoFusion). Its code for MDM leaves a gap
-    ("mdm_code": t >= 0.6 M and t <= 0.4 M). "none": both everywhere (Table 11). Own choice: "snr", the share of the low cosines
-    that noise still drowns.
+    below), and prints the opposite (Eq. 16, "eq16": t <= 0.3 M). Its code for MDM leaves a gap ("mdm_code": t >= 0.6 M and
+    t <= 0.4 M). "none": both everywhere (Table 11). Own choice: "snr", the share of the low cosines that noise still drowns.
+
+    The mean of a batch counts samples outside a stage as zeros, as do the equations and the code for MDM. The code for
+    StableMoFusion has the stages of Eq. 16, but takes the mean over the samples inside a stage ("smf_code"). With lambda 1 a
+    low-frequency loss then counts 1/0.3 times as much on average, a semantic one 1/0.7 times.
 
     Args:
         stage: which reading.
@@ -162,9 +165,12 @@ def stage_weights(
         return low, 1 - low
     late, early, all_of_them = t >= HIGH * steps, t <= int(EQ16 * steps), t >= 0
     readings = {
-        "prose": (late, ~late), "mdm_code": (late, t <= MDM_LOW * steps), "eq16": (early, ~early), "none": (all_of_them,) * 2,
+        "prose": (late, ~late), "mdm_code": (late, t <= MDM_LOW * steps), "eq16": (early, ~early), "smf_code": (early, ~early),
+        "none": (all_of_them,) * 2,
     }  # fmt: skip
     if stage not in readings:
         raise ValueError(f"stage is {stage!r}; expected {', '.join(readings)} or snr")
-    low, semantic = readings[stage]
-    return low.float(), semantic.float()
+    low, semantic = (part.float() for part in readings[stage])
+    if stage == "smf_code":
+        low, semantic = (part / part.mean().clamp_min(1 / len(t)) for part in (low, semantic))
+    return low, semantic

@@ -142,6 +142,17 @@ def test_stages_are_the_papers_readings_sample_by_sample():
     assert float((low * torch.tensor([1.0, 9.0])).mean()) == 0.5
 
 
+@pytest.mark.parametrize("t", [[0, 300, 301, 999, 700], [0, 1], [400, 999, 301]])
+def test_the_code_for_stablemofusion_averages_over_the_samples_of_a_stage(t):
+    """As its fork has it: the loss of a sub-batch, nothing where that is empty. Eq. 16 leaves the others in as zeros."""
+    t, each = torch.tensor(t), torch.rand(2, len(t), generator=torch.Generator().manual_seed(1))
+    readings = [stage_weights(stage, t, alpha_bar("linear", 1000)) for stage in ("smf_code", "eq16")]
+    for inside, loss, smf, eq16 in zip((t <= 300, t > 300), each, *readings, strict=True):
+        alone = loss[inside].mean() if inside.any() else torch.tensor(0.0)
+        torch.testing.assert_close((smf * loss).mean(), alone)
+        torch.testing.assert_close((eq16 * loss).mean(), alone * inside.float().mean())
+
+
 def test_the_stage_by_signal_to_noise_is_the_share_that_noise_drowns():
     a = torch.tensor([0.9, 0.5, 0.1], dtype=torch.float64)
     low, semantic = stage_weights("snr", torch.arange(3), a, torch.tensor([2.0, 0.5, 0.05, 0.05]))

@@ -67,6 +67,7 @@ MUTANTS = [
         ("reward-of-everything", "-(close - threshold).clamp_min(0)", "-(close - threshold)"),
         ("penalty-instead-of-a-reward", "return -(close - threshold)", "return (close - threshold)"),
         ("eq16-without-its-last-step", "t <= int(EQ16 * steps)", "t < int(EQ16 * steps)"),
+        ("a-stage-of-zeros-and-ones", "part / part.mean().clamp_min(1 / len(t))", "part"),
         ("prose-stage-turned-round", '"prose": (late, ~late)', '"prose": (~late, late)'),
     ),
     *of(
