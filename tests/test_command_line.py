@@ -85,6 +85,9 @@ def test_settings_read_from_the_source_are_those_of_the_system(name):
     config = system(name).Config
     text = settings_text(name)
     assert f"Presets of {name}: {', '.join(config.presets)}\n" in text
+    presets, _, text = text.partition("Its settings")
+    told = dict(line[2:].split("  ", 1) for line in presets.splitlines() if line.startswith("  "))
+    assert {"tiny", "laptop"} <= {*told} <= {*config.presets} and all(said.endswith(".") for said in told.values())
     usual, _, advanced = text.partition(ADVANCED)
     shown = [dict(line.split(" = ", 1) for line in part.splitlines() if line.startswith("  ")) for part in (usual, advanced)]
     assert {name.strip() for name in shown[1]} == config.advanced()

@@ -4,6 +4,7 @@ import ast
 import re
 from collections.abc import Iterator
 from functools import cache
+from itertools import takewhile
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -95,10 +96,26 @@ def names_of(module: str, variable: str) -> list[str]:
     if not variable.isupper():
         text = "".join(file.read_text(encoding="utf-8") for file in sorted(_file(module).parent.glob("*.py")))
         return re.findall(rf'\b{variable}\(\s*(?:name=)?"([\w-]+)"', text)
+    return [ast.literal_eval(key) for key in _keys(module, variable)[1]]
+
+
+def _keys(module: str, variable: str) -> tuple[str, list[ast.expr]]:
+    """The module that defines a mapping, and the keys of it and of those joined to it."""
     where, value = _defined(module, variable)
     nodes = [node for node in _source(where)[1].body if isinstance(node, ast.AugAssign)]
     joined = [node.value for node in nodes if ast.unparse(node.target) == variable]
-    return [ast.literal_eval(key) for mapping in (value, *joined) for key in getattr(mapping, "keys", ())]
+    return where, [key for mapping in (value, *joined) for key in getattr(mapping, "keys", ())]
+
+
+def _told(module: str, variable: str) -> list[str]:
+    """A line for each key of a mapping that has a comment above it."""
+    where, keys = _keys(module, variable)
+    lines, found = _source(where)[0], []
+    for key in keys:
+        above = takewhile(lambda line: line.startswith("# "), (line.strip() for line in reversed(lines[: key.lineno - 1])))
+        if text := " ".join(line[2:] for line in reversed([*above])):
+            found.append(f"  {ast.literal_eval(key)}  {text}")
+    return found
 
 
 def settings_text(system: str) -> str:
@@ -109,18 +126,20 @@ def settings_text(system: str) -> str:
     """
     if system not in MODULES:
         raise ValueError(f"system is {system!r}; expected one of {', '.join(MODULES)}")
-    presets, groups = [], {}
+    presets, told, groups = [], [], {}
     for module, config in _bases(MODULES[system], "Config"):
         for node in config.body:
             match node:
                 case ast.Assign(targets=[ast.Name(id="presets")], value=ast.Name(id=variable)):
-                    presets = names_of(module, variable)
+                    presets, told = names_of(module, variable), _told(module, variable)
                 case ast.AnnAssign(target=ast.Name(id=group), annotation=ast.Name(id=kind)):
                     for advanced, line in _fields(*_defined(module, kind)):
                         groups.setdefault(ADVANCED if advanced else group, []).append(line)
     ordered = sorted(groups, key=ADVANCED.__eq__)
     lines = [line for group in ordered for line in (f"{group}:", *groups[group])]
-    return "\n".join([f"\nPresets of {system}: {', '.join(presets)}\n\nIts settings, their defaults and meanings", *lines, ""])
+    return "\n".join(
+        [f"\nPresets of {system}: {', '.join(presets)}", *told, "\nIts settings, their defaults and meanings", *lines, ""]
+    )
 
 
 def _fields(module: str, kind: Any) -> Iterator[tuple[bool, str]]:

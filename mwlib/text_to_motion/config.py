@@ -15,13 +15,15 @@ from mwlib.settings import Advanced, BelowOne, Count, Natural, NotNegative, Sett
 from mwlib.text_to_motion.losses import Band, Norm, Semantic, Stage
 from mwlib.training.config import TrainingConfig
 
-# MDM as published; its learning rate stays, its later releases average the weights (0.9999).
-_MDM: dict[str, Any] = dict(
-    lr=1e-4, lr_schedule="constant", weight_decay=0.0, train_steps=600_000, ema=0.9999, ema_start=2000,
+CLIP = "clip-vit-base-patch32"  # folder, here or under MWLIB_DATA
+# Both as published: CLIP, padding that the network sees, and the collection's own Mean.npy and Std.npy.
+_PUBLISHED: dict[str, Any] = dict(
+    data="HumanML3D", text="clip", clip_folder=CLIP, mask_frames=False, statistics="files",
 )  # fmt: skip
-# StableMoFusion as published: a linear schedule of 1,000 steps, sampled in 10. It averages the weights every 32 steps with a
-# decay of 0.9932; here they are averaged at every step, with its 32nd root.
-_STABLEMOFUSION: dict[str, Any] = dict(
+_MDM: dict[str, Any] = _PUBLISHED | dict(
+    lr=1e-4, lr_schedule="constant", weight_decay=0.0, train_steps=600_000, ema=0.0, ema_start=0,
+)  # fmt: skip
+_STABLEMOFUSION: dict[str, Any] = _PUBLISHED | dict(
     network="unet", schedule="linear", steps=1000, normalisation="stablemofusion", sampler="sde_dpm", sampling_steps=10,
     lr=2e-4, weight_decay=0.01, lr_schedule="multistep", lr_gamma=0.9, lr_milestones=tuple(range(5000, 50_000, 5000)),
     train_steps=50_000, ema=0.999787, ema_start=0, clip_gradient=1.0,
@@ -49,11 +51,14 @@ PRESETS: dict[str, dict[str, Any]] = {
         data="cmu", longest=196, dropout=0.1, train_steps=4000, batch=64, checkpoint_every=500, pool=16,
         evaluator="cmu_evaluator", critic="cmu_critic",
     ),
-    # The published sizes, for a graphics card and a folder of HumanML3D or KIT that you give as `data`. CLIP, which both were
-    # published with, is a folder of yours: text=clip clip_folder=FOLDER. The evaluator is to be trained on these data, or is a
-    # folder with the published one.
-    "mdm": _MDM | dict(data="HumanML3D"),
-    "stablemofusion": _STABLEMOFUSION | dict(data="HumanML3D"),
+    # MDM as first published, of 50 noising steps, for a folder of HumanML3D or KIT-ML and a GPU. It reads sentences by CLIP from
+    # clip_folder (--set text=words does without), lets frames see the padding, scales by Mean.npy and Std.npy, averages no
+    # weights. Its later code hides the padding and averages (--set mask_frames=true --set ema=0.9999). Own choice: batches of
+    # like lengths, and the last weights where the authors took those of the best FID.
+    "mdm": _MDM,
+    # StableMoFusion as published, in the same sense. It averages the weights every 32 steps with a decay of 0.9932; here they
+    # are averaged at every step, with its 32nd root. Own choice: batches of like lengths, and sampling in float32.
+    "stablemofusion": _STABLEMOFUSION,
 }  # fmt: skip
 # One name builds the figures of all systems; where the others have big data, so has this one.
 PRESETS |= {"laptop_paper": PRESETS["laptop"], "cmu_paper": PRESETS["cmu"], "h36m": PRESETS["mdm"], "humaneva": PRESETS["mdm"]}
@@ -76,13 +81,13 @@ class ModelConfig:
     dropout: BelowOne = 0.1  # of both networks
     attention_dropout: BelowOne = 0.1  # of MDM, on attention weights; on the CPU anything but 0 is slow
     frames_per_token: Count = 1  # of MDM; more is quicker
-    mask_frames: Advanced[bool] = True  # of both: hide padding from valid frames; MDM as first published did not
+    mask_frames: bool = True  # of both: hide padding from valid frames; as first published they see it, noise and all
     multipliers: Advanced[tuple[int, ...]] = (2, 2, 2, 2)  # of the U-Net, one for each level
     text: Literal["words", "ngrams", "clip"] = "words"  # a small transformer, hashed parts of words, or CLIP from a file
     text_width: Count = 512  # of "words" and "ngrams"
     text_layers: Natural = 2  # of "words" and "ngrams"
     start: str = ""  # weights to begin with, of a run of the same sizes: a name that comes with the package, or a folder
-    clip_folder: str = ""  # of CLIP ViT-B/32, for "clip": see `mwlib.networks.text`
+    clip_folder: str = ""  # of CLIP ViT-B/32, read for "clip" only, here or under MWLIB_DATA: see `mwlib.networks.text`
 
 
 @dataclass(frozen=True)
@@ -92,6 +97,7 @@ class ForwardConfig:
     schedule: Literal["linear", "cosine", "sigmoid", "sqrt"] = "cosine"  # of the noise, see `alpha_bar`
     steps: Count = 50  # M, noising steps
     normalisation: Literal["mdm", "stablemofusion"] = "mdm"  # of the features, see `mwlib.data.normalisation`
+    statistics: Literal["clips", "files"] = "clips"  # of the features: of the training clips, or Mean.npy and Std.npy of the data
 
 
 @dataclass(frozen=True)
@@ -144,6 +150,7 @@ class Config(Settings):
     system: ClassVar[str] = "text_to_motion"
     presets = PRESETS
     after_training: ClassVar[frozenset[str]] = frozenset({"sampling", "checkpoint_every"})
+    newer = {"statistics": "clips"}
 
     data: CaptionsConfig = field(default_factory=CaptionsConfig)
     model: ModelConfig = field(default_factory=ModelConfig)
@@ -171,8 +178,10 @@ class Config(Settings):
             check_channels(m.width, m.multipliers)
         if m.network == "mdm" and (m.width % m.heads or m.width % 2):
             raise ValueError(f"width is {m.width}; expected an even multiple of heads ({m.heads})")
-        if (m.text == "clip") != bool(m.clip_folder):
-            raise ValueError(f"text is {m.text}, clip_folder {m.clip_folder!r}; expected a folder with clip, and only with it")
+        if m.text == "clip" and not m.clip_folder:
+            raise ValueError("text is clip, clip_folder empty; expected the folder of CLIP ViT-B/32")
+        if self.forward.statistics == "files" and self.data.data in ("people", "cmu"):
+            raise ValueError(f"statistics is files, data {self.data.data}; expected a folder with Mean.npy and Std.npy, or clips")
         if s.sampling_steps > steps:
             raise ValueError(f"sampling_steps is {s.sampling_steps}; expected at most steps ({steps})")
         check_indices("sampling_steps", self.forward.schedule, steps, s.sampling_steps or steps, "trailing", 0)

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
 
 import torch
 from jaxtyping import Bool, Float, Int
 from torch import Tensor, nn
 
 from mwlib.data.formats.humanml import FeatureLayout
+from mwlib.data.load import data_folder
 from mwlib.data.normalisation import Statistics
 from mwlib.diffusion import Denoise, Step, WindowNoise, alpha_bar, classifier_free, ddim, ddim_indices, posterior_mean, to_eps
 from mwlib.diffusion.samplers import sde_dpm_solver
@@ -70,10 +72,17 @@ def make_text(cfg: ModelConfig, vocabulary: Sequence[str]) -> TextEncoder:
         FileNotFoundError, ImportError: as `ClipText`.
     """
     if cfg.text == "clip":
-        return ClipText(cfg.clip_folder, longest=75, padded=True) if cfg.network == "unet" else ClipText(cfg.clip_folder)
+        places = Path(cfg.clip_folder), data_folder() / cfg.clip_folder
+        folder = next((place for place in places if place.is_dir()), places[0])
+        return ClipText(folder, longest=75, padded=True) if cfg.network == "unet" else ClipText(folder)
     if cfg.text == "ngrams":
         return HashedNgrams(width=cfg.text_width, layers=cfg.text_layers, heads=cfg.heads, dropout=cfg.dropout)
     return WordTransformer(vocabulary, cfg.text_width, cfg.text_layers, cfg.heads, cfg.dropout, forget=FORGET)
+
+
+def noisy(mask: Bool[Tensor, "B T"], cfg: ModelConfig) -> Bool[Tensor, "B T 1"]:
+    """Frames that take part in the diffusion: all where the network sees the padding, as in both published codes."""
+    return (mask if cfg.mask_frames else torch.ones_like(mask))[..., None]
 
 
 CHUNK = 32  # motions sampled together on a processor
@@ -188,7 +197,9 @@ class TextToMotion(TrainedModel):
         return [found[i] for i in range(len(texts))]
 
     def steps(self, texts: Sequence[str], frames: Sequence[int], seed: int, ids: Sequence[int] | None = None) -> Iterator[Step]:
-        """The denoising steps of one batch, normalised features, padded with zeros; the last one's `y` is clean.
+        """The denoising steps of one batch, normalised features; the last one's `y` is clean.
+
+        What is padded with zeros stays zeros, unless the network sees the padding (`mask_frames`): that is then denoised, too.
 
         Args:
             texts, frames, seed, ids: as in `sample`. Wants `torch.inference_mode` around it where no gradient is needed.
@@ -200,9 +211,10 @@ class TextToMotion(TrainedModel):
         )
         most = self.cfg.padded or int(lengths.max())
         mask = (torch.arange(most) < lengths[:, None]).to(self.device)
+        kept = noisy(mask, self.cfg.model)
 
         def draw() -> Tensor:  # so many frames whatever the others' lengths: a motion does not depend on its batch
-            return noise()[:, :most] * mask[..., None]
+            return noise()[:, :most] * kept
 
         denoise, steps = self._denoise(texts, mask), self.cfg.forward.steps
         count = self.sampling.sampling_steps or steps
@@ -229,6 +241,6 @@ class TextToMotion(TrainedModel):
             if guided:
                 with_text, without = y0_hat.chunk(2)
                 y0_hat = classifier_free(with_text, without, self.sampling.guidance, "alg1")
-            return to_eps("y0", y0_hat * mask[..., None], y, self.alpha_bar[t])
+            return to_eps("y0", y0_hat * noisy(mask, self.cfg.model), y, self.alpha_bar[t])
 
         return denoise

@@ -3,19 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from pathlib import Path
 
 import torch
 from jaxtyping import Float
 from torch import Tensor, nn
 
 from mwlib.data.captioned import Batch, ClipBatches, Parts
+from mwlib.data.formats.humanml import FeatureLayout
+from mwlib.data.load import find_source
 from mwlib.data.normalisation import Statistics
+from mwlib.data.untrusted import MotionFormatError
 from mwlib.diffusion import alpha_bar, noised
 from mwlib.matching.evaluators import Matcher, finished_run, open_matcher
 from mwlib.networks.text import WordTransformer, vocabulary_of
 from mwlib.text_to_motion.config import Config
 from mwlib.text_to_motion.losses import LowPass, low_frequency_loss, masked_error, semantic_loss, stage_weights
-from mwlib.text_to_motion.model import TextDenoiser
+from mwlib.text_to_motion.model import TextDenoiser, noisy
 from mwlib.training import Objective, read_model, seeded
 
 VALIDATION_BATCHES = 4  # of 64 clips
@@ -32,6 +36,7 @@ class TextObjective(Objective):
 
     Raises:
         FileNotFoundError: the critic of the semantic loss is missing, or the run to start from.
+        MotionFormatError: Mean.npy or Std.npy of the data is missing or malformed, where `statistics` asks for them.
         ValueError: the run to start from has other sizes.
     """
 
@@ -42,6 +47,8 @@ class TextObjective(Objective):
         weights, found, _ = read_model(finished_run(cfg.model.start, advice)) if cfg.model.start else ({}, {}, {})
         if learnt or found:
             self.statistics = Statistics.from_tensors(cfg.forward.normalisation, learnt or found)
+        elif cfg.forward.statistics == "files":
+            self.statistics = _collections_own(cfg, self.layout)
         else:
             features = [clip.features for clip in parts.train]
             self.statistics = Statistics.measured(features, self.layout, cfg.forward.normalisation)
@@ -82,7 +89,7 @@ class TextObjective(Objective):
         t = torch.randint(len(self.alpha_bar), (size,), generator=generator)
         eps = torch.randn(batch.y.shape, generator=generator).to(batch.y.device)
         drop = (torch.rand(size, generator=generator) < o.drop_text).to(batch.y.device)
-        y_t = noised(batch.y, eps, self.alpha_bar[t]) * batch.mask[..., None]
+        y_t = noised(batch.y, eps, self.alpha_bar[t]) * noisy(batch.mask, self.cfg.model)
         y0_hat = network(y_t, t.to(batch.y.device), batch.mask, batch.captions, drop)
         error = y0_hat - batch.y
         total = o.simple_weight * masked_error(error, batch.mask)
@@ -119,6 +126,24 @@ class TextObjective(Objective):
     def learnt(self) -> dict[str, Tensor]:
         """Mean and deviation of the features."""
         return self.statistics.tensors()
+
+
+def statistics_files(cfg: Config) -> list[Path]:
+    """Mean.npy and Std.npy of the folder of data, where the settings ask for them.
+
+    Raises:
+        FileNotFoundError: there is no such folder.
+    """
+    return [find_source(cfg.data.data) / name for name in ("Mean.npy", "Std.npy")] if cfg.forward.statistics == "files" else []
+
+
+def _collections_own(cfg: Config, layout: FeatureLayout) -> Statistics:
+    """As they are, but for what the second of the published codes divides its deviations by."""
+    mean, deviation = statistics_files(cfg)
+    found = Statistics.read(mean, deviation)
+    if found.layout != layout:
+        raise MotionFormatError(mean.parent, "Mean.npy", f"{found.layout.width} numbers", f"{layout.width} for {layout.name}")
+    return found.of_kind(cfg.forward.normalisation)
 
 
 def _begin_with(network: nn.Module, weights: Mapping[str, Tensor], start: str) -> None:

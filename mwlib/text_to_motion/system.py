@@ -22,7 +22,7 @@ from mwlib.networks.text import words_of
 from mwlib.text_to_motion.attributes import CLAIMS, claims_met, movement
 from mwlib.text_to_motion.config import RANKS, Config
 from mwlib.text_to_motion.model import TextToMotion
-from mwlib.text_to_motion.objective import TextObjective
+from mwlib.text_to_motion.objective import TextObjective, statistics_files
 
 METRICS = {  # the columns of every table
     "fid": Column("FID", "lower"),
@@ -63,9 +63,9 @@ def load_data(cfg: Config) -> Parts:
 
 
 def built_on(cfg: Config) -> list[str]:
-    """Names, folders or files of the trained models that a training begins with or asks."""
+    """Names, folders or files of the trained models that a training begins with or asks, and of the statistics it reads."""
     critic = stands_on(cfg.objective.critic) if cfg.objective.semantic_weight else []
-    return ([cfg.model.start] if cfg.model.start else []) + critic
+    return ([cfg.model.start] if cfg.model.start else []) + critic + [str(file) for file in statistics_files(cfg)]
 
 
 def judged_by(cfg: Config) -> list[str]:

@@ -14,8 +14,8 @@ from mwlib.text_to_motion.config import Config
     "changes, message",
     [
         ({"width": 30, "heads": 4}, "width is 30; expected an even multiple of heads"),
-        ({"text": "clip"}, "expected a folder with clip"),
-        ({"clip_folder": "clip"}, "expected a folder with clip"),
+        ({"text": "clip"}, "clip_folder empty; expected the folder of CLIP"),
+        ({"statistics": "files"}, "statistics is files, data people; expected a folder with Mean.npy and Std.npy, or clips"),
         ({"sampling_steps": 51}, "sampling_steps is 51; expected at most steps"),
         ({"steps": 1}, "sampling_steps is 1 of 1, .*from noise at t = 0, where alpha_bar is 0.90.*; expected more steps, or an"),
         ({"longest": 30}, "longest is 30; expected at least shortest"),
@@ -44,6 +44,10 @@ def test_the_published_presets_have_the_published_settings():
         10,
     )
     assert smf.training.ema**32 == pytest.approx(0.9932, abs=1e-4)  # published: every 32 steps
+    assert (mdm.training.ema, mdm.training.ema_start) == (0, 0)  # its first release averages nothing
+    for cfg in (mdm, smf):
+        assert (cfg.model.text, cfg.model.mask_frames, cfg.forward.statistics, cfg.padded) == ("clip", False, "files", 196)
+    assert Config.preset("mdm", text="words", mask_frames=True).padded == 0
     assert (smf.training.lr, smf.training.lr_gamma, smf.training.clip_gradient) == (2e-4, 0.9, 1.0)
 
 

@@ -2,19 +2,22 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
 import torch
 from torch.testing import assert_close
 
+from mwlib import MotionFormatError
 from mwlib.data.captioned import CaptionsConfig, load_clips
 from mwlib.matching.evaluators import Matcher
 from mwlib.networks.text import HashedNgrams
 from mwlib.text_to_motion import model, objective
 from mwlib.text_to_motion.losses import LowPass, low_frequency_loss, masked_error
 from mwlib.text_to_motion.objective import TextObjective
+from mwlib.text_to_motion.system import built_on
 from mwlib.training import seeded, train
 from mwlib.training.checkpoint import save_tensors
-from tests.text_to_motion.sample import small, toy
+from tests.text_to_motion.sample import small, toy, untrained
 
 
 class Critic(Matcher):
@@ -145,6 +148,68 @@ def test_meaning_passes_through_the_critic_of_the_package():
         found[name] = [p.grad for p in one.network.parameters() if p.grad is not None]
     assert all(torch.equal(a, b) for a, b in zip(found["plain"], found["detached"], strict=True))
     assert not all(torch.allclose(a, b) for a, b in zip(found["plain"], found["felt"], strict=True))
+
+
+def test_a_network_that_sees_the_padding_sees_noise_there():
+    """As in both published codes; one that hides it gets zeros."""
+    seen = {}
+    for hides in (True, False):
+        one = TextObjective(small(mask_frames=hides, attention_dropout=0.0), toy())
+        given = []
+        one.network.body.register_forward_pre_hook(lambda _, args, given=given: given.append((args[0], args[2])))
+        with seeded(0, 3) as generator:
+            one.loss(one.network, one.draw(6, generator), generator)
+        ((y_t, mask),) = given
+        assert not mask.all() and (y_t[mask] != 0).all()
+        seen[hides] = y_t[~mask]
+    assert not seen[True].any() and 0.5 < seen[False].std() < 1.5
+
+
+def test_sampling_denoises_the_padding_that_a_network_sees():
+    for hides in (True, False):
+        drawn = untrained(mask_frames=hides)
+        with torch.inference_mode():
+            steps = [*drawn.steps(["a person goes up"] * 2, [8, 16], 1)]
+        assert bool(steps[0].y[0, 8:].any()) == bool(steps[-1].y[0, 8:].any()) == (not hides)
+        alone, together = drawn.sample(["someone"], [8], 1)[0], drawn.sample(["someone", "someone falls"], [8, 16], 1)[0]
+        torch.testing.assert_close(alone, together)
+
+
+def test_statistics_may_be_those_of_the_collection(tmp_path, monkeypatch):
+    monkeypatch.setenv("MWLIB_DATA", str(tmp_path))
+    folder = tmp_path / "HumanML3D"
+    folder.mkdir()
+    mean, deviation = np.linspace(-1, 1, 263), np.linspace(1, 3, 263)
+    for name, numbers in (("Mean", mean), ("Std", deviation)):
+        np.save(folder / f"{name}.npy", numbers)
+    asked = dict(statistics="files", data="HumanML3D")
+    plain, heavy = (TextObjective(small(normalisation=kind, **asked), toy()).learnt() for kind in ("mdm", "stablemofusion"))
+    for found in (plain, heavy):
+        np.testing.assert_allclose(found["mean"], mean, rtol=1e-6)
+    np.testing.assert_allclose(plain["deviation"], deviation, rtol=1e-6)
+    weighed = [*range(4), *range(259, 263)]
+    assert (np.flatnonzero(heavy["deviation"] != plain["deviation"]) == weighed).all()
+    np.testing.assert_allclose(heavy["deviation"][weighed], deviation[weighed] / 5, rtol=1e-6)
+    assert built_on(small(**asked)) == [str(folder / "Mean.npy"), str(folder / "Std.npy")] and built_on(small()) == []
+    np.save(folder / "Mean.npy", mean[:251])
+    np.save(folder / "Std.npy", deviation[:251])
+    with pytest.raises(MotionFormatError, match="Mean.npy: found 251 numbers; expected 263 for HumanML3D"):
+        TextObjective(small(**asked), toy())
+    (folder / "Std.npy").unlink()
+    with pytest.raises(MotionFormatError, match="Std.npy"):
+        TextObjective(small(**asked), toy())
+
+
+def test_clip_is_looked_for_here_and_among_the_data(monkeypatch, tmp_path):
+    found = []
+    monkeypatch.setattr(model, "ClipText", lambda folder: found.append(folder) or HashedNgrams(8, width=4))
+    monkeypatch.setenv("MWLIB_DATA", str(tmp_path / "data"))
+    monkeypatch.chdir(tmp_path)
+    for place in (None, tmp_path / "data" / "clip", tmp_path / "clip"):
+        if place:
+            place.mkdir(parents=True)
+        model.make_text(small(text="clip", clip_folder="clip").model, ())
+    assert [folder.resolve() for folder in found] == [tmp_path / "clip", tmp_path / "data" / "clip", tmp_path / "clip"]
 
 
 def test_clip_reads_as_many_words_as_was_published(monkeypatch):

@@ -10,7 +10,12 @@ MUTANTS = [
     ),
     *of(
         "text_to_motion/model.py", "text_to_motion/test_model.py",
-        ("noise-of-other-lengths", "return noise()[:, :most] * mask[..., None]", "return noise()[:, -most:] * mask[..., None]"),
+        ("padding-without-noise", "(mask if cfg.mask_frames else torch.ones_like(mask))", "mask",
+         "text_to_motion/test_objective.py::test_sampling_denoises_the_padding_that_a_network_sees"),
+        ("clip-from-the-data-alone", "places = Path(cfg.clip_folder), data_folder() / cfg.clip_folder",
+         "places = data_folder() / cfg.clip_folder, Path(cfg.clip_folder)",
+         "text_to_motion/test_objective.py::test_clip_is_looked_for_here_and_among_the_data"),
+        ("noise-of-other-lengths", "return noise()[:, :most] * kept", "return noise()[:, -most:] * kept"),
     ),
     *of(
         "text_to_motion/model.py", "experiments/test_sentences.py",
@@ -79,6 +84,7 @@ MUTANTS = [
     *of(
         "text_to_motion/objective.py", "text_to_motion/test_objective.py",
         ("meaning-at-every-noise", "weight[rows] * loss", "loss"),
+        ("statistics-of-one-kind", "return found.of_kind(cfg.forward.normalisation)", "return found"),
         ("low-frequencies-at-every-noise", "o.low_weight * low * slow", "o.low_weight * slow"),
         ("critic-sees-scaled-features", "critic.embed_motion(self.statistics.denormalise(y0_hat[rows]), lengths",
          "critic.embed_motion(y0_hat[rows], lengths"),
