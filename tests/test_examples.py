@@ -27,8 +27,8 @@ def test_an_example_shows_what_happens(name):
 
 # The vocabulary: whoever looks one of these up finds it used.
 WITH_EXAMPLE = """
-    mwlib mwlib.transforms.dwt.WaveletTransform mwlib.transforms.trigonometric.DCTTransform
-    mwlib.transforms.scaled.ScaledTransform mwlib.transforms.scaled.fit_scale
+    mwlib mwlib.transforms.dwt.WaveletTransform mwlib.transforms.linear.DCTTransform
+    mwlib.transforms.linear.ScaledTransform mwlib.transforms.linear.fit_scale
     mwlib.transforms.linear.pad_history mwlib.diffusion.process.alpha_bar
     mwlib.diffusion.process.ddim_indices mwlib.diffusion.process.noised mwlib.diffusion.process.network_target
     mwlib.diffusion.process.to_eps mwlib.diffusion.process.y0_hat_of mwlib.diffusion.process.eps_of

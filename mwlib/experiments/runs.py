@@ -16,18 +16,7 @@ from accelerate.state import PartialState
 from accelerate.utils import broadcast_object_list, parse_flag_from_env
 from tqdm import tqdm
 
-from mwlib.experiments.results import (
-    RESULT,
-    accepts_older_code,
-    locked,
-    models_used,
-    older_code,
-    read_result,
-    read_tree,
-    result_of,
-    runs_folder,
-    write_result,
-)
+from mwlib.experiments import results
 from mwlib.experiments.systems import Data, code_of, read_config, system_of
 from mwlib.files import sweep, write_json, write_together
 from mwlib.hashing import digest, file_hash
@@ -66,8 +55,8 @@ class Run:
         self.training, self.test = self.data.fingerprints()
         built_on, judged_by = (_models(getattr(self.system, role, lambda _: [])(cfg)) for role in ("built_on", "judged_by"))
         code, others = digest(self.code), [digest(built_on + judged_by)] if built_on + judged_by else []
-        self.folder = runs_folder() / f"{digest([self.key, *built_on])}-{self.training}-{code}"
-        self.file = runs_folder() / "results" / f"{'-'.join([cfg.hash(), self.training, self.test, *others, code])}.json"
+        self.folder = results.runs_folder() / f"{digest([self.key, *built_on])}-{self.training}-{code}"
+        self.file = results.runs_folder() / "results" / f"{'-'.join([cfg.hash(), self.training, self.test, *others, code])}.json"
 
     def changed(self, depends: Mapping[str, Any]) -> list[str]:
         """The modules that are others today than when something was made that says what it depends on."""
@@ -85,22 +74,22 @@ class Run:
         self.folder = Path(_agreed(str(self.folder)))
         said = _agreed(self._state(mine=False))
         while said == "wait":
-            with locked(self.folder / ".lock", PATIENCE) if _rank() == 0 else nullcontext(True) as mine:
+            with results.locked(self.folder / ".lock", PATIENCE) if _rank() == 0 else nullcontext(True) as mine:
                 said = _agreed(self._state(mine))
                 if said == "train":
                     self._train_to_end(progress)
                     _agreed("done")  # nobody goes on before the result is written
-        older_code.update(self.changed(result_of(self.folder)["depends"]))
+        results.older_code.update(self.changed(results.result_of(self.folder)["depends"]))
         return self.folder
 
     def _state(self, mine: bool) -> str:
         """ "done", or what there is to do: "train" for the holder of the lock, "wait" for others."""
-        done = read_result(self.folder, self.key) is not None and not self._lost()
+        done = results.read_result(self.folder, self.key) is not None and not self._lost()
         return "done" if done else "train" if mine else "wait"
 
     def _lost(self) -> str:
         """What of a finished training is missing or not as its result says; curves only where a checkpoint has them."""
-        model = result_of(self.folder)["depends"].get("model")
+        model = results.result_of(self.folder)["depends"].get("model")
         if model and (not (self.folder / MODEL).exists() or file_hash(self.folder / MODEL) != model):
             return MODEL
         return CURVES if model and (self.folder / CHECKPOINT).exists() and read_curves(self.folder) is None else ""
@@ -117,7 +106,7 @@ class Run:
         newest = max(others, key=lambda place: place.stat().st_mtime)
         names = self.changed(others[newest])
         told = ", ".join(names[:MOST_NAMES]) + f" and {len(names) - MOST_NAMES} more" * (len(names) > MOST_NAMES)
-        if accepts_older_code():
+        if results.accepts_older_code():
             log.warning("%s is taken although the code has changed since: %s", newest.name, told)
             return newest
         log.warning(
@@ -129,7 +118,7 @@ class Run:
         hidden = not progress or _rank() > 0
         if _rank() == 0:
             sweep(self.folder)
-            if result_of(self.folder) and (lost := self._lost()):
+            if results.result_of(self.folder) and (lost := self._lost()):
                 way = f"from {CHECKPOINT}" if (self.folder / CHECKPOINT).exists() else "by another training"
                 log.warning("%s is missing or not as it was written: made again %s", self.folder / lost, way)
         with tqdm(total=self.cfg.get("train_steps"), desc="training", disable=hidden, file=sys.stderr) as bar:
@@ -140,8 +129,8 @@ class Run:
         if _rank() == 0:
             depends: dict[str, Any] = {"settings": self.key, "data": self.training, "model": file_hash(self.folder / MODEL)}
             depends["sampling"] = read_config(self.folder / CONFIG).sampled()
-            depends |= self._marked(read_tree(self.folder / CODE))
-            write_result(self.folder, read_outcome(self.folder) | {"machine": machine()}, self.key, depends)
+            depends |= self._marked(results.read_tree(self.folder / CODE))
+            results.write_result(self.folder, read_outcome(self.folder) | {"machine": machine()}, self.key, depends)
 
     def _marked(self, code: Mapping[str, str]) -> dict[str, Any]:
         """The code that something was made with, and the modules that are others now."""
@@ -154,14 +143,14 @@ class Run:
 
     def result(self, file: Path) -> dict[str, Any] | None:
         """What a file says, if it is a result that may be taken: made by today's code, or older code is accepted."""
-        found = read_tree(file, mean=dict)
+        found = results.read_tree(file, mean=dict)
         changed = self.changed(found.get("depends", {}))
-        if not found or changed and not accepts_older_code():
+        if not found or changed and not results.accepts_older_code():
             return None
         if changed:
             found["depends"]["older_code"] = changed
-        models_used.update(found.get("depends", {}).get("models", {}))
-        older_code.update(changed)
+        results.models_used.update(found.get("depends", {}).get("models", {}))
+        results.older_code.update(changed)
         return found
 
     def measure(self, progress: bool = False) -> dict[str, Any]:
@@ -173,7 +162,7 @@ class Run:
         def model() -> Any:
             nonlocal started
             opened = self.model(progress)
-            of_run = result_of(self.folder)
+            of_run = results.result_of(self.folder)
             found["training"], depends["models"] = of_run["metrics"], {self.folder.name: of_run["depends"]["model"]}
             if changed := self.changed(of_run["depends"]):
                 depends["older_code"] = changed
@@ -235,7 +224,7 @@ def get_result(cfg: Settings, data: Data | None = None, progress: bool = False) 
         place = run._place(run.file, "measuring")
         if place != run.file and (found := run.result(place)) is not None:
             return found
-        with locked(run.file.with_suffix(".lock")):
+        with results.locked(run.file.with_suffix(".lock")):
             found = run.result(run.file) or run.measure(progress)
     return found
 
@@ -301,7 +290,7 @@ def load_run(folder: str | Path) -> Any:
 
 def _check_sampling(cfg: Settings, folder: Path) -> None:
     """Refuse settings of sampling that are not those of the finished run, where its result has them."""
-    result, now = read_tree(folder / RESULT), cfg.sampled()
+    result, now = results.read_tree(folder / results.RESULT), cfg.sampled()
     before = result.get("depends", {}).get("sampling", now)
     if others := changes({name: value for name, value in before.items() if name in now}, {n: now[n] for n in now if n in before}):
         raise ValueError(f"{folder / CONFIG} was edited: {others}. {NOT_BY_EDITING}")
@@ -314,7 +303,7 @@ def _check_sampling(cfg: Settings, folder: Path) -> None:
 def _opened(cfg: Settings, folder: Path) -> Any:
     parts = read_model(folder)
     check_trained(cfg, parts[2], folder / CONFIG)
-    models_used[folder.name] = file_hash(folder / MODEL)
+    results.models_used[folder.name] = file_hash(folder / MODEL)
     return system_of(cfg).open_model(cfg, *parts)
 
 
@@ -327,9 +316,9 @@ def _models(names: Sequence[str]) -> list[str]:
 def _made_with(place: Path) -> dict[str, Any] | None:
     """What a result, or a run that is finished or was stopped, depends on; None of what is neither."""
     if place.suffix == ".json":
-        return read_tree(place, mean=dict, depends=dict).get("depends")
-    begun = {"code": read_tree(place / CODE)} if (place / CHECKPOINT).exists() and (place / CODE).exists() else None
-    return result_of(place).get("depends", begun)
+        return results.read_tree(place, mean=dict, depends=dict).get("depends")
+    begun = {"code": results.read_tree(place / CODE)} if (place / CHECKPOINT).exists() and (place / CODE).exists() else None
+    return results.result_of(place).get("depends", begun)
 
 
 def machine() -> dict[str, str]:

@@ -20,11 +20,6 @@ from mwlib.body.rotation import continuous
 from mwlib.body.skeleton import Skeleton
 from mwlib.metrics.prediction import sample_ade
 
-__all__ = [
-    "NPSS", "bone_length_error", "continued", "foot_contacts", "foot_skate", "keyframe_error", "l2p", "l2q", "nearer_share",
-    "npss", "path_length", "seam_ratio",
-]  # fmt: skip
-
 POWERS = ("real", "magnitude")
 
 

@@ -18,11 +18,6 @@ from mwlib.body.kinematics import bones_of
 from mwlib.body.skeleton import Skeleton
 from mwlib.metrics.table import Column
 
-__all__ = [
-    "MultimodalFutures", "ade", "apd", "apde", "bone_length_jitter", "cmd", "fde", "mean_ade", "mmade", "mmfde", "multimodal_apd",
-    "multimodal_futures", "sample_ade", "step_length",
-]  # fmt: skip
-
 
 @dataclass(frozen=True)
 class MultimodalFutures(Sequence):

@@ -10,8 +10,6 @@ import numpy as np
 from jaxtyping import Float
 from torch import Tensor
 
-__all__ = ["Column", "clustered_error", "summary"]
-
 NOTHING: Mapping[str, float] = MappingProxyType({})
 
 

@@ -12,8 +12,6 @@ import torch
 from jaxtyping import Float, Int
 from torch import Tensor
 
-__all__ = ["confidence", "diversity", "fid", "mm_dist", "multimodality", "r_precision"]
-
 
 def fid(a: Float[Tensor, "N E"], b: Float[Tensor, "M E"]) -> float:
     """Fréchet distance of two Gaussians: ‖μ_a - μ_b‖² + tr(S_a + S_b - 2 (S_a S_b)^½), covariances with n - 1.

@@ -1,11 +1,6 @@
 """Denoisers of all systems, and encoders of sentences."""
 
-from mwlib.networks.mdm import MDM
-from mwlib.networks.text import ClipText, EncodedText, HashedNgrams, TextEncoder, WordTransformer, vocabulary_of, words_of
-from mwlib.networks.translinear import TransLinear
-from mwlib.networks.unet1d import ConditionalUNet
+import lazy_loader
 
-__all__ = [
-    "MDM", "ClipText", "ConditionalUNet", "EncodedText", "HashedNgrams", "TextEncoder", "TransLinear", "WordTransformer",
-    "vocabulary_of", "words_of",
-]  # fmt: skip
+# What is imported at its first use stands in __init__.pyi: a system opens what it needs.
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -12,8 +12,8 @@ from mwlib.body.motion import Motion
 from mwlib.data.sources import Split, split_motions
 from mwlib.data.windows import Bodies, Windows, too_short, windows
 from mwlib.metrics import Column, MetricTable, multimodal_apd, multimodal_futures
+from mwlib.metrics.evaluation import REALISM
 from mwlib.metrics.prediction import ERRORS
-from mwlib.metrics.realism import REALISM
 from mwlib.prediction import baselines
 from mwlib.prediction.config import Config, EvaluationConfig, SamplingConfig, WindowConfig
 from mwlib.prediction.objective import PredictionObjective

@@ -8,7 +8,7 @@ import torch
 from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
-from mwlib.transforms.trigonometric import DCTTransform
+from mwlib.transforms.linear import DCTTransform
 
 Norm = Literal["l1", "mse"]
 Band = Literal["low", "high"]

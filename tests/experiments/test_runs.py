@@ -324,7 +324,7 @@ def test_what_is_finished_is_read_without_a_lock(tmp_path, monkeypatch):
     run = Run(cfg, data).folder
     write_result(run, {}, cfg.training_hash(), {})
     before = sorted(tmp_path.rglob("*"))
-    monkeypatch.setattr(runs, "locked", lambda file: pytest.fail(f"{file} was locked"))
+    monkeypatch.setattr(results, "locked", lambda file: pytest.fail(f"{file} was locked"))
     assert get_result(cfg, data) == {"mean": {"ade": 0.5}} and get_run(cfg, data) == run
     assert sorted(tmp_path.rglob("*")) == before
 
@@ -383,7 +383,7 @@ def test_another_sampler_gives_another_number(tmp_path):
 def code(monkeypatch, tmp_path) -> dict[str, str]:
     """The code behind every system, to be changed; nothing made so far is of older code."""
     monkeypatch.setenv("MWLIB_RUNS", str(tmp_path))
-    monkeypatch.setattr(results, "older_code", set()), monkeypatch.setattr(runs, "older_code", results.older_code)
+    monkeypatch.setattr(results, "older_code", set())
     code = {"mwlib.files": "1", "mwlib.body.motion": "1"}
     monkeypatch.setattr(runs, "code_of", lambda system: dict(code))
     return code

@@ -35,7 +35,7 @@ MUTANTS = [
         ("clusters-for-windows", ".sum()) / len(found))", ".sum()) / len(names))"),
     ),
     *of(
-        "metrics/realism.py", "metrics/test_prediction.py",
+        "metrics/evaluation.py", "metrics/test_prediction.py",
         ("speed-per-frame", ".mean((1, 2, 3)) * fps / step", ".mean((1, 2, 3)) * fps"),
         ("jerk-of-the-second-difference", ".diff(n=3, dim=2)", ".diff(n=2, dim=2)"),
         ("jerk-in-another-unit", "* fps**3", "* fps"),
@@ -88,7 +88,7 @@ MUTANTS = [
         ("errors-about-zero", "np.bincount(number, found - found.mean())", "np.bincount(number, found)"),
     ),
     *of(
-        "metrics/realism.py", "metrics/test_prediction.py",
+        "metrics/evaluation.py", "metrics/test_prediction.py",
         ("one-sample-covers", "if samples == 1:", "if samples == 0:"),
         ("change-of-the-largest-sample", "(p[:, :, -1] - p[:, :, 0]).norm(dim=-1).mean(1)",
          "(p[:, :, -1] - p[:, :, 0]).norm(dim=-1).amax(1)"),

@@ -15,7 +15,7 @@ MUTANTS = [
         ("projection-is-the-identity", "Constant(s), Constant(a @ s)", "Constant(s), Constant(np.eye(len(a)))"),
     ),
     *of(
-        "transforms/trigonometric.py", "transforms/test_linear.py",
+        "transforms/linear.py", "transforms/test_linear.py",
         ("sines-begin-a-frame-late", "((0, 0), (1, 1))", "((0, 0), (2, 0))"),
     ),
 ]  # fmt: skip
