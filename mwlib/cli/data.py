@@ -32,8 +32,10 @@ def check_data(
 
     Read a file or folder of motions. Print a table of its kinds of files with rate, skeleton, up-axis and unit, and who said so;
     windows, bones and published counts of each kind; what training will leave out; what looks wrong; and what each system would
-    make of the bodies. Exit status 1 if something needs a repair or a word of yours: a file that cannot be read, a row of
-    clips.csv without a file, faults of lists and captions, an up-axis or a rate that was likely assumed wrongly.
+    make of the bodies. Of a folder laid out as HumanML3D or KIT-ML: splits, captions, parts of speech, lengths and statistics in
+    place of windows, unless fps, history or future is given. Exit status 1 if something needs a repair or a word of yours: a
+    file that cannot be read, a row of clips.csv without a file, faults of lists, captions and statistics, an up-axis or a rate
+    that was likely assumed wrongly.
 
     Args:
         path: file or folder (in the working folder or under MWLIB_DATA), or 'synthetic'.

@@ -16,10 +16,10 @@ from mwlib.body.correspondence import to_h36m17
 from mwlib.body.kinematics import bone_lengths
 from mwlib.body.motion import Motion
 from mwlib.body.skeleton import H36M17
+from mwlib.data.check_captioned import CaptionedFolder, captioned_folder, is_captioned
 from mwlib.data.collections import COLLECTIONS, h36m, named_source
 from mwlib.data.collections.record import Protocol
 from mwlib.data.doubts import MOST_NAMES, begin_with_a_jump, doubted, other_axis, rows_without_files, some, told_alone
-from mwlib.data.formats.humanml import TEXTS, folder_contents, has_lists
 from mwlib.data.load import caller_says, find_source, motion_files, readings, unread_entries
 from mwlib.data.meaning import ADULT, UNITS, UPRIGHT, Reading, Stated, adults, clips_row, height, standing
 from mwlib.data.mirroring import unmirrored
@@ -28,7 +28,6 @@ from mwlib.data.windows import windows
 from mwlib.hashing import sha256
 from mwlib.synthetic.motions import synthetic_motions
 
-MOST_FAULTS = 40  # of lists and captions, told one by one
 STANDARD = Protocol(50.0, 25, 100, 25)
 
 
@@ -142,10 +141,14 @@ def _left_out(clips: Sequence[tuple[str, Motion]], protocol: Protocol) -> list[s
     return [f"{len(short)} clips no longer than {history} + {future} frames at {fps:g} Hz: {some(short)}"] if short else []
 
 
-def _doubts(clips: Sequence[tuple[str, Reading]]) -> list[str]:
-    """A line for each kind of doubt, with the names of the clips: size, axis, speed, copies, people, sides, skeletons."""
+def _doubts(clips: Sequence[tuple[str, Reading]], people: bool) -> list[str]:
+    """A line for each kind of doubt, with the names of the clips: size, axis, speed, copies, people, sides, skeletons.
+
+    Lists of clips part them already, whoever the `people` are.
+    """
     motions = [reading.motion for _, reading in clips]
-    return [*_bodies(clips), *begin_with_a_jump(clips), *_copies(clips), *_people(motions), *_skeletons(clips)]
+    who = _people(motions) if people else []
+    return [*_bodies(clips), *begin_with_a_jump(clips), *_copies(clips), *who, *_skeletons(clips)]
 
 
 def _bodies(clips: Sequence[tuple[str, Reading]]) -> list[str]:
@@ -240,7 +243,9 @@ def check_data(
     A table has one row for each kind of file: clips, frames, seconds, subjects; rate, up-axis and unit, each with who said so;
     skeleton, and the standing height of the bodies. Then, kind by kind: actions, windows, how constant the bones are, the
     fastest joint, and what is known of the same data. At the end: what will be left out of training and why, what looks wrong
-    (in lists and captions, too), and which files cannot be read.
+    (in lists and captions, too), and which files cannot be read. Of a folder laid out as HumanML3D or KIT-ML, which is for text
+    to motion, it tells splits, captions, parts of speech, lengths and statistics (`captioned_folder`) in place of windows,
+    unless these are asked for.
 
     Args:
         source: as in `load_motions`.
@@ -253,6 +258,8 @@ def check_data(
         ValueError: an argument makes no sense.
     """
     clips, broken, alone = _read(source, **stated)
+    captioned = _captions(source)
+    cuts = captioned is None or any(given is not None for given in (fps, history, future))
     kinds: dict[tuple, list[Clip]] = {}
     for clip in clips:
         kinds.setdefault(_kind(clip), []).append(clip)
@@ -262,32 +269,27 @@ def check_data(
         motions = [clip.reading.motion for clip in group]
         usual = _protocol(motions[0])
         protocol = Protocol(fps or usual.fps, history or usual.history, future or usual.future, usual.stride)
-        lines += [*_describe(motions, protocol, _files(group[0])), *_unread(group), *_t_poses(group)]
+        lines += [*_describe(motions, protocol if cuts else None, _files(group[0])), *_unread(group), *_t_poses(group)]
         lines += [*_known_frames(group), *_known_windows(motions), ""]
-        short += _left_out([(clip.name, clip.reading.motion) for clip in group], protocol)
+        short += _left_out([(clip.name, clip.reading.motion) for clip in group], protocol) if cuts else []
+    if captioned:
+        lines += ["lists and captions", *(_line(*each) for each in captioned.lines), ""]
+        short += captioned.left_out
     named = [(clip.name, clip.reading) for clip in clips]
-    lists, unsaid = _captions(source), doubted(named)
+    lists, unsaid = captioned.wrong if captioned else [], doubted(named)
     lines += _list("left out of training", [*short, *dict.fromkeys(broken)])
-    lines += _list("looks wrong", [*alone, *lists, *unsaid, *_doubts(named)])
+    lines += _list("looks wrong", [*alone, *lists, *unsaid, *_doubts(named, people=captioned is None)])
     lines += [f"{len(broken)} files cannot be read" if broken else "every file could be read"]
     return Check("\n".join(lines), not (broken or alone or lists or unsaid), clips)
 
 
-def _captions(source: str | Path) -> list[str]:
-    """What is wrong with the lists and captions of a folder laid out as HumanML3D or KIT."""
+def _captions(source: str | Path) -> CaptionedFolder | None:
+    """What is in a folder laid out as HumanML3D or KIT-ML; None of another source."""
     try:
         path = find_source(named_source(source)[0])
     except FileNotFoundError:  # synthetic
-        return []
-    if not (path.is_dir() and has_lists(path) and (path / TEXTS).is_dir()):
-        return []
-    faults: list[MotionFormatError] = []
-    try:
-        broken = folder_contents(path, faults=faults).broken()
-    except MotionFormatError as error:
-        return [str(error)]
-    more = [f"and {len(faults) - MOST_FAULTS} more faults of lists and captions"] if len(faults) > MOST_FAULTS else []
-    return [*map(str, faults[:MOST_FAULTS]), *more, *broken]
+        return None
+    return captioned_folder(path) if is_captioned(path) else None
 
 
 def _read(source: str | Path, **stated) -> tuple[list[Clip], list[str], list[str]]:
@@ -337,18 +339,21 @@ def _table(kinds: dict[tuple, list[Clip]]) -> list[str]:
     return ["  ".join(word.ljust(width) for word, width in zip(row, widths, strict=True)).rstrip() for row in rows]
 
 
-def _describe(motions: list[Motion], protocol: Protocol, files: str) -> list[str]:
-    """One line for each property of clips of one kind."""
+def _describe(motions: list[Motion], protocol: Protocol | None, files: str) -> list[str]:
+    """One line for each property of clips of one kind; one of windows, if a protocol cuts them."""
     lengths = [bone_lengths(m.positions, m.skeleton) for m in motions]
     stretch = max(float(np.ptp(length, axis=0).max()) for length in lengths)
     speeds = [fastest(m) for m in motions]
-    fps, history, future, stride = protocol
-    count = sum(_window_count(m, protocol) for m in motions)
+    windows = []
+    if protocol:
+        fps, history, future, stride = protocol
+        count = sum(_window_count(m, protocol) for m in motions)
+        windows = [_line("windows", f"{count} of {history} + {future} frames at {fps:g} Hz, every {stride} frames")]
     return [
         f"{files} with skeleton {motions[0].skeleton.name} at {motions[0].fps:g} Hz",
         _line("subjects", _counts(m.subject for m in motions)),
         _line("actions", _counts(m.action for m in motions)),
-        _line("windows", f"{count} of {history} + {future} frames at {fps:g} Hz, every {stride} frames"),
+        *windows,
         _line("bones", f"lengths change by up to {1000 * stretch:.1f} mm within a clip"),
         _line("fastest", f"joint {max(speeds):.1f} m/s; {sum(s > GLITCH for s in speeds)} clips above {GLITCH:g} m/s"),
     ]

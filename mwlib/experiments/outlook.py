@@ -6,6 +6,7 @@ from pathlib import Path
 
 from mwlib.body.motion import Motion
 from mwlib.data.captioned_cmu import FOLDER
+from mwlib.data.check_captioned import is_captioned
 from mwlib.data.collections import named_source
 from mwlib.data.formats.humanml import has_lists
 from mwlib.data.load import data_folder, find_source
@@ -19,7 +20,8 @@ from mwlib.text_to_motion import system as text_to_motion
 def outlook(source: str | Path, motions: Sequence[Motion], fps: float | None = None) -> list[str]:
     """A line for each system on what its training makes of these data, or why it refuses them.
 
-    What is said comes from the functions with which the systems load their data and encode it, at their default settings.
+    What is said comes from the functions with which the systems load their data and encode it, at their default settings. Of
+    a folder laid out as HumanML3D or KIT-ML only text to motion speaks, unless a rate is given.
 
     Args:
         source: as in `load_motions`.
@@ -43,9 +45,16 @@ def outlook(source: str | Path, motions: Sequence[Motion], fps: float | None = N
 
         return found
 
-    lines = [f"prediction: {_or_refused(predicted)}"] if motions else []
-    lines += [f"in-betweening, {state}: {_or_refused(between(state))}" for state in ("positions", "rotations") if motions]
+    lines = []
+    if motions and (fps is not None or not _has_captions(source)):
+        lines = [f"prediction: {_or_refused(predicted)}"]
+        lines += [f"in-betweening, {state}: {_or_refused(between(state))}" for state in ("positions", "rotations")]
     return [*lines, f"text to motion: {_or_refused(lambda: _captioned(source))}"]
+
+
+def _has_captions(source: str | Path) -> bool:
+    source, _ = named_source(source)
+    return source != "synthetic" and is_captioned(find_source(source))
 
 
 def _or_refused(say: Callable[[], str]) -> str:

@@ -12,6 +12,7 @@ from mwlib import write_bvh
 from mwlib.body.motion import Motion
 from mwlib.body.skeleton import HUMANML22
 from mwlib.cli import main
+from mwlib.data.check_captioned import CaptionedFolder
 from mwlib.data.formats.humanml import KIT
 from mwlib.data.sources import SourceConfig
 from mwlib.experiments.outlook import outlook
@@ -101,7 +102,7 @@ def test_captions_are_counted_or_refused_as_training_does(tmp_path, capsys):
 @pytest.mark.parametrize(("faults", "code"), [([], 0), (["test.txt, line 2: found 3, as in line 1"], 1)])
 def test_a_fault_of_a_list_alone_is_a_fault(tmp_path, monkeypatch, capsys, faults, code):
     (tmp_path / "a.bvh").write_text(BVH)
-    monkeypatch.setattr("mwlib.data.check._captions", lambda source: faults)
+    monkeypatch.setattr("mwlib.data.check._captions", lambda source: CaptionedFolder([], [], faults))
     assert main(["check-data", str(tmp_path)]) == code
     assert all(fault in capsys.readouterr().out for fault in faults)
 

@@ -312,7 +312,7 @@ def folder_contents(
         raise MotionFormatError(path, "folder", "no list of clips", f"one of {lists}, beside captions")
     clips: list[CaptionedClip] = []
     left_out: dict[str, str] = {}
-    for split, names in _lists(path, wanted, faults).items():
+    for split, names in clip_lists(path, wanted, faults).items():
         for name in names:
             try:
                 features = _features_of(path, name, layout, left_out)
@@ -357,8 +357,13 @@ def _features_of(
     return None if why else features
 
 
-def _lists(path: Path, wanted: Sequence[str], faults: list[MotionFormatError] | None) -> dict[str, list[str]]:
-    """The IDs of every list that is wanted; all lists that are there are compared."""
+def clip_lists(path: Path, wanted: Sequence[str], faults: list[MotionFormatError] | None) -> dict[str, list[str]]:
+    """The IDs of every list that is wanted; all lists that are there are compared.
+
+    Args:
+        path, faults: as in `folder_contents`.
+        wanted: some of "train", "val" and "test".
+    """
     lists: dict[str, list[str]] = {split: [] for split in SPLITS if split in wanted or split in has_lists(path)}
     for error in _fill(lists, path):
         if faults is None:

@@ -199,6 +199,17 @@ MUTANTS = [
         ("presets-at-any-rate", "fps = fps or own_fps", "fps = fps", "data/test_load.py"),
     ),
     *of(
+        "data/check_captioned.py", "data/test_check_captioned.py",
+        ("any-statistics-will-do", "is_far = off > FAR or low < 1 / FACTOR or high > FACTOR", "is_far = high > FACTOR"),
+        ("captions-without-speech-unseen", "lacking if plain else", "lacking if False else"),
+        ("broken-clips-are-short-ones", "if reason not in broken]", "]"),
+    ),
+    *of(
+        "data/check.py", "data/test_check_captioned.py",
+        ("windows-of-captioned-clips", "captioned is None or any(", "True or any("),
+        ("people-of-lists-are-doubted", "people=captioned is None", "people=True"),
+    ),
+    *of(
         "data/check.py", "data/test_check.py",
         ("windows-of-whole-clips", "- history - future, stride))", "- history - future + 1, stride))"),
         ("copies-unseen", "if len(names) > 1]", "if len(names) > 2]"),
