@@ -1,14 +1,6 @@
 """Diffusion on coefficients of any kind: schedule, forward process, samplers, and guidance that all systems share."""
-# ruff: noqa: F403  (each module lists what it offers)
 
-from mwlib.diffusion import conditioning, config, process, samplers
-from mwlib.diffusion.conditioning import *
-from mwlib.diffusion.config import *
-from mwlib.diffusion.process import *
-from mwlib.diffusion.samplers import *
+import lazy_loader
 
-__all__: list[str] = []
-__all__ += conditioning.__all__
-__all__ += config.__all__
-__all__ += process.__all__
-__all__ += samplers.__all__
+# What is imported at its first use stands in __init__.pyi: a system opens what it needs.
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

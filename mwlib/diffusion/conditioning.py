@@ -13,11 +13,6 @@ from mwlib.diffusion.process import noised, y0_hat_of
 from mwlib.diffusion.samplers import AfterStep, Denoise, OnEstimate, Step, ddim
 from mwlib.transforms import Transform
 
-__all__ = [
-    "Mask", "classifier_free", "history_completion", "keyframe_mask", "keyframe_steps", "keyframed", "masked", "pasted",
-    "reconstruction_guided", "with_keyframes",
-]  # fmt: skip
-
 # True or 1 where a target holds, in between a mixture; over frames alone it is of every channel.
 Mask = Bool[Tensor, "T C"] | Float[Tensor, "T C"] | Bool[Tensor, " T"] | Float[Tensor, " T"]
 

@@ -5,8 +5,6 @@ from typing import Literal
 
 from mwlib.settings import Count, NotNegative
 
-__all__ = ["DiffusionConfig", "KeyframeConfig"]
-
 
 @dataclass(frozen=True)
 class DiffusionConfig:

@@ -6,18 +6,6 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-__all__ = [
-    "alpha_bar",
-    "check_indices",
-    "ddim_indices",
-    "eps_of",
-    "network_target",
-    "noised",
-    "snr_weights",
-    "to_eps",
-    "y0_hat_of",
-]
-
 
 def _cosine(u: Tensor) -> Tensor:
     return torch.cos((u + 0.008) / 1.008 * torch.pi / 2) ** 2

@@ -16,11 +16,6 @@ from torch import Tensor
 
 from mwlib.diffusion.process import eps_of, noised, y0_hat_of
 
-__all__ = [
-    "AfterStep", "Denoise", "OnEstimate", "Step", "WindowNoise", "ddim", "dpm_solver", "karras_levels", "posterior_mean",
-    "sde_dpm_solver",
-]  # fmt: skip
-
 
 class WindowNoise:
     """Gaussian noise with one stream per window, so that chunking windows cannot change any number.

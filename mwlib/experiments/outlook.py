@@ -5,7 +5,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from mwlib.body.motion import Motion
-from mwlib.data.captioned_cmu import FOLDER
+from mwlib.data.captioned import CMU_FOLDER
 from mwlib.data.check_captioned import is_captioned
 from mwlib.data.collections import named_source
 from mwlib.data.formats.humanml import has_lists
@@ -88,6 +88,6 @@ def _captioned(source: str | Path) -> str:
     if path.is_dir() and has_lists(path):
         parts = text_to_motion.load_data(text_to_motion.Config().override(data=str(source)))
         return f"{parts.layout.name}, {len(parts.train)} clips to train on, {len(parts.test)} to test on"
-    if path.resolve() == (data_folder() / FOLDER).resolve():
+    if path.resolve() == (data_folder() / CMU_FOLDER).resolve():
         return "CMU's clips have captions (data=cmu)"
     return "needs captions, as a folder laid out as HumanML3D or KIT has them: none found"

@@ -32,20 +32,22 @@ from .chapters.guidance import (
     row_support,
 )  # fmt: skip
 from .chapters.metrics import metric_picture
-from .chapters.phase import error_by_size, phase_circles, windows_and_sinusoids
 from .chapters.sentences import emerging_way, ways
 from .chapters.wavelets import (
     basis_card,
     cascade,
     dots,
+    error_by_size,
     filters,
     padding_modes,
+    phase_circles,
     responses,
     same_spectrum,
     scaling_and_wavelet,
     signal_and_coefficients,
     sliding_filter,
     tilings,
+    windows_and_sinusoids,
 )  # fmt: skip
 from .coefficients import energy_bars, matrix, projection_change, subbands
 from .lines import bars_per_action, curves, predicted_curves, trajectories

@@ -13,9 +13,8 @@ import pytest
 from mwlib import MotionFormatError, load_motions
 from mwlib.body.kinematics import bone_lengths
 from mwlib.body.skeleton import HUMANML22
-from mwlib.data import captioned_cmu as module
-from mwlib.data.captioned import CaptionsConfig, load_clips
-from mwlib.data.captioned_cmu import captioned_cmu
+from mwlib.data import captioned as module
+from mwlib.data.captioned import CaptionsConfig, captioned_cmu, load_clips
 from mwlib.data.formats.humanml import HUMANML3D, joints_of
 
 

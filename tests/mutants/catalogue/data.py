@@ -142,10 +142,10 @@ MUTANTS = [
     *of(
         "data/captioned.py", "data/test_captioned.py",
         ("a-folder-is-read-once", "_folder(folder.absolute(), source_state(folder))", "_folder(folder.absolute())"),
-        ("kept-captions-are-of-another-day", ", source_state(folder / FOLDER), source_state(folder / CAPTIONS))",
-         ", source_state(folder / FOLDER))", "data/test_captioned_cmu.py"),
-        ("kept-trials-are-of-another-day", ", source_state(folder / FOLDER), source_state(folder / CAPTIONS))",
-         ", source_state(folder / CAPTIONS))", "data/test_captioned_cmu.py"),
+        ("kept-captions-are-of-another-day", ", source_state(folder / CMU_FOLDER), source_state(folder / CMU_CAPTIONS))",
+         ", source_state(folder / CMU_FOLDER))", "data/test_captioned_cmu.py"),
+        ("kept-trials-are-of-another-day", ", source_state(folder / CMU_FOLDER), source_state(folder / CMU_CAPTIONS))",
+         ", source_state(folder / CMU_CAPTIONS))", "data/test_captioned_cmu.py"),
     ),
     *of(
         "data/load.py", "data/formats/test_arrays.py",
@@ -160,7 +160,7 @@ MUTANTS = [
         ("kept-until-the-size-changes", "file.stat().st_mtime_ns, file.stat().st_size)", "0, file.stat().st_size)"),
     ),
     *of(
-        "data/captioned_cmu.py", "data/test_captioned_cmu.py",
+        "data/captioned.py", "data/test_captioned_cmu.py",
         ("pieces-overlap-by-less-than-a-frame", "positions[start : stop + 1]", "positions[start:stop]"),
         ("validation-is-training", 'else "val" if motion.subject in VAL', 'else "train" if motion.subject in VAL'),
     ),

@@ -104,7 +104,7 @@ MUTANTS = [
         ("share-of-one-more", "share[few - 1]", "share[few]"),
     ),
     *of(
-        "plots/chapters/phase.py", "plots/test_diffusion.py",
+        "plots/chapters/wavelets.py", "plots/test_diffusion.py",
         ("sine-across", "x, y = cosine[:, channel], sine[:, channel]", "x, y = sine[:, channel], cosine[:, channel]"),
     ),
     *of(
