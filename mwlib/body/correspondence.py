@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from os.path import commonprefix
 from typing import NamedTuple
 
 import numpy as np
@@ -51,11 +52,21 @@ SCHEMES = (
     ),
 )
 
+# LaFAN1's tree with more joints, like Mixamo's: fingers, the top of the head.
+MIXAMO = _scheme(
+    "LeftUpLeg Hips LeftLeg LeftUpLeg LeftFoot LeftLeg RightUpLeg Hips RightLeg RightUpLeg RightFoot RightLeg "
+    "Spine Hips Spine1 Spine Spine2 Spine1 Neck Spine2 Head Neck LeftShoulder Spine2 LeftArm LeftShoulder LeftForeArm LeftArm "
+    "LeftHand LeftForeArm RightShoulder Spine2 RightArm RightShoulder RightForeArm RightArm RightHand RightForeArm",
+    "Hips RightUpLeg RightLeg RightFoot LeftUpLeg LeftLeg LeftFoot Spine1 Spine2 Neck Head "
+    "LeftArm LeftForeArm LeftHand RightArm RightForeArm RightHand",
+)
+
 
 def to_h36m17(skeleton: Skeleton) -> list[int] | None:
     """The joints that stand for H36M17's, in its order; None if no way is known.
 
-    A skeleton may say it itself (`Skeleton.h36m17`); CMU's tree goes under the names of any of its three publications.
+    A skeleton may say it itself (`Skeleton.h36m17`); CMU's tree goes under the names of any of its three publications, and
+    LaFAN1's with more joints under Mixamo's. What all names begin with, like "mixamorig:", does not count.
 
     >>> asf = Skeleton("mine", tuple(map(_short, CMU.joints)), CMU.parents)
     >>> to_h36m17(asf) == to_h36m17(CMU), to_h36m17(Skeleton("stick", ("a", "b"), (-1, 0)))
@@ -63,20 +74,26 @@ def to_h36m17(skeleton: Skeleton) -> list[int] | None:
     """
     if skeleton.h36m17 and {*skeleton.h36m17} <= {*skeleton.joints}:
         return [skeleton.joints.index(name) for name in skeleton.h36m17]
-    scheme = _cmu_scheme(skeleton)
-    return None if scheme is None else [skeleton.joints.index(name) for name in scheme.joints]
+    names, scheme = _bare(skeleton), _scheme_of(skeleton, (*SCHEMES, MIXAMO))
+    return None if scheme is None else [names.index(name) for name in scheme.joints]
 
 
 def is_cmu(skeleton: Skeleton) -> bool:
     """Whether this is CMU's tree, under the names of any of its publications; fingers, toes and eyes may be missing."""
-    return skeleton == CMU or _cmu_scheme(skeleton) is not None
+    return skeleton == CMU or _scheme_of(skeleton, SCHEMES) is not None
 
 
-def _cmu_scheme(skeleton: Skeleton) -> Scheme | None:
-    above = {
-        child: skeleton.joints[parent] for child, parent in zip(skeleton.joints, skeleton.parents, strict=True) if parent >= 0
-    }
-    return next((scheme for scheme in SCHEMES if scheme.above.items() <= above.items()), None)
+def _scheme_of(skeleton: Skeleton, schemes: tuple[Scheme, ...]) -> Scheme | None:
+    """The first scheme whose joints the skeleton has, under the same parents."""
+    names = _bare(skeleton)
+    above = {names[child]: names[parent] for parent, child in skeleton.bones}
+    return next((scheme for scheme in schemes if scheme.above.items() <= above.items()), None)
+
+
+def _bare(skeleton: Skeleton) -> list[str]:
+    """Names of joints without what all begin with."""
+    shared = len(commonprefix(skeleton.joints))
+    return [name[shared:] for name in skeleton.joints]
 
 
 def to_humanml22(skeleton: Skeleton) -> Float[np.ndarray, "22 joints"] | None:

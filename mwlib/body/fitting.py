@@ -137,17 +137,20 @@ def _shape(
 
     shape = scaled(start)
     for _ in range(ROUNDS if len(start) > 1 else 0):
-        shape = scaled(rotate(inverse(_kabsch(shape, seen))[:, None], seen).mean(dim=0))
+        shape = scaled(rotate(inverse(kabsch(shape, seen))[:, None], seen).mean(dim=0))
     return shape
 
 
 def _turn(rest: Float[Tensor, "children 3"], seen: Float[Tensor, "T children 3"]) -> Float[Tensor, "T 4"]:
-    return _kabsch(rest, seen) if len(rest) > 1 else _steady(shortest_arc(rest[0], seen[:, 0]), rest[0])
+    return kabsch(rest, seen) if len(rest) > 1 else _steady(shortest_arc(rest[0], seen[:, 0]), rest[0])
 
 
-def _kabsch(rest: Float[Tensor, "children 3"], seen: Float[Tensor, "T children 3"]) -> Float[Tensor, "T 4"]:
-    """The rotations that carry `rest` nearest to `seen`; where the bones lie on one line, with the least twist."""
-    products = torch.einsum("tca,cb->tab", seen, rest)
+def kabsch(rest: Float[Tensor, "*#T children 3"], seen: Float[Tensor, "T children 3"]) -> Float[Tensor, "T 4"]:
+    """The rotations that carry `rest` nearest to `seen`; where the bones lie on one line, with the least twist.
+
+    Source: Kabsch 1976. Bones weigh as their squared lengths.
+    """
+    products = seen.mT @ rest
     size = products.norm(dim=(-2, -1), keepdim=True) + 1e-12
     u, _, v = torch.linalg.svd(products / size + LEAST_TWIST * torch.eye(3, dtype=rest.dtype))
     sign = torch.ones_like(products[:, 0])

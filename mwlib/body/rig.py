@@ -35,6 +35,7 @@ class Rig:
         points: which of the rig's joints stands at each joint of the motion's skeleton.
         channels: of each joint, in a BVH file's order, like "xposition" or "zrotation"; None for an End Site.
         moves: where a joint other than the root has a position of its own in every frame, it replaces `offsets` for all.
+        metres: per unit of the file it came from.
 
     Raises:
         ValueError: the shapes do not fit each other, a quaternion is not of length 1, an End Site has children.
@@ -47,6 +48,7 @@ class Rig:
     points: tuple[int, ...]
     channels: tuple[tuple[str, ...] | None, ...]
     moves: Float[np.ndarray, "T rig 3"] | None = None
+    metres: float = 0.01
 
     def __post_init__(self) -> None:
         frames, joints = len(self.root), len(self.skeleton)
@@ -138,7 +140,7 @@ class Rig:
         What does not hang from the motion's root, like a joint on the floor, and the root's own way do not count.
         Of CMU's rigs and most others it is x. Of LaFAN1's, whose bones lie along x, it is z.
         """
-        offsets, below = self.offsets if self.moves is None else self.moves[0], self._hanging()[1:]
+        offsets, below = self.offsets if self.moves is None else self.moves[0], self.hanging()[1:]
         image = offsets[self.skeleton.mirror]
         apart = [np.abs(image * (1 - 2 * unit) - offsets)[below].max(initial=0.0) for unit in np.eye(3)]
         return int(np.argmin(apart)) if min(apart) < ALIKE else None
@@ -155,7 +157,7 @@ class Rig:
         root, parents = self.points[0], self.skeleton.parents
         if root == 0 and self.moves is None:
             return self
-        kept = self._hanging()
+        kept = self.hanging()
         at, below = {joint: i for i, joint in enumerate(kept)}, kept[1:]
         if lost := sorted({*self.points} - {*at}):
             raise ValueError(f"{self.skeleton.joints[lost[0]]} does not hang from {self.skeleton.joints[root]}; expected all to")
@@ -175,12 +177,17 @@ class Rig:
             tuple(at[j] for j in self.points), (MOVES + ANGLES, *[self.channels[j] for j in below]),
         )  # fmt: skip
 
-    def _hanging(self) -> list[int]:
+    def hanging(self) -> list[int]:
         """The motion's root, and the joints that hang from it."""
         found = [self.points[0]]
         for joint in range(found[0] + 1, len(self.skeleton)):
             found += [joint] if self.skeleton.parents[joint] in found else []
         return found
+
+
+def axes_of(channels: tuple[str, ...]) -> str:
+    """The axes of a joint's rotation channels, one letter each, in their order."""
+    return "".join(name[0] for name in channels if name in ANGLES)
 
 
 def _between(path: np.ndarray, low: np.ndarray, high: np.ndarray, share: np.ndarray) -> np.ndarray:

@@ -5,7 +5,7 @@ import json
 import re
 import sys
 import textwrap
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +13,7 @@ import numpy as np
 from tqdm import tqdm
 
 from mwlib import plots
+from mwlib.body.fitting import FitError
 from mwlib.body.motion import Motion
 from mwlib.data import load_motions
 from mwlib.data.collections import acknowledgement
@@ -30,12 +31,13 @@ def predict(*, out: Path = Path("predictions.npz"), **continued: Any) -> None:
     """Continue motions: sampled futures of each clip's last frames, as one .npz file.
 
     The file holds, by the clip's name, positions (samples, frames, joints, 3) in metres, observed frames first; joints, parents,
-    fps, up and history say how to read them.
+    fps, up and history say how to read them. They are of the model's body; export-bvh writes futures on the files' own skeletons.
 
     Args:
         out: the file.
     """
-    predictor, found = _continued(**continued)
+    predictor, sampled = _continued(**continued)
+    found = sampled(False)
     bodies, history = predictor.bodies, predictor.representation.history
     about = {"joints": bodies.skeleton.joints, "parents": bodies.skeleton.parents, "fps": bodies.fps, "up": bodies.up}
     arrays = {name: np.stack([motion.positions for motion in row]) for name, row in found.items()}
@@ -51,18 +53,23 @@ def predict(*, out: Path = Path("predictions.npz"), **continued: Any) -> None:
 def export_bvh(*, out: Path = Path("build/bvh"), **continued: Any) -> None:
     """Write a run's predictions as BVH files, to be opened in Blender.
 
-    One file per clip and sample: the observed frames, then the predicted ones; bones keep their median lengths, and the distance
-    of the written joints from the predicted ones is printed. The root stays where it was last seen: the model does not predict
-    it.
+    One file per clip and sample: the observed frames, then the predicted ones. A clip that was read with rotations goes on with
+    its own skeleton, channels, rate and unit; joints that the model does not know, like fingers, stay as they were last seen.
+    One of positions gets bones of median lengths, and the distance of the written joints from the predicted ones is printed.
+    The root stays where it was last seen: the model does not predict it.
 
     Args:
         out: folder.
     """
-    _, found = _continued(**continued)
-    files = {f"{name}_sample{i}": motion for name, row in found.items() for i, motion in enumerate(row, 1)}
-    errors = [write_bvh(m, out / f"{name}.bvh") for name, m in tqdm(files.items(), "writing", disable=not sys.stderr.isatty())]
-    mean, largest = np.mean([e.mean for e in errors]), max(e.max for e in errors)
-    print(f"{out}: {len(errors)} files; joints are {1000 * mean:.1f} mm from the predicted ones, {1000 * largest:.0f} mm at most")
+    _, sampled = _continued(**continued)
+    files = {f"{name}_sample{i}": motion for name, row in sampled(True).items() for i, motion in enumerate(row, 1)}
+    shown = tqdm(files.items(), "writing", disable=not sys.stderr.isatty())
+    errors = [away for name, motion in shown if (away := _written(motion, out / f"{name}.bvh"))]
+    if own := len(files) - len(errors):
+        print(f"{out}: {own} files with the skeleton and rate of their clips")
+    if errors:
+        mean, largest = 1000 * np.mean([e.mean for e in errors]), 1000 * max(e.max for e in errors)
+        print(f"{out}: {len(errors)} files; joints are {mean:.1f} mm from the predicted ones, {largest:.0f} mm at most")
 
 
 def loop(
@@ -127,6 +134,8 @@ def inbetween(
     run: str = sampling.INBETWEENING_MODEL,
     samples: int = 3,
     seed: int = 0,
+    align: bool = False,
+    join: bool = False,
     out: Path = Path("build/bvh"),
     **meaning: Any,
 ) -> None:
@@ -134,9 +143,11 @@ def inbetween(
 
     Read one motion file, or two. Between two or more frames of the one (--keyframes), or the last frame of the first and the
     first frame of the second (--between), sample motions that meet these poses, and write each as a BVH file that Blender
-    opens. Frames are counted at the model's rate. A model that was given a past also looks at those before the first pose. A
-    model of rotations keeps the file's skeleton; the model that comes with the package has places of 17 joints, to which
-    known skeletons are carried over.
+    opens. Frames are counted at the model's rate. A model that was given a past also looks at those before the first pose.
+
+    Files with rotations (BVH, AMC) come back with their own skeleton, channels, rate and unit. Their bones are turned so that
+    the joints that the model knows lie as it says; others, like fingers, are interpolated between the poses, which stay as they
+    were. Poses of two different bodies are refused, and poses that nobody gets to in time.
 
     Args:
         start: file of the motion whose frames are the keyframes, or that ends in the first.
@@ -146,12 +157,19 @@ def inbetween(
         run: folder of a finished run (default: the shipped model).
         samples: motions.
         seed: of their noise.
+        align: turn the second file about the up-axis and move it along the floor to where the first one ends.
+        join: write all frames of the files, and the motion between; else from the first pose to the last.
         out: folder.
     """
     if (end is None) != (keyframes is not None):
         raise ValueError("expected either one file and --keyframes, or two files")
-    last = _one(end, meaning) if end is not None else keyframes or []
-    found = sampling.inbetween(_one(start, meaning), last, between, samples, seed, run, progress=sys.stderr.isatty())
+    if align and end is None:
+        raise ValueError("--align brings a second file to where the first one ends; expected two files")
+    first, last = _one(start, meaning), _one(end, meaning) if end is not None else keyframes or []
+    is_rigged = first.rig is not None and (not isinstance(last, Motion) or last.rig is not None)
+    found = sampling.inbetween(
+        first, last, between, samples, seed, run, sys.stderr.isatty(), align=align, own_rig=is_rigged, join=join
+    )
     name = Path(start).name.split(".")[0]
     _write({f"{name}_between_{number}": motion for number, motion in enumerate(found, 1)}, out)
 
@@ -215,8 +233,8 @@ def _predictor(run: Path, samples: int) -> Predictor:
 
 def _continued(
     run: Path, source: str, *, samples: int = 3, seed: int = 0, clips: int = 0, **meaning: Any
-) -> tuple[Predictor, dict[str, list[Motion]]]:
-    """The model, and by a file name for each clip its sampled continuations.
+) -> tuple[Predictor, Callable[[bool], dict[str, list[Motion]]]]:
+    """The model, and what samples continuations of each clip, by a file name, on their own rigs or not.
 
     Args:
         run: folder of a finished training run, as train prints it.
@@ -226,8 +244,10 @@ def _continued(
         clips: only the first so many clips; 0 stands for all.
     """
     predictor, motions = _predictor(run, samples), load_motions(source, **meaning)[: clips or None]
-    found = predicted_motions(predictor, motions, samples, seed, progress=sys.stderr.isatty())
-    return predictor, dict(zip(_names(motions), found, strict=True))
+    shown = sys.stderr.isatty()
+    return predictor, lambda own_rig: dict(
+        zip(_names(motions), predicted_motions(predictor, motions, samples, seed, shown, own_rig), strict=True)
+    )
 
 
 def _names(motions: list[Motion]) -> list[str]:
@@ -250,5 +270,14 @@ def _write(motions: Mapping[str, Motion], out: Path) -> None:
     """A BVH file for each motion."""
     for name, motion in motions.items():
         file = out / f"{name}.bvh"
-        away = write_bvh(motion, file)
-        print(f"{file}: {len(motion)} frames at {motion.fps:g} Hz; joints {1000 * away.mean:.1f} mm from the sampled ones")
+        away = _written(motion, file)
+        how = f"joints {1000 * away.mean:.1f} mm from the sampled ones" if away else "skeleton as it was read"
+        print(f"{file}: {len(motion)} frames at {motion.fps:g} Hz; {how}")
+
+
+def _written(motion: Motion, file: Path) -> FitError | None:
+    """Write a motion: one with a rig in its file's unit; else get it a rig in centimetres, and say how far that is off."""
+    if motion.rig is None:
+        return write_bvh(motion, file)
+    write_bvh(motion, file, unit=motion.rig.metres, up=motion.up)
+    return None

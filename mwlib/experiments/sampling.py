@@ -48,6 +48,10 @@ def inbetween(
     seed: int = 0,
     run: str | Path | Bridge = INBETWEENING_MODEL,
     progress: bool = False,
+    *,
+    align: bool = False,
+    own_rig: bool = False,
+    join: bool = False,
 ) -> list[Motion]:
     """Motions that leave one pose and arrive at another.
 
@@ -59,6 +63,10 @@ def inbetween(
         seed: of their noise.
         run: folder of a finished run of in-betweening, a name that `load_run` knows, or its model.
         progress: show a bar.
+        align: turn and move the motion `end` along the floor, so that it begins where `start` ends.
+        own_rig: give them on the body of `start` as its file has it: all joints, bones and channels, at its rate. Joints that the
+            model does not know are interpolated; keyframes are as they were.
+        join: the same, with all frames of `start` before and all of `start` or `end` behind.
 
     Returns:
         `samples` motions of `frames` + 2 frames at the model's rate, the keyframes among them; and before these the past, of a
@@ -67,15 +75,26 @@ def inbetween(
     Raises:
         FileNotFoundError: there is no such run.
         ValueError: it is one of another system; an argument is of another kind or out of range; poses are not finite, of no
-            human's size, or so far apart that the root would be faster than 12 m/s (own choice); bodies, length or keyframes do
-            not fit the model.
+            human's size, of two bodies, or so far apart that the root would be faster than 12 m/s (own choice); bodies, length or
+            keyframes do not fit the model; a rig is asked for and there is none.
 
     >>> walk = mw.load_motions("synthetic", fps=30.0)[0]
     >>> [motion] = inbetween(walk.cut(0, 1), walk.cut(31, 32), frames=30)
     >>> motion.positions.shape, motion.fps, np.allclose(motion.positions[0], walk.positions[0], atol=1e-5)
     ((32, 17, 3), 30.0, True)
     """
-    return filled(model_of(run, Bridge, "in-betweening"), start, end, frames, samples, seed, progress)
+    return filled(
+        model_of(run, Bridge, "in-betweening"),
+        start,
+        end,
+        frames,
+        samples,
+        seed,
+        progress,
+        align=align,
+        own_rig=own_rig,
+        join=join,
+    )
 
 
 def generate(

@@ -12,6 +12,8 @@ import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
+from mwlib.body.following import on_rig
+from mwlib.body.joining import aligned, check_one_body, joined, rig_of
 from mwlib.body.motion import Motion
 from mwlib.data.meaning import check_people
 from mwlib.data.windows import MOST_FRAMES, check_finite
@@ -160,6 +162,10 @@ def filled(
     samples: int | None = None,
     seed: int | None = None,
     progress: bool = False,
+    *,
+    align: bool = False,
+    own_rig: bool = False,
+    join: bool = False,
 ) -> list[Motion]:
     """Motions that leave one pose and arrive at another, at the model's frame rate, in the world of the poses.
 
@@ -172,24 +178,33 @@ def filled(
             between the numbered ones.
         samples, seed: None = the settings'.
         progress: show a bar.
+        align: turn and move the motion `end`, so that it begins where `start` ends, facing as it does there.
+        own_rig: give them on the rig of `start`, with all its joints and at its rate (see `on_rig`).
+        join: with all frames of `start` and `end` outside, on their rig.
 
     Returns:
         `samples` motions of past + N + 1 frames (N + 2 where two poses are all that is given), with the up-axis of `start`. Those
             of a model of rotations have a rig.
 
     Raises:
-        ValueError: an argument is of another kind or out of range; poses are not finite, of no human's size, or so far apart
-            that nobody gets from one to the next in time (own choice: 12 m/s); bodies, length or keyframes do not fit the model;
-            or the settings of the sampling make numbers overflow. The message says which, and what is expected.
+        ValueError: an argument is of another kind or out of range; poses are not finite, of no human's size, of two bodies, or so
+            far apart that nobody gets from one to the next in time (own choice: 12 m/s); bodies, length or keyframes do not fit
+            the model; a rig is asked for and there is none; or the settings of the sampling make numbers overflow. The message
+            says which, and what is expected.
     """
     samples, seed = bridge.asked(samples, seed)
     frames = None if frames is None else whole("frames", frames, 1, MOST_FRAMES)
     end = _checked(start, end)
+    if isinstance(end, Motion) and align:
+        end = aligned(end.with_up(start.up), start)
+    if own_rig or join:
+        rig_of(start)
     poses = [start] if not isinstance(end, Motion) else [_end_of(start, bridge), end.cut(0, 1)]
     first, *last = bridge.space.bodies.prepare(poses)
     for name, m in zip(("start", "end"), (first, *last), strict=False):
         check_people(m.positions[None, :: max(1, len(m) // MOST_LOOKED_AT)], m.skeleton, [name])
     if isinstance(end, Motion):
+        check_one_body(*((start, end) if start.rig and end.rig else (first, last[0])))
         count = bridge.cfg.task.between if frames is None else frames
         like, x, mask = first, *_of_poses(bridge, first, last[0], count)
     else:
@@ -200,7 +215,29 @@ def filled(
     states = [bridge.space.placed(each, place) for each in sampled]
     states = [torch.where(mask[:, None], x, each) for each in states]  # turned there and back is not the same to the bit
     named = replace(like, name=f"{start.name} in between".strip())
-    return [bridge.space.decode(each, named).with_up(start.up) for each in states]
+    made = [bridge.space.decode(each, named).with_up(start.up) for each in states]
+    if not (own_rig or join):
+        return made
+    poses, at = _given_poses(start, end, len(made[0]), bridge, join)
+    return [on_rig(each, poses, at) for each in made]
+
+
+def _given_poses(
+    start: Motion, end: Motion | Sequence[int], frames: int, bridge: Bridge, join: bool
+) -> tuple[Motion, Float[np.ndarray, " K"]]:
+    """Frames of the user's motions that are given, at their rate, and for each which of the `frames` made it is at."""
+    lead, ratio = bridge.cfg.task.past - 1, start.fps / bridge.space.bodies.fps
+    before = int(lead * ratio + 1e-6)
+    if isinstance(end, Motion):
+        after = end.with_up(start.up).resample(start.fps) if join else end.with_up(start.up).cut(0, 1)
+        first = 0 if join else len(start) - 1 - before
+        at = [lead - np.arange(len(start) - 1 - first, -1, -1) / ratio, frames - 1 + np.arange(len(after)) / ratio]
+        return joined(start.cut(first, len(start)), after), np.concatenate(at)
+    keys = np.minimum(np.rint(np.array(end) * ratio).astype(int), len(start) - 1)
+    shown = np.arange(0 if join else keys[0] - before, len(start) if join else keys[-1] + 1)
+    kept = shown[(shown <= keys[0]) | (shown >= keys[-1]) | np.isin(shown, keys)]
+    motion = replace(start, positions=start.positions[kept], rig=rig_of(start).pick(kept))
+    return motion, (kept - keys[0]) / ratio + lead
 
 
 def _checked(start: Motion, end: Motion | Sequence[int]) -> Motion | list[int]:

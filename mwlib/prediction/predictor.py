@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import fields, replace
 from functools import partial, reduce
+from math import ceil
 from typing import Any
 
 import numpy as np
@@ -12,6 +13,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
+from mwlib.body.following import on_rig
 from mwlib.body.kinematics import bones_of, scale_bones
 from mwlib.body.motion import Motion
 from mwlib.data.meaning import check_people
@@ -325,7 +327,12 @@ def _in_turn(functions: Sequence[Callable[..., Tensor] | None]) -> Callable[...,
 
 
 def predicted_motions(
-    predictor: Predictor, motions: Sequence[Motion], samples: int | None = None, seed: int | None = None, progress: bool = False
+    predictor: Predictor,
+    motions: Sequence[Motion],
+    samples: int | None = None,
+    seed: int | None = None,
+    progress: bool = False,
+    own_rig: bool = False,
 ) -> list[list[Motion]]:
     """Each clip's last H frames and sampled futures of them, as motions in the form that the model was trained on.
 
@@ -335,17 +342,35 @@ def predicted_motions(
         predictor: a trained model.
         motions: clips of at least H frames after resampling.
         samples, seed, progress: as in `Predictor.predict`.
+        own_rig: clips that have a rig are continued on it, with all its joints and at its rate (see `on_rig`).
 
     Returns:
-        For each clip a list of S motions of H + F frames, positions only.
+        For each clip a list of S motions of H + F frames, positions only; or of as many seconds, observed frames unchanged.
 
     Raises:
         ValueError: a clip does not fit the model.
     """
     futures = predictor.predict(motions, samples, seed, progress=progress)
     history = predictor.representation.history
-    ready = [m.cut(len(m) - history, len(m)) for m in predictor.bodies.prepare(motions)]
-    return [[_joined(m, future) for future in row] for m, row in zip(ready, futures, strict=True)]
+    ready = predictor.bodies.prepare(motions)
+    made = [[_joined(m.cut(len(m) - history, len(m)), future) for future in row] for m, row in zip(ready, futures, strict=True)]
+    if not own_rig:
+        return made
+    return [
+        [on_rig(m, *_observed(clip, len(seen), m.fps, history)) for m in row] if clip.rig else row
+        for row, clip, seen in zip(made, motions, ready, strict=True)
+    ]
+
+
+def _observed(clip: Motion, frames: int, fps: float, history: int) -> tuple[Motion, Float[np.ndarray, " K"]]:
+    """The clip from its first to its last observed frame, and the time of each in frames of the model from the first one.
+
+    Args:
+        frames: that the clip has at the model's rate `fps`.
+    """
+    ratio = clip.fps / fps
+    first, last = ceil((frames - history) * ratio - 1e-6), int((frames - 1) * ratio + 1e-6)
+    return clip.cut(first, last + 1), np.arange(first, last + 1) / ratio - (frames - history)
 
 
 def _joined(observed: Motion, future: Float[Tensor, "F C"]) -> Motion:

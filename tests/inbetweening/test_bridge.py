@@ -14,6 +14,7 @@ from mwlib.diffusion import network_target
 from mwlib.inbetweening import bridge as module
 from mwlib.inbetweening.bridge import Bridge, filled, tempered
 from mwlib.inbetweening.windows import given
+from tests.body.sample import animators_motion, apart
 from tests.inbetweening.sample import PAPER, data_of, untrained, windows_for
 
 KINDS = {
@@ -321,3 +322,73 @@ def test_a_model_of_rotations_needs_them():
     start, end = pair(bridge)
     with pytest.raises(ValueError, match="has positions only; expected rotations"):
         filled(bridge, start, replace(end, rig=None))
+
+
+def animated(fps: float) -> Motion:
+    """Three seconds of a rig with fingers, slow enough for anybody."""
+    return animators_motion(round(3 * fps) + 1, fps)
+
+
+@pytest.mark.parametrize("fps", [10.0, 24.0, 30.0, 120.0])
+@pytest.mark.parametrize("past", [1, 4])
+def test_on_the_users_own_rig_poses_stay_and_the_rest_follows(fps, past):
+    bridge, motion = untrained(past=past), animated(fps)
+    ratio = fps / 10
+    keys = [round(n * ratio) for n in (8, 15)]
+    (plain,), (made,) = (filled(bridge, motion, [8, 15], samples=1, own_rig=own) for own in (False, True))
+    before = int((past - 1) * ratio)
+    given_frames = [*range(keys[0] - before, keys[0] + 1), keys[1]]
+    assert (made.fps, made.skeleton, made.up) == (fps, motion.skeleton, "y") and made.rig.channels == motion.rig.channels
+    assert len(made) == keys[1] - keys[0] + before + 1 and plain.skeleton == bridge.space.bodies.skeleton
+    at = [*range(before + 1), len(made) - 1]
+    assert apart(made.rig.rotations[at], motion.rig.rotations[given_frames]).max() < 1e-4
+    np.testing.assert_allclose(made.positions[at], motion.positions[given_frames], atol=1e-5)
+    if fps == 30:
+        model = plain.positions[past - 1 :, 0]
+        np.testing.assert_allclose(made.positions[before::3, 0], model, atol=1e-5)  # the root is the model's
+
+
+@pytest.mark.parametrize("fps", [24.0, 30.0])
+def test_joined_a_motion_keeps_all_its_frames_but_those_between(fps):
+    bridge, motion = untrained(), animated(fps)
+    keys = [round(n * fps / 10) for n in (8, 15)]
+    (made,) = filled(bridge, motion, [8, 15], samples=1, join=True)
+    kept = [*range(keys[0] + 1), *range(keys[1], len(motion))]
+    assert len(made) == len(motion)
+    np.testing.assert_allclose(made.positions[kept], motion.positions[kept], atol=1e-5)
+    assert np.abs(made.positions - motion.positions)[keys[0] + 1 : keys[1]].max() > 1e-3
+
+
+def test_two_motions_joined_and_aligned():
+    bridge, start, end = untrained(), animated(30.0).cut(0, 40), animated(60.0).turn(2.0)
+    (made,) = filled(bridge, start, end, samples=1, align=True, join=True)
+    assert made.fps == 30 and len(made) == 40 + 20 + 91
+    np.testing.assert_allclose(made.positions[:40], start.positions, atol=1e-5)
+    behind, ends = made.positions[60:], end.resample(30.0).positions
+    np.testing.assert_allclose(behind[0, 0, [0, 2]], start.positions[-1, 0, [0, 2]], atol=1e-5)
+    np.testing.assert_allclose(np.ptp(behind[..., 1], axis=0), np.ptp(ends[..., 1], axis=0), atol=1e-5)
+    (alone,) = filled(bridge, start, end, samples=1, align=True, own_rig=True)
+    np.testing.assert_allclose(alone.positions, made.positions[39:61], atol=1e-4)
+    (plain,) = filled(bridge, start, end.with_up("z"), samples=1, align=True)
+    np.testing.assert_allclose(plain.positions[-1, 0], behind[0, 0], atol=1e-4)
+
+
+def test_a_rotation_model_answers_on_the_whole_rig():
+    """Its own rotations are taken, with the rate and channels of the file."""
+    bridge = untrained(state="rotations")
+    start, end = pair(bridge)
+    (plain,), (made,) = (filled(bridge, start, end, samples=1, own_rig=own) for own in (False, True))
+    assert apart(made.rig.rotations, plain.rig.rotations).max() < 0.02
+    np.testing.assert_allclose(made.positions, plain.positions, atol=1e-4)
+
+
+def test_two_bodies_and_a_rig_that_is_not_there_are_refused():
+    bridge, start = untrained(), animated(10.0)
+    with pytest.raises(ValueError, match="start and end are of different bodies: from .* it is .* expected bones"):
+        filled(bridge, start, animators_motion(5, 10.0, size=1.1), samples=1)
+    small = animators_motion(5, 10.0, size=0.8).retarget(bridge.space.bodies.skeleton)
+    with pytest.raises(ValueError, match="different bodies: from"):
+        filled(bridge, start, small, samples=1)
+    for asked in ("own_rig", "join"):
+        with pytest.raises(ValueError, match="animated has positions only; expected rotations"):
+            filled(bridge, replace(start, rig=None), [3, 10], samples=1, **{asked: True})

@@ -18,6 +18,7 @@ from mwlib.experiments import load_run
 from mwlib.prediction.config import SamplingConfig
 from mwlib.prediction.predictor import Predictor, predicted_motions
 from mwlib.synthetic import synthetic_motions
+from tests.body.sample import animators_motion, apart
 from tests.sample_settings import two_people, untrained
 
 
@@ -321,6 +322,29 @@ def test_continued_motions_begin_with_what_was_seen(predictor, originals):
             assert (future.positions[6:, 0] == m.positions[-1, 0]).all() and future.fps == 10.0
     expected = predictor.predict(originals, 2, 1)
     np.testing.assert_allclose(found[1][0].cut(6, 20).root_relative(), expected[1, 0].numpy(), atol=1e-5)
+
+
+@pytest.mark.parametrize("fps", [10.0, 24.0, 120.0])
+def test_a_clip_with_a_rig_is_continued_on_it(predictor, originals, fps):
+    """Observed frames stay, what the model does not know is held, and clips without a rig are as ever."""
+    clip = animators_motion(round(2.03 * fps), fps)
+    found = predicted_motions(predictor, [clip, originals[0]], 2, 1, own_rig=True)
+    plain = predicted_motions(predictor, [clip, originals[0]], 2, 1)
+    np.testing.assert_array_equal(found[1][0].positions, plain[1][0].positions)
+    last = int((int((len(clip) - 1) / fps * 10 + 1e-6) + 1e-6) * fps / 10 + 1e-6)  # the last frame that the model saw
+    first = last - int(5 * fps / 10)
+    for made, model in zip(found[0], plain[0], strict=True):
+        assert (made.fps, made.skeleton, made.up) == (fps, clip.skeleton, "y") and made.rig.channels == clip.rig.channels
+        seen = last - first + 1
+        np.testing.assert_allclose(made.positions[:seen], clip.positions[first : last + 1], atol=1e-5)
+        assert abs(len(made) / fps - 1.9) < 2 / fps + 1e-6
+        finger = made.rig.skeleton.joints.index("mixamorig:LeftHandIndex1")
+        assert apart(made.rig.rotations[seen:, finger], clip.rig.rotations[last, finger]).max() < 1e-2
+        shown = made.retarget(H36M17).positions
+        assert np.abs(shown[-1, 0] - model.with_up("y").positions[-1, 0]).max() < 1e-2
+        foot = H36M17.joints.index("left_foot")
+        bones = [p[-1, foot] - p[-1, foot - 1] for p in (shown, model.with_up("y").positions)]
+        assert np.dot(*bones) > 0.9 * np.linalg.norm(bones[0]) * np.linalg.norm(bones[1])
 
 
 def test_clips_of_one_training_share_a_form(originals):

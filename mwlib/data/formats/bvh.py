@@ -131,6 +131,7 @@ def bvh_rig(nodes: list[Node], table: Float[np.ndarray, "T channels"], points: l
         tuple(points),
         tuple(None if n.is_end else tuple(n.channels or ()) for n in nodes),
         in_blocks(moves, len(table), len(nodes)) if is_moving else None,
+        metres,
     )
 
 

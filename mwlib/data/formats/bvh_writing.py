@@ -10,7 +10,7 @@ from jaxtyping import Float
 
 from mwlib.body.fitting import FitError, distance, fit_rig
 from mwlib.body.motion import Motion
-from mwlib.body.rig import ANGLES, MOVES, Rig
+from mwlib.body.rig import ANGLES, MOVES, Rig, axes_of
 from mwlib.body.rotation import euler_angles, euler_quaternions
 from mwlib.data.meaning import FASTEST, SLOWEST, metres_per_unit
 from mwlib.data.untrusted import LARGEST
@@ -20,8 +20,8 @@ ALIKE = 1e-6  # metres and radians: far above the rounding of float32, far below
 DIGITS = 7  # after the point: 1e-9 m, and 2e-9 radians
 
 
-def write_bvh(motion: Motion, file: str | Path, *, unit: float | str = "cm") -> FitError:
-    """Write a motion as a BVH file: same rate, joint names and channels as it was read with, y up.
+def write_bvh(motion: Motion, file: str | Path, *, unit: float | str = "cm", up: str = "y") -> FitError:
+    """Write a motion as a BVH file: same rate, joint names and channels as it was read with.
 
     A motion with a rig is written as its rig is, End Sites included. One with positions only, like a model's prediction, gets
     rotations by `fit_rig`: bones have their median lengths, so that its joints may be moved; see what is returned. A joint
@@ -32,7 +32,8 @@ def write_bvh(motion: Motion, file: str | Path, *, unit: float | str = "cm") -> 
         file: a name that ends in .bvh; missing folders are made.
         unit: metres per unit of the file, or "cm", "m", "mm", "inch", "cmu". BVH has no place to state it. Own choice:
             centimetres, as LaFAN1 and Bandai-Namco have them; `load_motions` tells cm, m and mm from the size of a human,
-            any other unit has to be said to it again.
+            any other unit has to be said to it again. `motion.rig.metres` is the unit of the file that it was read from.
+        up: the axis that points up in the file. Whoever reads one with "z" has to be told.
 
     Returns:
         Mean and largest distance, metres, of the joints in the file from `motion.positions`.
@@ -57,7 +58,7 @@ def write_bvh(motion: Motion, file: str | Path, *, unit: float | str = "cm") -> 
         raise ValueError(f"file is {file.name!r}; expected a name that ends in .bvh")
     if not SLOWEST <= motion.fps <= FASTEST:
         raise ValueError(f"fps is {motion.fps:g}; expected {SLOWEST:g} to {FASTEST:g}")
-    motion = motion.with_up("y")
+    motion = motion.with_up(up)
     rig = motion.rig or fit_rig(motion).rig
     _check_names(rig)
     order = _written_order(rig)
@@ -106,7 +107,7 @@ def _enough(rig: Rig, joint: int) -> tuple[str, ...] | None:
     lacking = [name not in names for name in MOVES]
     if np.abs(_places(rig, joint) - rig.offsets[joint])[:, lacking].max(initial=0) > ALIKE:
         names = MOVES + tuple(name for name in names if name not in MOVES)
-    axes, quaternions = _axes(names), rig.rotations[:, joint].astype(np.float64)
+    axes, quaternions = axes_of(names), rig.rotations[:, joint].astype(np.float64)
     if len(axes) < 3:
         said = euler_quaternions(axes, euler_angles(axes, quaternions))
         astray = np.minimum(*(np.linalg.norm(said - sign * quaternions, axis=-1) for sign in (1, -1)))
@@ -115,13 +116,9 @@ def _enough(rig: Rig, joint: int) -> tuple[str, ...] | None:
     return names
 
 
-def _axes(names: tuple[str, ...]) -> str:
-    return "".join(name[0] for name in names if name in ANGLES)
-
-
 def _columns(rig: Rig, joint: int, names: tuple[str, ...], metres: float) -> Float[np.ndarray, "T channels"]:
     """The joint's part of the table: the file's unit, and degrees."""
-    axes = _axes(names)
+    axes = axes_of(names)
     degrees = np.rad2deg(euler_angles(axes, rig.rotations[:, joint].astype(np.float64)))
     places = _places(rig, joint) / metres
     said = {f"{axis}rotation": degrees[:, i] for i, axis in enumerate(axes)}

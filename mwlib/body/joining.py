@@ -1,0 +1,112 @@
+"""Two motions of one body: whether it is one, the second brought to where the first ends, and both as one."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import torch
+
+from mwlib.body.kinematics import bone_lengths, heading, horizontal
+from mwlib.body.motion import Motion
+from mwlib.body.rig import Rig
+from mwlib.body.skeleton import H36M17
+
+ALIKE = 5e-3  # metres by which a bone of one rig may differ: own choice, far above rounding, far below two people
+ROUGHLY = 0.05  # the same of positions without a rig, whose bones are measured: own choice
+FIRM = ("knee", "foot", "elbow", "wrist")  # joints of H36M17 at the ends of single bones; its others are spans of the trunk
+
+
+def check_one_body(first: Motion, second: Motion, names: tuple[str, str] = ("start", "end")) -> None:
+    """Refuse two motions of different bodies.
+
+    Args:
+        first, second: of rigs: joints and bones are compared; else the bones between positions of one skeleton, roughly.
+        names: of the arguments.
+
+    Raises:
+        ValueError: joints have other names or parents, or a bone is longer in one; the message says which.
+    """
+    if first.rig and second.rig:
+        (one, other), close = (_bones_of_rig(motion.rig) for motion in (first, second) if motion.rig), ALIKE
+    elif first.skeleton == second.skeleton:
+        (one, other), close = (_bones_of_positions(motion) for motion in (first, second)), ROUGHLY
+    else:
+        return
+    what = f"{names[0]} and {names[1]} are of different bodies"
+    if one.keys() != other.keys():
+        lost = [sorted(" under ".join(bone) for bone in a.keys() - b.keys()) for a, b in ((one, other), (other, one))]
+        said = [
+            f"{name} has {', '.join(only[:3])}{' ...' * (len(only) > 3)}" for name, only in zip(names, lost, strict=True) if only
+        ]
+        raise ValueError(f"{what}: only {', and only '.join(said)}; expected the same joints")
+    worst = max(one, key=lambda bone: abs(one[bone] - other[bone]), default=None)
+    if worst is not None and not abs(one[worst] - other[worst]) <= close:
+        lengths = f"{one[worst]:.3f} m in {names[0]} and {other[worst]:.3f} m in {names[1]}"
+        raise ValueError(f"{what}: from {worst[1]} to {worst[0]} it is {lengths}; expected bones of the same length")
+
+
+def _bones_of_rig(rig: Rig) -> dict[tuple[str, str], float]:
+    """Lengths by joint and parent, metres, of what hangs from the motion's root."""
+    offsets = rig.offsets if rig.moves is None else rig.moves[0]
+    names, parents, lengths = rig.skeleton.joints, rig.skeleton.parents, np.linalg.norm(offsets, axis=-1)
+    return {(names[joint], names[parents[joint]]): float(lengths[joint]) for joint in rig.hanging()[1:]}
+
+
+def _bones_of_positions(motion: Motion) -> dict[tuple[str, str], float]:
+    """Median lengths by joint and parent, metres."""
+    lengths, names = np.median(bone_lengths(motion.positions, motion.skeleton), axis=0), motion.skeleton.joints
+    bones = zip(motion.skeleton.bones, lengths, strict=True)
+    firm = {(names[joint], names[parent]): float(length) for (parent, joint), length in bones}
+    return {bone: firm[bone] for bone in firm if motion.skeleton != H36M17 or bone[0].endswith(FIRM)}
+
+
+def rig_of(motion: Motion) -> Rig:
+    """The rig of a motion.
+
+    Raises:
+        ValueError: it has none.
+    """
+    if motion.rig is None:
+        raise ValueError(f"{motion.name or 'a motion'} has positions only; expected rotations, as BVH and AMC files have")
+    return motion.rig
+
+
+def aligned(motion: Motion, to: Motion) -> Motion:
+    """A motion turned about the up-axis and moved along the floor: its first frame faces and stands as the last of another.
+
+    Args:
+        motion: to be moved.
+        to: the other one, with the same up-axis.
+
+    Raises:
+        ValueError: a skeleton has no left and right joints, which say where a body faces.
+    """
+    angles = [heading(torch.from_numpy(m.root_relative()[n]), m.skeleton, m.up) for m, n in ((to, -1), (motion, 0))]
+    motion = motion.turn(float(angles[0] - angles[1]))
+    way = (to.positions[-1, 0] - motion.positions[0, 0]).astype(np.float64)
+    way[horizontal(motion.up)[2]] = 0
+    return replace(
+        motion,
+        positions=motion.positions + way.astype(motion.positions.dtype),
+        rig=motion.rig and replace(motion.rig, root=motion.rig.root + way),
+    )
+
+
+def joined(first: Motion, second: Motion) -> Motion:
+    """All frames of the first motion, then all of the second, on the first one's rig.
+
+    Args:
+        first, second: of one body (see `check_one_body`), one up-axis and one rate, both with a rig.
+
+    Raises:
+        ValueError: one of them has no rig.
+    """
+    one, other = rig_of(first), rig_of(second)
+    order = [other.skeleton.joints.index(name) for name in one.skeleton.joints]
+    parts = [(one.rotations, other.rotations[:, order]), (one.root, other.root)]
+    if one.moves is not None:
+        moves = np.tile(other.offsets, (len(second), 1, 1)) if other.moves is None else other.moves
+        parts.append((one.moves, moves[:, order]))
+    rig = replace(one, **dict(zip(("rotations", "root", "moves"), map(np.concatenate, parts), strict=False)))
+    return replace(first, positions=rig.positions().astype(first.positions.dtype), rig=rig)
