@@ -368,13 +368,13 @@ def whole(name: str, value: object, least: int = 0, most: int | None = None) -> 
     return number
 
 
-def wholes(name: str, values: object, least: int = 0, most: int | None = None) -> list[int]:
-    """An argument as several whole numbers.
+def wholes(name: str, values: object) -> list[int]:
+    """An argument as several whole numbers from 0.
 
     Raises:
         ValueError: it is not several, or one is no such number; the message names the argument and the place.
     """
-    return [whole(f"{name}[{place}]", value, least, most) for place, value in enumerate(several(name, values, "whole numbers"))]
+    return [whole(f"{name}[{place}]", value, 0) for place, value in enumerate(several(name, values, "whole numbers"))]
 
 
 def real(name: str, value: object) -> float:

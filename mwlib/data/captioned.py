@@ -26,7 +26,6 @@ from mwlib.data.windows import JoinedClips
 from mwlib.hashing import sha256
 from mwlib.networks.matching import UNIT
 from mwlib.settings import Count, Natural
-from mwlib.synthetic.acts import captioned_positions
 
 
 @dataclass(frozen=True)
@@ -69,6 +68,8 @@ def captioned_people(clips: int = 2400, seed: int = 0) -> list[CaptionedClip]:
     >>> clip.features.shape, clip.split, clip.captions[0]
     ((76, 263), 'train', 'an adult walks briskly forward')
     """
+    from mwlib.synthetic.acts import captioned_positions  # a model of other data opens no generator
+
     made = captioned_positions(clips, seed)
     return [CaptionedClip(features_of(x.positions), x.captions, x.name, x.split, x.attributes) for x in made]
 

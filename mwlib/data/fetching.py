@@ -6,7 +6,7 @@ import json
 import shutil
 import sys
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -335,12 +335,8 @@ def _skeleton_fault(file: Path) -> bool:
 
 def _missing_clips(folder: Path, clips: Sequence[Listed]) -> list[Listed]:
     """Clips that are not there, or not as listed."""
-    with _progress("checking clips", len(clips)) as bar:
-        found = []
-        for clip in clips:
-            found += [clip] if (file := at(folder, clip.file)) is None or motion_fault(file, clip) else []
-            bar.update()
-    return found
+    with _progress("checking clips", len(clips), of=clips) as bar:
+        return [clip for clip in bar if (file := at(folder, clip.file)) is None or motion_fault(file, clip)]
 
 
 def _labelled(folder: Path, clips: Sequence[Listed]) -> bool:
@@ -447,6 +443,6 @@ def _workplace(to: Path, name: str) -> Iterator[Path]:
         lock.release()
 
 
-def _progress(what: str, total: int, unit: str = "file") -> tqdm:
-    """A progress bar, unless nobody watches or it is soon over."""
-    return tqdm(desc=what, total=total, unit=unit, unit_scale=unit == "B", disable=not sys.stderr.isatty() or total < 20)
+def _progress(what: str, total: int, unit: str = "file", of: Iterable[Any] | None = None) -> tqdm:
+    """A progress bar, of things that it gives or by itself, unless nobody watches or it is soon over."""
+    return tqdm(of, what, total=total, unit=unit, unit_scale=unit == "B", disable=not sys.stderr.isatty() or total < 20)

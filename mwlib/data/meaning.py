@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 from functools import lru_cache
 from itertools import islice
 from pathlib import Path
-from typing import Generic, NamedTuple, TypedDict, TypeVar, Unpack
+from typing import Any, Generic, NamedTuple, TypedDict, TypeVar, Unpack
 
 import numpy as np
 from jaxtyping import Float
@@ -275,19 +275,8 @@ SLOWEST = 1.0  # frames per second; a rate below looks like milliseconds taken f
 MOST_COLUMNS, MOST_ROWS = 100, 100_000  # of clips.csv; all of CMU are 2435 rows
 # Columns of clips.csv that are read, and those that may stand there as well: notes, and what tables of known collections have.
 COLUMNS = (
-    "file",
-    "fps",
-    "unit",
-    "up",
-    "subject",
-    "action",
-    "content",
-    "description",
-    "frames",
-    "rows",
-    "tpose_frame0",
-    "first_frame",
-)
+    "file", "fps", "unit", "up", "subject", "action", "content", "description", "frames", "rows", "tpose_frame0", "first_frame",
+)  # fmt: skip
 MORE_COLUMNS = (
     "note", "notes", "trial", "take", "split", "style", "dataset", "id", "format", "skeleton", "joints", "columns", "glitch",
     "duration_s", "file_header_fps", "height_frame0_cm", "max_joint_speed_cm_s", "windows_65_by_40",
@@ -350,18 +339,15 @@ def hints(file: Path, **given: Unpack[Given]) -> Hints:
     """
     row, table = clips_row(file)
     place = f"row of {row.get('file')}"
-    listed = {
-        "unit": _unit(row["unit"], table, place) if row.get("unit") else None,
-        "up": _up(row["up"], table, place) if row.get("up") else None,
-        "fps": frame_rate(row["fps"], table, place) if row.get("fps") else None,
+    listed: dict[str, Any] = {
+        name: read(row[name], table, place) if row.get(name) else None
+        for name, read in (("unit", _unit), ("up", _up), ("fps", frame_rate))
     }
     first = row.get("first_frame", "")
     if first and not re.fullmatch(r"\d{1,9}", first):
         raise MotionFormatError(table, place, f"first_frame {first[:40]!r}", "a row of the file, from 0")
     return Hints(
-        unit=stated(given.get("unit"), CALLER) or stated(listed["unit"], TABLE),
-        up=stated(given.get("up"), CALLER) or stated(listed["up"], TABLE),
-        fps=stated(given.get("fps"), CALLER) or stated(listed["fps"], TABLE),
+        **{name: stated(given.get(name), CALLER) or stated(value, TABLE) for name, value in listed.items()},
         subject=row.get("subject") or "",
         action=row.get("action") or row.get("content") or "",
         first_frame=int(first) if first else None,

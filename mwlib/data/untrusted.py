@@ -13,8 +13,9 @@ import warnings
 import zipfile
 import zlib
 from collections.abc import Callable, Container, Iterable, Iterator, Sequence
+from functools import partial
 from pathlib import Path
-from typing import BinaryIO, Protocol, cast
+from typing import Any, BinaryIO, cast
 
 import numpy as np
 from jaxtyping import Float, Shaped
@@ -118,7 +119,7 @@ def read_head(path: Path, count: int) -> bytes:
     Raises:
         MotionFormatError: broken packing as far as it is read; or as `open_regular`.
     """
-    new = {".xz": _new_unxz, ".gz": _Gunzip}.get(path.suffix.lower())
+    new = {".xz": partial(lzma.LZMADecompressor, memlimit=UNPACK_MEMORY), ".gz": _Gunzip}.get(path.suffix.lower())
     with open_regular(path) as stream:
         if new is None:
             return stream.read(min(count, path.stat().st_size + 1))  # Python sets aside all that is asked for
@@ -132,25 +133,6 @@ def read_head(path: Path, count: int) -> bytes:
         except (lzma.LZMAError, EOFError, zlib.error) as error:
             raise MotionFormatError(path, "packing", str(error), f"a whole {path.suffix} file") from error
         return b"".join(parts)[:count]
-
-
-class _Unpacker(Protocol):
-    """What lzma's unpacker offers."""
-
-    @property
-    def eof(self) -> bool: ...
-
-    @property
-    def unused_data(self) -> bytes: ...
-
-    @property
-    def needs_input(self) -> bool: ...
-
-    def decompress(self, data: bytes, max_length: int) -> bytes: ...
-
-
-def _new_unxz() -> _Unpacker:
-    return lzma.LZMADecompressor(memlimit=UNPACK_MEMORY)
 
 
 class _Gunzip:
@@ -167,7 +149,7 @@ class _Gunzip:
         return piece
 
 
-def _unpacked(stream: BinaryIO, new: Callable[[], _Unpacker]) -> Iterator[bytes]:
+def _unpacked(stream: BinaryIO, new: Callable[[], Any]) -> Iterator[bytes]:
     """Pieces of at most PIECE bytes; streams that follow each other, zeros between them, are one.
 
     Raises:

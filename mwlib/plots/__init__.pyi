@@ -1,5 +1,5 @@
 from .bodies import end_poses, filmstrip, overlay_futures, pose_grid, storyboard
-from .chapters.bridging import bridged_coordinate, broken_bodies, imposed_steps, keyframe_samples, seams, spectra, training_view
+from .chapters.bridging import bridged_coordinate, broken_bodies, imposed_steps, keyframe_samples, spectra, training_view
 from .chapters.diagrams import bridging_overview, free_overview, overview, tabg_diagram
 from .chapters.diffusion import (
     band_snr,
@@ -67,7 +67,7 @@ __all__ = [
     "loss_curves", "matrix", "metric_picture", "noised_rows", "noising", "overlay_futures", "overview", "padding_modes",
     "parallel_snr", "particles", "passages", "phase_circles", "player", "pose_grid", "predicted_curves", "projection_change",
     "recovery_by_coefficient", "responses", "results_table", "row_support", "same_spectrum", "sampling_paths", "save",
-    "save_table", "scaling_and_wavelet", "schedules", "seams", "show", "signal_and_coefficients", "significant",
+    "save_table", "scaling_and_wavelet", "schedules", "show", "signal_and_coefficients", "significant",
     "sliding_filter", "spectra", "storyboard", "style", "subbands", "tabg_diagram", "tilings", "training_view",
     "trajectories", "use_style", "ways", "windows_and_sinusoids",
 ]  # fmt: skip

@@ -35,39 +35,14 @@ DIVERGING = "RdBu_r"  # blue and red differ for every common kind of colour visi
 WIDTH = 6.4  # inches: one notebook column, still legible on a phone
 
 STYLE = {
-    "figure.dpi": 120,
-    "figure.facecolor": "white",
-    "font.size": 10,
-    "axes.titlesize": 10.5,
-    "axes.titlelocation": "left",
-    "axes.labelsize": 10,
-    "xtick.labelsize": 9,
-    "ytick.labelsize": 9,
-    "legend.fontsize": 9,
-    "figure.titlesize": 11,
-    "text.color": INK,
-    "axes.labelcolor": INK,
-    "axes.edgecolor": INK,
-    "axes.titlecolor": INK,
-    "xtick.color": INK,
-    "ytick.color": INK,
-    "axes.linewidth": 0.8,
-    "axes.spines.top": False,
-    "axes.spines.right": False,
-    "axes.axisbelow": True,
-    "axes.unicode_minus": True,
-    "grid.color": FAINT,
-    "lines.linewidth": 1.8,
-    "lines.markersize": 5,
-    "patch.linewidth": 0.8,
-    "legend.frameon": False,
-    "image.cmap": "viridis",
-    "image.interpolation": "nearest",
-    "axes.prop_cycle": cycler(color=CYCLE),
-    "pdf.fonttype": 42,
-    "svg.hashsalt": "mwlib",
-    "savefig.dpi": 120,
-}
+    "figure.dpi": 120, "figure.facecolor": "white", "figure.titlesize": 11, "font.size": 10, "legend.fontsize": 9,
+    "axes.titlesize": 10.5, "axes.titlelocation": "left", "axes.labelsize": 10, "xtick.labelsize": 9, "ytick.labelsize": 9,
+    **dict.fromkeys(("text.color", "axes.labelcolor", "axes.edgecolor", "axes.titlecolor", "xtick.color", "ytick.color"), INK),
+    "axes.linewidth": 0.8, "axes.spines.top": False, "axes.spines.right": False, "axes.axisbelow": True,
+    "axes.unicode_minus": True, "axes.prop_cycle": cycler(color=CYCLE), "grid.color": FAINT, "lines.linewidth": 1.8,
+    "lines.markersize": 5, "patch.linewidth": 0.8, "legend.frameon": False, "image.cmap": "viridis",
+    "image.interpolation": "nearest", "pdf.fonttype": 42, "svg.hashsalt": "mwlib", "savefig.dpi": 120,
+}  # fmt: skip
 
 
 @contextmanager

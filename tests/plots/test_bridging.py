@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 import torch
 from matplotlib.collections import LineCollection
-from matplotlib.colors import to_hex
 from scipy.fft import dct, idct
 
 from mwlib import plots
@@ -37,21 +36,6 @@ def test_bridged_coordinate_shows_truth_baselines_samples_and_keyframes():
     assert found["keyframe"].get_ydata() == pytest.approx(TRUTH[[0, 7, -1]])
     drawn = [curve.get_ydata() for curve in ax.lines if curve.get_color() == plots.CYCLE[0] and len(curve.get_ydata())]
     assert np.array_equal(drawn, TRUTH + NOISE)
-    legible(fig)
-
-
-def test_seams_are_lengths_of_steps_and_mark_those_at_keyframes():
-    x = np.stack([3 * TRUTH, 4 * TRUTH], axis=-1)  # steps of 5 times those of the truth
-    pasted = x.copy()
-    pasted[1:-1] += [0.3, 0.4]
-    fig, ax = plots.seams({"truth": x, "pasted": np.stack([pasted, pasted])}, fps=FPS, keyframes=(0, 20, -1))
-    found = _labels(ax)
-    assert to_hex(found["truth"].get_color()) == "#000000"
-    assert found["truth"].get_ydata() == pytest.approx(5 * np.abs(np.diff(TRUTH)))
-    assert found["pasted"].get_ydata()[0] == pytest.approx(5 * np.abs(np.diff(TRUTH))[0] + 0.5)
-    assert found["pasted"].get_xdata()[:2] == pytest.approx([0.025, 0.075])
-    marks = [line for line in ax.lines if line.get_marker() == "o"]
-    assert [mark.get_xdata().tolist() for mark in marks] == [pytest.approx([0.025, 0.975, 1.025, 1.975])] * 2
     legible(fig)
 
 

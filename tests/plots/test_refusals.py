@@ -21,7 +21,6 @@ BONES = np.ones(len(WALK.skeleton.bones))
         (lambda: plots.bridged_coordinate(TRUTH, {"short": TRUTH[1:]}, fps=FPS), "short: 40 frames; expected 41"),
         (lambda: plots.bridged_coordinate(TRUTH, dict.fromkeys("abcdef", TRUTH), fps=FPS), "6 baselines; expected at most 5"),
         (lambda: plots.bridged_coordinate(TRUTH, {}, fps=FPS, keyframes=(41,)), r"\[41\]; expected one or more of -41 to 40"),
-        (lambda: plots.seams({"a": NOISE.T, "b": NOISE.T[1:]}, fps=FPS), "lengths of the rows are {'a': 41, 'b': 40}"),
         (lambda: plots.spectra({"a": TRUTH}, fps=FPS, frames=79), "79 frames have 40 frequencies; expected 41"),
         (lambda: plots.spectra({}, fps=FPS), "at least one row"),
         (lambda: plots.imposed_steps(NOISE, [0.0, 0.5, 1.0], fps=FPS), "expected 3, one for each step, falling"),

@@ -228,11 +228,9 @@ def asf_rig(tracks: Tracks, body: Body, tree: Skeleton, bones: list[str], metres
         found = np.zeros((part.stop - part.start, len(names), 4))
         found[..., 0] = 1.0
         for joint, name in enumerate(names):
-            turns = [dof for dof in reversed(TURNS) if dof in tracks.get(name, {})]  # z, y, x: Rz Ry Rx
-            if turns:
-                angles = np.stack([tracks[name][dof][part] for dof in turns], axis=-1)
-                found[:, joint] = euler_quaternions("".join(dof[1] for dof in turns), angles)
-                found[:, joint, 1:] @= _axis_asf_rig(body, name).T  # C R C^-1: R about the turned axis
+            if turns := _turns(tracks, name, part):
+                found[:, joint] = euler_quaternions(*turns)
+                found[:, joint, 1:] @= _axis_of(body, name).T  # C R C^-1: R about the turned axis
         return found
 
     ends = far_ends(skeleton)
@@ -246,8 +244,14 @@ def asf_rig(tracks: Tracks, body: Body, tree: Skeleton, bones: list[str], metres
     )
 
 
-def _axis_asf_rig(body: Body, name: str) -> Float[np.ndarray, "3 3"]:
+def _axis_of(body: Body, name: str) -> Float[np.ndarray, "3 3"]:
     return body.bones[name].axis if name in body.bones else body.root_axis
+
+
+def _turns(tracks: Tracks, name: str, part: slice) -> tuple[str, Float[np.ndarray, "n turns"]] | None:
+    """Axes and angles of a bone's rotation Rz Ry Rx over some frames, as far as it can turn; None if it cannot."""
+    turns = [dof for dof in reversed(TURNS) if dof in tracks.get(name, {})]
+    return ("".join(dof[1] for dof in turns), np.stack([tracks[name][dof][part] for dof in turns], axis=-1)) if turns else None
 
 
 def _depth_first(tree: Skeleton) -> tuple[tuple[str, ...], tuple[int, ...]]:
@@ -453,12 +457,9 @@ def _positions(tracks: Tracks, body: Body, skeleton: Skeleton, picked: list[int]
         rotations = np.broadcast_to(np.eye(3), (part.stop - part.start, len(skeleton), 3, 3)).copy()
         offsets = np.zeros((len(rotations), len(skeleton), 3))
         for joint, name in enumerate(skeleton.joints):
-            bone = body.bones.get(name)
-            axis = bone.axis if bone else body.root_axis
-            turns = [dof for dof in reversed(TURNS) if dof in tracks.get(name, {})]  # z, y, x: Rz Ry Rx
-            if turns:
-                angles = np.stack([tracks[name][dof][part] for dof in turns], axis=-1)
-                rotations[:, joint] = axis @ euler_matrices("".join(dof[1] for dof in turns), angles) @ axis.T
+            bone, axis = body.bones.get(name), _axis_of(body, name)
+            if turns := _turns(tracks, name, part):
+                rotations[:, joint] = axis @ euler_matrices(*turns) @ axis.T
             if bone:
                 offsets[:, joint] = rotations[:, joint] @ bone.offset  # a bone's own turn moves its far end
         return forward_kinematics(rotations, offsets, place[part], skeleton)[:, picked]

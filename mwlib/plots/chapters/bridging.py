@@ -66,48 +66,6 @@ def bridged_coordinate(
 
 
 @style()
-def seams(
-    rows: Mapping[str, Float[Array, "*lead T C"]],
-    *,
-    fps: float,
-    keyframes: Sequence[int] = (0, -1),
-    unit: str = "m",
-    log: bool = False,
-) -> Panel:
-    """How far each motion goes from frame to frame, ‖x_t+1 - x_t‖: a motion that was pasted to its keyframes pops beside them.
-
-    Large marks are the steps that touch a keyframe.
-
-    Args:
-        rows: name -> motions of T frames, keyframes among them; leading axes are averaged over. "truth" is black.
-        fps: frames per second; a step stands in the middle of its two frames.
-        keyframes: numbers of the given frames; -1 is the last.
-        unit: of x.
-        log: a logarithmic axis, for pops that dwarf the rest.
-
-    Raises:
-        ValueError: lengths differ, or a keyframe is no frame.
-    """
-    frames = _one_length({name: x.shape[-2] for name, x in rows.items()})
-    given = _given(frames, keyframes)
-    touching = np.unique([step for k in given for step in (k - 1, k) if 0 <= step < frames - 1])
-    seconds = (np.arange(frames - 1) + 0.5) / fps
-    steps = {
-        name: np.linalg.norm(np.diff(array(x), axis=-2), axis=-1).reshape(-1, frames - 1).mean(0) for name, x in rows.items()
-    }
-    fig, ax = panel(3.2)
-    for time in given / fps:
-        ax.axvline(time, color=OBSERVED, linewidth=0.8, zorder=0)
-    draw(ax, steps, seconds, looks=_looks(rows), marks=dict.fromkeys(steps, touching), dot=6)
-    ax.set(xlabel="time (s); vertical lines: keyframes", ylabel=f"step ({unit} per frame)", yscale="log" if log else "linear")
-    ax.grid(axis="y")
-    if not log:
-        ax.set_ylim(bottom=0)
-    legend(ax)
-    return fig, ax
-
-
-@style()
 def spectra(rows: Curves, *, fps: float, frames: int | None = None, unit: str = "m²") -> Panels:
     """Mean power at each frequency but 0, the mean; with a row called "truth", beneath it the ratio of the others to it.
 

@@ -22,8 +22,6 @@ MUTANTS = [
     ),
     *of(
         "plots/chapters/bridging.py", "plots/test_bridging.py",
-        ("step-at-its-first-frame", "(np.arange(frames - 1) + 0.5) / fps", "np.arange(frames - 1) / fps"),
-        ("seam-after-the-keyframe-only", "for step in (k - 1, k) if", "for step in (k,) if"),
         ("cosines-at-twice-their-frequency", "fps / (2 * len(x))", "fps / len(x)"),
         ("bone-errors-in-metres", "1000 * np.abs(", "np.abs("),
         ("clean-keyframes-of-the-first-step", "x[-1, given], \"o\"", "x[0, given], \"o\""),
