@@ -262,7 +262,8 @@ def _check_speed(keyframes: Float[np.ndarray, "K 3"], frames: Sequence[int], fps
         n = int(speeds.argmax())
         apart = f"keyframes {n} and {n + 1} are {away[n]:.3g} m and {(frames[n + 1] - frames[n]) / fps:.3g} s apart"
         raise ValueError(
-            f"{apart}, which needs {speeds[n]:.3g} m/s; expected at most {FASTEST:g} m/s: more frames, or nearer poses"
+            f"{apart}, which needs {speeds[n]:.3g} m/s; expected at most {FASTEST:g} m/s: more frames, or nearer poses; "
+            "align brings a second motion to where the first ends"
         )
 
 

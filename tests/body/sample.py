@@ -44,7 +44,8 @@ def animators_motion(
     if moving:
         angles[:, [name not in moving for name in order]] = angles[:1, [name not in moving for name in order]]
     angles[:, [name.endswith("/End") for name in order]] = 0
-    angles[:, 0] += [0.0, 0.0, np.pi / 2]
+    for name, upright in {"Hips": np.pi / 2, "LeftUpLeg": np.pi, "RightUpLeg": np.pi, "LeftFoot": 1.4, "RightFoot": 1.4}.items():
+        angles[:, order.index(name), 0] += upright
     turns = continuous(torch.from_numpy(euler_quaternions("zyx", angles))).numpy().astype(np.float32)
     channels = [None if name.endswith("/End") else ORDERS[j % 3] for j, name in enumerate(order)]
     joints = [j for j, name in enumerate(order) if not name.endswith("/End")]

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from mwlib.body.correspondence import SCHEMES, to_h36m17, to_humanml22
+from mwlib.body.correspondence import MIXAMO, SCHEMES, is_cmu, to_h36m17, to_humanml22
 from mwlib.body.motion import Motion
 from mwlib.body.skeleton import CMU, H36M17, HUMANML22, Skeleton
 from mwlib.data.collections import SKELETONS
@@ -52,6 +52,21 @@ def test_each_scheme_of_cmu_is_carried_over(scheme):
         np.testing.assert_array_equal(ready.positions, clip.positions[:, picked])
         (fitted,) = Bodies(H36M17, 50.0, "z").prepare([clip])
         np.testing.assert_array_equal(fitted.positions, ready.positions)
+
+
+@pytest.mark.parametrize("prefix", ["", "mixamorig:", "Character1_"])
+def test_a_prefix_of_all_names_does_not_count(prefix):
+    for scheme in (*SCHEMES, MIXAMO):
+        plain = tree(scheme.above)
+        named = replace(plain, joints=tuple(prefix + name for name in plain.joints))
+        assert to_h36m17(named) == to_h36m17(plain) == [plain.joints.index(name) for name in scheme.joints]
+
+
+def test_lafans_tree_with_fingers_is_carried_over_as_lafans():
+    fingers = tree(MIXAMO.above, {"LeftHandIndex1": "LeftHand", "HeadTop": "Head", "LeftToeBase": "LeftFoot"})
+    picked = to_h36m17(fingers)
+    assert [fingers.joints[j] for j in picked] == [LAFAN1.joints[j] for j in to_h36m17(LAFAN1)]
+    assert not is_cmu(fingers)
 
 
 def test_names_of_another_tree_are_not_carried_over():

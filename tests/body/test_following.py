@@ -46,7 +46,7 @@ def test_seventeen_joints_come_back_from_places_of_seventeen():
     shown = to_h36m17(motion.skeleton)
     np.testing.assert_allclose(made.positions[:, shown], motion.positions[:, shown], atol=2e-6)
     away = np.linalg.norm(made.positions - motion.positions, axis=-1)
-    assert away.max() < 0.05  # toes and fingers hang from twists that places do not show
+    assert 0.01 < away.max() < 0.2  # toes and fingers hang from twists that places do not show
 
 
 def test_up_makes_no_difference():

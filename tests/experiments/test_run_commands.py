@@ -10,6 +10,7 @@ from PIL import Image
 
 import mwlib as mw
 from mwlib.cli import main
+from tests.body.sample import animators_motion
 from tests.sample_settings import SMALL
 
 
@@ -38,6 +39,17 @@ def test_export_bvh_writes_files_that_read_back(run, tmp_path, capsys):
     motions = mw.load_motions(tmp_path)
     assert len(motions) == 2 and all(len(m) == 20 and m.fps == 10 and m.up == "y" for m in motions)
     assert "mm from the predicted ones" in capsys.readouterr().out
+
+
+def test_export_bvh_goes_on_with_the_skeleton_of_the_file(run, tmp_path, capsys):
+    clip = animators_motion(181, 60.0)
+    mw.write_bvh(clip, tmp_path / "in" / "clip.bvh", unit="mm")
+    assert main(["export-bvh", str(run), str(tmp_path / "in"), "--samples", "2", "--out", str(tmp_path / "out")]) == 0
+    assert f"{tmp_path / 'out'}: 2 files with the skeleton and rate of their clips" in capsys.readouterr().out
+    for made in mw.load_motions(tmp_path / "out"):
+        assert (made.fps, made.skeleton, made.rig.channels) == (60.0, clip.skeleton, clip.rig.channels)
+        assert made.rig.metres == 0.001 and len(made) == 115  # 1.9 s
+        np.testing.assert_allclose(made.positions[:31], clip.positions[-31:], atol=1e-5)
 
 
 def test_loop_writes_a_moving_picture_that_says_what_it_is(run, tmp_path, capsys):

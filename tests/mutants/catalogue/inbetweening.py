@@ -82,6 +82,10 @@ MUTANTS = [
     ),
     *of(
         "inbetweening/bridge.py", "inbetweening/test_bridge.py",
+        ("own-frames-a-past-too-early", "(kept - keys[0]) / ratio + lead", "(kept - keys[0]) / ratio",
+         "inbetweening/test_bridge.py::test_on_the_users_own_rig_poses_stay_and_the_rest_follows"),
+        ("another-body-at-the-end", "        check_one_body(", "        print(",
+         "inbetweening/test_bridge.py::test_two_bodies_and_a_rig_that_is_not_there_are_refused"),
         ("past-seen-in-part", "mask[: task.past].all()", "mask[0]",
          "inbetweening/test_bridge.py::test_what_the_model_is_not_for_is_refused"),
         ("noise-of-the-place-in-the-chunk", "(seed, ids[part], shape", "(seed, range(len(ids[part])), shape",

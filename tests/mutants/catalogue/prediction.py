@@ -39,6 +39,8 @@ MUTANTS = [
     ),
     *of(
         "prediction/predictor.py", "prediction/test_predictor.py",
+        ("own-frames-from-the-start-of-the-clip", "last + 1) / ratio - (frames - history)", "last + 1) / ratio",
+         "prediction/test_predictor.py::test_a_clip_with_a_rig_is_continued_on_it"),
         ("cfg-weight-fixed", "weight=s.guidance_weight", "weight=0.3"),
         ("cfg-form-fixed", "form=s.guidance_form", 'form="eq7"'),
         ("eta-fixed", "eta=s.eta", "eta=0.0"),
