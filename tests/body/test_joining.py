@@ -34,7 +34,7 @@ def test_one_body_in_two_clips_is_one():
     check_one_body(one, replace(other, rig=elsewhere))  # the root's place at rest is no bone
     shrugging = animators_motion(bend=2.0, seed=1).retarget(H36M17)
     spans = [np.median(bone_lengths(m.positions, H36M17), axis=0) for m in (shrugging, one.retarget(H36M17))]
-    assert np.abs(spans[0] - spans[1]).max() > 2 * ROUGHLY
+    assert np.abs(spans[0] - spans[1]).max() > 1.5 * ROUGHLY
     check_one_body(one.retarget(H36M17), shrugging)  # shoulders that shrug make no other body
     check_one_body(one.retarget(H36M17), lafan_motion())  # nothing to compare
 
