@@ -1,7 +1,5 @@
 """Reports on folders laid out as HumanML3D or KIT-ML: lists, captions, parts of speech, lengths, statistics."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple

@@ -1,7 +1,5 @@
 """Doubts about motions that a statement settles: up-axis, frame rate and first frame; and rows of a clips.csv without files."""
 
-from __future__ import annotations
-
 import difflib
 import os
 import re

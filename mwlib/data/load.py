@@ -18,38 +18,14 @@ from mwlib.body.motion import Motion
 from mwlib.body.skeleton import Skeleton
 from mwlib.data.collections import NAMED_SOURCES, SKELETONS, named_source
 from mwlib.data.collections.cmu import BENCHMARK_COLUMNS
-from mwlib.data.formats.humanml import FEATURES, is_features, read_features, without_features
-from mwlib.data.meaning import (
-    ENTRY,
-    LEVELS_UP,
-    TABLE,
-    Given,
-    Hints,
-    Reading,
-    Stated,
-    check_size,
-    check_up,
-    hints,
-    metres_per_unit,
-)
-from mwlib.data.untrusted import (
-    MOST_BYTES,
-    BrokenFilesWarning,
-    DoubtfulDataWarning,
-    MotionFormatError,
-    allowed,
-    archive_names,
-    array_header,
-    bare_suffix,
-    near_name,
-    open_regular,
-    read_archive,
-    read_array,
-    read_bytes,
-    read_head,
-    single,
-    without_twins,
-)
+
+from mwlib.data.meaning import (  # isort: skip
+    ENTRY, LEVELS_UP, TABLE, Given, Hints, Reading, Stated, check_size, check_up, hints, metres_per_unit,
+)  # fmt: skip
+from mwlib.data.untrusted import (  # isort: skip
+    MOST_BYTES, BrokenFilesWarning, DoubtfulDataWarning, MotionFormatError, allowed, archive_names, array_header, bare_suffix,
+    near_name, open_regular, read_archive, read_array, read_bytes, read_head, single, without_twins,
+)  # fmt: skip
 from mwlib.settings import real, shown
 
 HINTS = ("clips.csv", "skeleton.json")  # read along with motions that lie beside or below them
@@ -174,6 +150,8 @@ def motion_files(path: Path) -> list[Path]:
     """
     if not path.is_dir():
         return [path]
+    from mwlib.data.formats.humanml import without_features
+
     unlisted: list[Path] = []
     files = _inside(path, unlisted)
     found = without_features(without_twins([*unlisted, *(file for file in files if _is_motion(file))]))
@@ -300,6 +278,8 @@ def _is_motion(file: Path) -> bool:
         if kind == ".txt":
             return read_head(file, HEAD).split(b"\n", 1)[0].count(b",") + 1 == BENCHMARK_COLUMNS
         if kind == ".npy":
+            from mwlib.data.formats.humanml import is_features
+
             shape, _, _ = array_header(BytesIO(read_head(file, HEAD)), file, "array")
             return is_features(shape, file) or (len(shape) == 3 and shape[-1] == 3)
         if kind == ".npz":
@@ -316,7 +296,7 @@ def _archive_is_motion(file: Path) -> bool:
         return MOTION_ENTRY.search(read_head(file, HEAD)) is not None
 
 
-# Each reader is imported when the first of its files is read, so that a system opens without them.
+# Each reader is imported when the first of its files is met, so that a system opens without them.
 
 
 def _synthetic() -> list[Motion]:
@@ -345,6 +325,8 @@ def _read_txt(file: Path, known: Hints) -> Reading:
 
 def _read_npy(file: Path, known: Hints) -> Reading:
     """Joint positions; in a folder new_joint_vecs, rows of features."""
+    from mwlib.data.formats.humanml import FEATURES, read_features
+
     array = read_array(BytesIO(read_bytes(file, allowed(MOST_BYTES, file))), file, "array")
     if array.ndim == 2 and file.parent.name == FEATURES:
         return read_features(array, file, known)

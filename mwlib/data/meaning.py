@@ -1,7 +1,5 @@
 """Meaning of a file's numbers: unit, up-axis, frame rate, and the provenance of each."""
 
-from __future__ import annotations
-
 import csv
 import posixpath
 import re

@@ -1,7 +1,5 @@
 """Bounded reading of untrusted files: bytes, text, numbers, and NumPy's archives, of which nothing is unpickled."""
 
-from __future__ import annotations
-
 import contextlib
 import difflib
 import io

@@ -14,17 +14,10 @@ from jaxtyping import Float, Int
 from torch import Tensor
 
 from mwlib.body.skeleton import Skeleton
-from mwlib.metrics.prediction import (
-    ERRORS,
-    Metric,
-    MultimodalFutures,
-    Predictions,
-    by_action,
-    check_shapes,
-    cmd,
-    fde,
-    step_length,
-)
+
+from mwlib.metrics.prediction import (  # isort: skip
+    ERRORS, Metric, MultimodalFutures, Predictions, by_action, check_shapes, cmd, fde, step_length,
+)  # fmt: skip
 from mwlib.metrics.table import Column, summary
 
 SPEED_SECONDS = 0.2  # speeds over shorter times measure a recording's noise

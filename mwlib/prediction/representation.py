@@ -15,16 +15,10 @@ from mwlib.body.skeleton import Skeleton
 from mwlib.data.windows import Bodies, TrainingWindows, Variation
 from mwlib.prediction.config import Config, ModelConfig, WindowConfig
 from mwlib.training.checkpoint import part
-from mwlib.transforms import (
-    DCTTransform,
-    PhaseTransform,
-    ScaledTransform,
-    TimeWaveletTransform,
-    Transform,
-    WaveletTransform,
-    fit_scale,
-    pad_history,
-)
+
+from mwlib.transforms import (  # isort: skip
+    DCTTransform, PhaseTransform, ScaledTransform, TimeWaveletTransform, Transform, WaveletTransform, fit_scale, pad_history,
+)  # fmt: skip
 
 SCALES = ("mean", "deviation", "condition_mean", "condition_deviation")
 # Windows at a time of which a periodic autoencoder learns. Own choice: four, as in equal time many small steps lose less.

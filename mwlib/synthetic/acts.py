@@ -1,7 +1,5 @@
 """Actions of synthetic people with given attributes: how fast, where to, with which hand or foot, how often, how high."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 

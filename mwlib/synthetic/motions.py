@@ -4,8 +4,6 @@ A clip is a script drawn from a small Markov chain: what the legs do (stand, wal
 turns of the heading. Every event has a random moment and takes over within a few frames, so one history has several futures.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from jaxtyping import Float
 

@@ -3,8 +3,6 @@
 Gaits are foot paths as functions of the phase, with joint angles by inverse kinematics; gestures are tables of key poses.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import cache
 

@@ -5,8 +5,6 @@ clinic's, the same on both sides: flexion swings a limb forward and bends knees 
 away from the midline, turn rotates it outward. The trunk pitches forward, rolls to the left, yaws to the left.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

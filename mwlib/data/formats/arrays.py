@@ -1,7 +1,5 @@
 """Arrays of one's own: .npy and .npz with joint positions, and the skeleton file beside them."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,20 +12,10 @@ from mwlib.body.motion import Motion
 from mwlib.body.skeleton import Skeleton
 from mwlib.data.collections import SKELETONS, known_skeleton
 from mwlib.data.formats.humanml import HUMANML3D, KIT
-from mwlib.data.meaning import (
-    BESIDE,
-    DEFAULT,
-    ENTRY,
-    FORMAT,
-    LEVELS_UP,
-    Hints,
-    Reading,
-    Stated,
-    frame_rate,
-    infer_unit,
-    metres_per_unit,
-    stated,
-)
+
+from mwlib.data.meaning import (  # isort: skip
+    BESIDE, DEFAULT, ENTRY, FORMAT, LEVELS_UP, Hints, Reading, Stated, frame_rate, infer_unit, metres_per_unit, stated,
+)  # fmt: skip
 from mwlib.data.mirroring import paired
 from mwlib.data.untrusted import MOST_JOINTS, SMALL_TEXT, MotionFormatError, bounded, check_names, label, read_text, single
 

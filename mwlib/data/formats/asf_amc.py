@@ -1,7 +1,5 @@
 """ASF and AMC: Acclaim skeletons and motions, as CMU publishes its recordings."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import islice
@@ -18,25 +16,11 @@ from mwlib.body.skeleton import CMU, Skeleton
 from mwlib.data.formats.frames import in_blocks, rotation_track
 from mwlib.data.meaning import FILE, FORMAT, Hints, Reading, Stated, infer_unit, stated
 from mwlib.data.mirroring import own_skeleton, rig_skeleton
-from mwlib.data.untrusted import (
-    BLOCK,
-    LARGEST,
-    MOST_JOINTS,
-    MOST_POINTS,
-    MOST_VALUES,
-    SMALL_TEXT,
-    MotionFormatError,
-    allowed,
-    bare_name,
-    bare_suffix,
-    blocks_of,
-    bounded,
-    label,
-    lines_of,
-    number,
-    read_text,
-    without_twins,
-)
+
+from mwlib.data.untrusted import (  # isort: skip
+    BLOCK, LARGEST, MOST_JOINTS, MOST_POINTS, MOST_VALUES, SMALL_TEXT, MotionFormatError, allowed, bare_name, bare_suffix,
+    blocks_of, bounded, label, lines_of, number, read_text, without_twins,
+)  # fmt: skip
 
 INCH = 0.0254
 ROOT_ORDER = ("tx", "ty", "tz", "rx", "ry", "rz")

@@ -4,8 +4,6 @@ Source: Li et al., Convolutional Sequence to Sequence Model for Human Dynamics, 
 published code (`forward_kinematics_cmu.py`, MIT licence).
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

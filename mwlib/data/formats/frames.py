@@ -1,7 +1,5 @@
 """Frames of files with rotations: computed block by block, and the T-pose that some begin with."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 
 import numpy as np

@@ -4,8 +4,6 @@ Sources: Guo et al. 2022, "Generating diverse and natural 3D human motions from 
 whose rules on lengths and time stamps are kept.
 """
 
-from __future__ import annotations
-
 import math
 import warnings
 from collections import Counter
@@ -23,16 +21,10 @@ from mwlib.body.motion import Motion
 from mwlib.body.skeleton import HUMANML22, Skeleton
 from mwlib.data.collections.humanml import KIT21
 from mwlib.data.meaning import FORMAT, Hints, Reading, Stated
-from mwlib.data.untrusted import (
-    SMALL_TEXT,
-    BrokenFilesWarning,
-    MotionFormatError,
-    bounded,
-    number,
-    open_regular,
-    read_array,
-    read_text,
-)
+
+from mwlib.data.untrusted import (  # isort: skip
+    SMALL_TEXT, BrokenFilesWarning, MotionFormatError, bounded, number, open_regular, read_array, read_text,
+)  # fmt: skip
 
 
 class TaggedCaption(str):
@@ -229,12 +221,8 @@ SPLITS = ("train", "val", "test")
 TOO_LONG = 200  # frames; clips have fewer
 STAMP_FPS = 20.0  # at which time stamps are turned into frames, for KIT too though it has 12.5: as published
 FIELDS = 4  # of a line of text: caption, its words with their parts of speech, start and end in seconds
-BROKEN = (
-    "no features",
-    "no captions",
-    "not finite",
-    "no frame between its times",
-)  # what should not be; a wrong length is no fault
+# What should not be; a wrong length is no fault.
+BROKEN = ("no features", "no captions", "not finite", "no frame between its times")
 
 
 class FolderContents(NamedTuple):

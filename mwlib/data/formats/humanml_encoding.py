@@ -3,8 +3,6 @@
 Source: the code published with HumanML3D, of which two known faults can be had by name ("humanml3d") or left out ("correct").
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from functools import lru_cache
 from typing import Literal, get_args
