@@ -21,8 +21,10 @@ from mwlib.data.formats.bvh_writing import write_bvh
 from mwlib.experiments import sampling
 from mwlib.experiments.results import of_older_code
 from mwlib.files import write_atomic, write_together
+from mwlib.networks.text import words_of
 from mwlib.prediction.predictor import Predictor, predicted_motions
 from mwlib.synthetic.sentences import RECIPES, examples
+from mwlib.synthetic.sentences_typed import PERSONS, SYNONYMS
 from mwlib.text_to_motion.model import TextToMotion
 from mwlib.version import __version__
 
@@ -188,8 +190,9 @@ def generate(
     """Motions from sentences, as BVH files.
 
     Sample motions that do what a sentence says, and write each as a BVH file that Blender opens. The model that comes with the
-    package has learnt from synthetic people: they walk, run, turn, jump, wave, kick, sit and reach. Words that a model does not
-    know are told, and a sentence of which it knows no word is refused.
+    package has learnt from synthetic people: they walk, run, turn, jump, wave, kick, sit and reach. It reads other forms of its
+    words, too, such as "walk forward", and says how. Words that a model does not know are told. A sentence of which it knows no
+    word is refused, and so are denials and more than two actions.
 
     Args:
         texts: sentences, each in quotes.
@@ -203,10 +206,14 @@ def generate(
     """
     if bool(texts) == words:
         raise ValueError("expected either sentences or --words, which lists what the model knows")
+    model = sampling.model_of(run, TextToMotion, "text_to_motion")
     if words:
-        print("\n".join(_known(sampling.model_of(run, TextToMotion, "text_to_motion"), run)))
+        print("\n".join(_known(model, run)))
         return
-    found = sampling.generate(texts, seconds, samples, seed, run, progress=sys.stderr.isatty(), fused=not plain)
+    found = sampling.generate(texts, seconds, samples, seed, model, progress=sys.stderr.isatty(), fused=not plain)
+    for text, read in zip(texts, sampling.understood(model, texts), strict=True):
+        if words_of(text) != words_of(read):
+            print(f"{text!r} is read as {read!r}")
     stems = ["_".join(re.findall(r"[a-z0-9]+", motion.name.lower()))[:60] or "motion" for motion in found]
     _write({f"{n:02d}_{stem}": motion for n, (stem, motion) in enumerate(zip(stems, found, strict=True), 1)}, out)
 
@@ -216,6 +223,9 @@ def _known(model: TextToMotion, run: str) -> Iterator[str]:
     if model.cfg.data.data == "people":
         yield f"{run} has learnt {len(RECIPES)} actions of synthetic people, such as"
         yield from (f"  {action}: {sentence}" for action, sentence in examples().items())
+        yield f"{run} reads at most two of them in a sentence, no denial, and other forms: walk, walking, walked as walks, and"
+        others = ", ".join(f"{typed} as {said}" for typed, said in (PERSONS | SYNONYMS).items() if said not in ("", typed))
+        yield from textwrap.wrap(others, 100, initial_indent="  ", subsequent_indent="  ")
     else:
         yield f"{run} has learnt from the captions of {model.cfg.data.data}."
     if words := model.net.text.vocabulary:

@@ -11,12 +11,14 @@ from mwlib.experiments.runs import load_run
 from mwlib.inbetweening.bridge import Bridge, filled
 from mwlib.networks.matching import UNIT
 from mwlib.settings import real, several, shown, whole
+from mwlib.synthetic.sentences_typed import as_learnt
 from mwlib.text_to_motion.model import WHERE_WORDS, TextToMotion
 from mwlib.text_to_motion.motions import motion_of
 
 INBETWEENING_MODEL, SENTENCE_MODEL = "inbetween", "sentences"  # the models that come with the package
 MOST = 1000  # samples of a sentence: the next sentence's motions have noise of their own
 MOST_TOLD = 5  # unknown words in a warning
+EXPECTED_ACTIONS = "expected one of those that `mwlib generate --words` lists, or two such as walk and then wave"
 Model = TypeVar("Model")
 
 
@@ -118,15 +120,20 @@ def generate(
         fused: read places, steps and contacts together (see `fused_joints`), which trembles less; else places alone, as usual.
 
     Returns:
-        `samples` motions of the first sentence, then of the second, ...; metres, y up, named by their sentences.
+        `samples` motions of the first sentence, then of the second, ...; metres, y up, named by their sentences as they were
+        given.
+
+    A model of the synthetic people reads sentences in the words of their grammar, see `as_learnt`; others read them as they are.
 
     Raises:
         FileNotFoundError: there is no such run.
         ValueError: it is one of another system; an argument is of another kind or out of range; a sentence has no word that the
-            model knows; a length is not one that it was trained for; or the settings of its sampling make numbers overflow.
+            model knows, or asks for what `as_learnt` refuses; a length is not one that it was trained for; or the settings of
+            its sampling make numbers overflow.
 
     Warns of words that the model does not know, with near ones that it knows. To a model that has learnt its words they are all
-    one unknown word; one that reads CLIP's features, or parts of words, makes something of any word.
+    one unknown word; one that reads CLIP's features, or parts of words, makes something of any word. Warns, too, of a sentence
+    with no action that the people's model has learnt, or with two that never follow each other in its grammar.
 
     >>> [walk] = generate("a person walks in a circle to the left", seconds=3.0)
     >>> walk.positions.shape, walk.fps, walk.skeleton.name
@@ -136,11 +143,34 @@ def generate(
     texts = [texts] if isinstance(texts, str) else several("texts", texts, "sentences, or one")
     samples = whole("samples", samples, 1, MOST)
     frames = _frames(model, texts, seconds)
-    many = [(text, n, MOST * i + s) for i, (text, n) in enumerate(zip(texts, frames, strict=True)) for s in range(samples)]
     model.check(texts, frames)
-    _warn_of_words(model, texts)
-    found = model.sample([m[0] for m in many], [m[1] for m in many], seed, ids=[m[2] for m in many], progress=progress)
-    return [motion_of(x, model.layout, text, fused) for x, (text, _, _) in zip(found, many, strict=True)]
+    read = understood(model, texts)
+    _warn_of_words(model, read)
+    many = [(i, MOST * i + s) for i in range(len(texts)) for s in range(samples)]
+    asked = [read[i] for i, _ in many], [frames[i] for i, _ in many]
+    found = model.sample(*asked, seed, ids=[identity for _, identity in many], progress=progress)
+    return [motion_of(x, model.layout, texts[i], fused) for x, (i, _) in zip(found, many, strict=True)]
+
+
+def understood(model: TextToMotion, texts: Sequence[str]) -> list[str]:
+    """Sentences as a model reads them: one that has learnt the words of the synthetic people's grammar, in these words.
+
+    Raises:
+        ValueError: as `as_learnt`.
+    """
+    if not _has_grammar(model):
+        return [*texts]
+    read = []
+    for i, text in enumerate(texts):
+        try:
+            read.append(as_learnt(text).text or text)
+        except ValueError as error:
+            raise ValueError(f"texts[{i}] is {error}") from None
+    return read
+
+
+def _has_grammar(model: TextToMotion) -> bool:
+    return model.cfg.data.data == "people" and bool(model.net.text.vocabulary)
 
 
 def _frames(model: TextToMotion, texts: Sequence[str], seconds: float | Sequence[float]) -> list[int]:
@@ -159,8 +189,13 @@ def _frames(model: TextToMotion, texts: Sequence[str], seconds: float | Sequence
 
 
 def _warn_of_words(model: TextToMotion, texts: Sequence[str]) -> None:
-    """Tell of words that the model does not know, with near ones that begin alike."""
-    if not (strange := model.check_words(texts)):
+    """Tell of words that the model does not know, with near ones that begin alike, and of actions that it has not learnt."""
+    strange = model.check_words(texts)
+    for i, found in enumerate(map(as_learnt, texts) if _has_grammar(model) else ()):
+        if not found.is_learnt:
+            asked = " and then ".join(found.actions) or "no action"
+            warnings.warn(f"texts[{i}] asks for {asked}, which the model has not learnt; {EXPECTED_ACTIONS}", stacklevel=3)
+    if not strange:
         return
     told = []
     for word in strange[:MOST_TOLD]:

@@ -37,4 +37,21 @@ MUTANTS = [
         "synthetic/acts.py", "synthetic/test_acts.py",
         ("a-new-body-in-every-clip", "spawn_key=(2, person)", "spawn_key=(2, number)"),
     ),
+    *of(
+        "synthetic/sentences_typed.py", "synthetic/test_sentences_typed.py",
+        ("denials-are-done", "word in DENIALS or word.endswith(\"n't\")", "word in DENIALS"),
+        ("any-number-of-actions", "if len(found.actions) > MOST:", "if len(found.actions) > 9:"),
+        ("letters-of-any-script", 'if letter.isalpha() and "LATIN" not in', 'if letter.isdigit() and "LATIN" not in'),
+        ("verbs-as-they-are", "(word not in known or _may_begin(before))", "word not in known"),
+        ("nobody-acts", 'words = ["a", "person", *words]', "pass"),
+        ("walks-with-no-path", 'r"\\1 forward"', 'r"\\1"'),
+        ("every-pair-is-learnt", "or self.actions in PAIRS", "or len(self.actions) == 2"),
+    ),
+    *of(
+        "experiments/sampling.py", "synthetic/test_sentences_typed.py",
+        ("words-of-others-are-changed", 'return model.cfg.data.data == "people" and bool(model.net.text.vocabulary)',
+         "return bool(model.net.text.vocabulary)"),
+        ("what-was-typed-is-sampled", "asked = [read[i] for i, _ in many]", "asked = [texts[i] for i, _ in many]"),
+        ("named-by-what-was-read", "motion_of(x, model.layout, texts[i], fused)", "motion_of(x, model.layout, read[i], fused)"),
+    ),
 ]  # fmt: skip

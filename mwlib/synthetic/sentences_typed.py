@@ -1,0 +1,195 @@
+"""Sentences as people type them, put into the words of the grammar: other forms of its verbs, other persons, figures.
+
+Own choice: a model that has learnt the grammar's 175 words takes every other one for the same unknown word. People type "walk
+forward" where the grammar says "a person walks forward". What stands in the tables below means the same, and is replaced; a word
+that does not is left as it is, and the model tells that it does not know it. What the grammar cannot say at all, such as that
+somebody does not walk, is refused.
+"""
+
+from __future__ import annotations
+
+import re
+import unicodedata
+from functools import cache
+from typing import NamedTuple
+
+from mwlib.networks.text import words_of
+from mwlib.synthetic.sentences import PAIRS, vocabulary
+
+# The grammar's verbs and some of its nouns by their action; those under "" take part in several.
+ACTIONS = {
+    "walk": "walks strolls ambles steps strides moves",
+    "run": "runs jogs trots sprints dashes",
+    "jump": "jumps hops leaps",
+    "turn": "turns rotates veers curves",
+    "wave": "waves greets",
+    "kick": "kicks",
+    "box": "boxes punches strikes",
+    "pick_up": "picks grabs",
+    "reach": "reaches stretches extends holds",
+    "sit": "sits lowers",
+    "squat": "squats crouches",
+    "bow": "bows leans",
+    "stand": "stands",
+    "": "makes does takes throws raises lifts bends gets rises remains",
+}
+NOUNS = {
+    "pick_up": "something object item", "squat": "knee knees", "bow": "waist", "sit": "seat", "stand": "move motionless",
+}  # fmt: skip
+PAST = dict(
+    ran="runs", leapt="leaps", struck="strikes", held="holds", sat="sits", bent="bends", stood="stands", made="makes",
+    did="does", took="takes", threw="throws", got="gets", rose="rises",
+)  # fmt: skip
+# What is typed -> what the grammar says; nothing: it is left out.
+SYNONYMS = {
+    "1": "one", "2": "two", "3": "three", "90 degrees": "ninety degrees", "180 degrees": "halfway around",
+    "an anticlockwise": "a counterclockwise", "anticlockwise": "counterclockwise", "counter clockwise": "counterclockwise",
+    "anti clockwise": "counterclockwise", "upwards": "upward", "quick": "quickly", "please": "", "will": "",
+    "he's": "he is", "she's": "she is", "they're": "they are", "i'm": "i am",
+    **dict.fromkeys(("his", "her", "their", "its", "my", "your"), "the"),
+}  # fmt: skip
+# Who acts -> the grammar's nearest: a pronoun alone, a noun with an article or without.
+PERSONS = {
+    "he": "a man", "she": "a woman", **dict.fromkeys(("they", "i", "you"), "a person"),
+    "someone": "someone", "somebody": "somebody", "person": "a person", "man": "a man", "guy": "a man", "boy": "a man",
+    "woman": "a woman", "girl": "a woman", "lady": "a woman", "human": "a human", "figure": "the figure", "adult": "an adult",
+}  # fmt: skip
+PRONOUNS, JOINED = ("he", "she", "they", "i", "you"), ("and", "then", "that", "afterwards")
+ARTICLES = ("a", "an", "the", "this", "that", "one", "some")
+BEING = ("is", "are", "was", "were", "am", "be")
+DENIALS = ("not", "never", "no", "nobody", "nothing", "without", "neither", "nor", "cannot", "dont", "doesnt", "isnt", "wont")
+STILL = re.compile(r"\b(?:(?:does|do|did|is|are|was|were) not|(?:does|do|did|is|are|was|were)n't) (?:move|moving|moved)\b")
+GOING = (*(ACTIONS["walk"] + " " + ACTIONS["run"]).split(), "walking", "running", "jogging")
+HOW = "(?:slowly|unhurriedly|quickly|briskly|rapidly|fast)"
+MOST = 2  # actions of a sentence
+
+
+class Typed(NamedTuple):
+    """What is read of a sentence.
+
+    Args:
+        text: in the words of the grammar, as far as the tables go: lower case, without punctuation.
+        actions: what it asks for, in order, by the names of `RECIPES`; walking backward is walking.
+    """
+
+    text: str
+    actions: tuple[str, ...]
+
+    @property
+    def is_learnt(self) -> bool:
+        """Whether the grammar has a sentence of these actions: one that it knows, or two that follow each other in it."""
+        return len(self.actions) == 1 or self.actions in PAIRS
+
+
+def as_learnt(sentence: str) -> Typed:
+    """A sentence in the words of the grammar; one of the grammar stays as it is.
+
+    Verbs are put into the form that the grammar has. The person who acts is one of the grammar's, and is added where nobody is
+    named. Who walks or runs with no path goes forward; a turn to a side with no angle is a quarter turn.
+
+    Raises:
+        ValueError: the sentence says what is not done, asks for more than two actions, or is written in another script.
+
+    >>> as_learnt("He walked slow, then he's turning left!")
+    Typed(text='a man walks slowly forward then turns ninety degrees to the left', actions=('walk', 'turn'))
+    """
+    if foreign := [letter for letter in sentence if letter.isalpha() and "LATIN" not in unicodedata.name(letter, "")]:
+        raise ValueError(
+            f"{sentence[:80]!r}, with {foreign[0]!r} of another script; expected English, which the model has learnt"
+        )
+    text = STILL.sub("does not move", " ".join(words_of(sentence)))
+    denied = text.replace("does not move", "").split()
+    if denial := [word for word in denied if word in DENIALS or word.endswith("n't")]:
+        raise ValueError(f"{sentence[:80]!r}, with {denial[0]!r}; expected what a person does: the model has learnt no denial")
+    for typed, said in SYNONYMS.items():
+        text = re.sub(rf"(?<!\S){typed}(?!\S)", said, text)
+    text = _phrases(" ".join(_verbs(_somebody(text.split()))))
+    found = Typed(text, _actions(text))
+    if len(found.actions) > MOST:
+        raise ValueError(f"{sentence[:80]!r}, which asks for {', '.join(found.actions)}; expected at most {MOST} actions")
+    return found
+
+
+@cache
+def forms() -> dict[str, str]:
+    """Other forms of the grammar's verbs -> the one that it has."""
+    found = dict(PAST)
+    for said in " ".join(ACTIONS.values()).split():
+        base = _base(said)
+        stem = base[:-1] if base.endswith("e") else base
+        if re.fullmatch(r"(?:qu|[^aeiou])*[aeiou][^aeiouwxy]", base):  # one short vowel: running
+            stem += base[-1]
+        found |= {base: said, f"{stem}ing": said, f"{stem}ed": said}
+    return found
+
+
+def _base(said: str) -> str:
+    return re.sub(r"(?<=sh|ch)es$|(?<=x|o)es$|s$", "", said)
+
+
+def _somebody(words: list[str]) -> list[str]:
+    """The same with a person of the grammar in front, and no pronoun further on."""
+    start = int(bool(words) and words[0] in ARTICLES)
+    if words[start : start + 1] and words[start] in PERSONS:
+        named = " ".join(words[: start + 1])
+        who = named if named == "the person" else PERSONS[words[start]]
+        words = [*who.split(), *words[start + 1 :]]
+    elif not start and any(word in forms() or word in forms().values() for word in words[:2]):
+        words = ["a", "person", *words]
+    return [word for before, word in zip(["", *words], words, strict=False) if not (before in JOINED and word in PRONOUNS)]
+
+
+def _verbs(words: list[str]) -> list[str]:
+    """The same with verbs as the grammar has them: "walks" and "is walking", but "kicks" for "is kicking"."""
+    known, found = {*vocabulary()}, list[str]()
+    for place, word in enumerate(words):
+        before, said = (found[-1] if found else ""), forms().get(word)
+        if word in BEING and any(next_.endswith("ing") for next_ in words[place + 1 : place + 3]):
+            word = "is"
+        elif said and word.endswith("ing"):
+            helped = next((back for back in (-1, -2) if found[back:][:1] == ["is"]), 0)  # "is walking", "is slowly walking"
+            if not (word in known and (helped or before == "remains")):
+                word = said
+                if helped:
+                    del found[helped]
+        elif said and before not in ARTICLES and (word not in known or _may_begin(before)):
+            word = said
+        found.append(word)
+    return found
+
+
+def _may_begin(before: str) -> bool:
+    """Whether a verb may follow a word: a person, a word that joins two actions, or one that says how."""
+    nouns = {said.split()[-1] for said in PERSONS.values()}
+    return before in {"", "first", *JOINED, *nouns} or before.endswith("ly")
+
+
+def _phrases(text: str) -> str:
+    """Turns of speech as the grammar has them: sides, a hand that is raised, how fast, and where to."""
+    text = re.sub(r"(?<!the )\b(left|right) (hand|arm|foot|leg|fist|shoulder)\b", r"the \1 \2", text)
+    if "wav" not in text:
+        text = re.sub(r"\b(?:raises|lifts) (?=(?:the left|the right|both) (?:hand|arm))", "reaches up with ", text)
+    text = re.sub(r"\bslow\b(?! pace| speed)", "slowly", text)
+    text = re.sub(r"(?<!runs )(?<!ing )\bfast\b(?! pace| speed)", "quickly", text)
+    text = re.sub(rf"\b((?:{'|'.join(GOING)})(?: {HOW})?)(?= and\b| then\b|$)", r"\1 forward", text)
+    return re.sub(r"(?<!and )\b(turns|rotates) (?:to the )?(left|right)(?= and| then|$)", r"\1 ninety degrees to the \2", text)
+
+
+def _actions(text: str) -> tuple[str, ...]:
+    """The actions that known words ask for; several words for one, one after the other, count once."""
+    found: list[str] = []
+    for word in text.replace("stands up", "rises").split():
+        action = _named().get(word)
+        if action and found[-1:] != [action]:
+            found.append(action)
+    return tuple(found)
+
+
+@cache
+def _named() -> dict[str, str]:
+    """A word of the grammar -> the action that it belongs to."""
+    known = vocabulary()
+    rows = [(word, action) for action, words in ACTIONS.items() for word in words.split() if action]
+    told = {word: action for word, action in rows} | {_base(word): action for word, action in rows if _base(word) in known}
+    ing = {form: told[said] for form, said in forms().items() if form.endswith("ing") and form in known and said in told}
+    return told | ing | {word: action for action, words in NOUNS.items() for word in words.split()}
