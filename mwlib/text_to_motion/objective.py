@@ -48,7 +48,7 @@ class TextObjective(Objective):
         if learnt or found:
             self.statistics = Statistics.from_tensors(cfg.forward.normalisation, learnt or found)
         elif cfg.forward.statistics == "files":
-            self.statistics = _collections_own(cfg, self.layout)
+            self.statistics = published_statistics(cfg, self.layout)
         else:
             features = [clip.features for clip in parts.train]
             self.statistics = Statistics.measured(features, self.layout, cfg.forward.normalisation)
@@ -137,8 +137,13 @@ def statistics_files(cfg: Config) -> list[Path]:
     return [find_source(cfg.data.data) / name for name in ("Mean.npy", "Std.npy")] if cfg.forward.statistics == "files" else []
 
 
-def _collections_own(cfg: Config, layout: FeatureLayout) -> Statistics:
-    """As they are, but for what the second of the published codes divides its deviations by."""
+def published_statistics(cfg: Config, layout: FeatureLayout) -> Statistics:
+    """Mean.npy and Std.npy of the folder of data, as the settings' `normalisation` scales them.
+
+    Raises:
+        FileNotFoundError: there is no such folder.
+        MotionFormatError: a file is missing, malformed or of another layout.
+    """
     mean, deviation = statistics_files(cfg)
     found = Statistics.read(mean, deviation)
     if found.layout != layout:

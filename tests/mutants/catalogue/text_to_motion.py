@@ -62,6 +62,13 @@ MUTANTS = [
          "raw / self.deviation.to(raw) - self.mean.to(raw)"),
     ),
     *of(
+        "text_to_motion/released.py", "text_to_motion/test_released.py",
+        ("the-average-left-alone", 'for name in ("model_avg", "model")', 'for name in ("model", "model_avg")'),
+        ("any-kind-of-mdm", "if found.get(name, values[0]) not in values:", "if False:"),
+        ("pickles-run", "weights_only=True", "weights_only=False"),
+        ("unknown-weights-passed-over", "elif not name.startswith(FIXED):", "elif False:"),
+    ),
+    *of(
         "text_to_motion/losses.py", "text_to_motion/test_losses.py",
         ("cosines-of-the-padded-length", "bank[n, :kept, :n] = ", "bank[n, :kept, :n] = (n / longest) * "),
         ("low-pass-without-the-mean", "rows = self._of(x, lengths)\n        return rows.mT",
