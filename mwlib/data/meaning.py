@@ -272,14 +272,11 @@ LEVELS_UP = 4  # folders above a file in which its clips.csv or skeleton.json ma
 SLOWEST = 1.0  # frames per second; a rate below looks like milliseconds taken for seconds
 MOST_COLUMNS, MOST_ROWS = 100, 100_000  # of clips.csv; all of CMU are 2435 rows
 # Columns of clips.csv that are read, and those that may stand there as well: notes, and what tables of known collections have.
-COLUMNS = (
-    "file", "fps", "unit", "up", "subject", "action", "content", "description", "frames", "rows", "tpose_frame0", "first_frame",
-)  # fmt: skip
-MORE_COLUMNS = (
-    "note", "notes", "trial", "take", "split", "style", "dataset", "id", "format", "skeleton", "joints", "columns", "glitch",
-    "duration_s", "file_header_fps", "height_frame0_cm", "max_joint_speed_cm_s", "windows_65_by_40",
-    "matched_cmu_subject_trial", "source_repo", "source_path",
-)  # fmt: skip
+COLUMNS = tuple("file fps unit up subject action content description frames rows tpose_frame0 first_frame".split())
+MORE_COLUMNS = tuple(
+    "note notes trial take split style dataset id format skeleton joints columns glitch duration_s file_header_fps "
+    "height_frame0_cm max_joint_speed_cm_s windows_65_by_40 matched_cmu_subject_trial source_repo source_path".split()
+)
 
 
 @dataclass(frozen=True)

@@ -17,8 +17,8 @@ from mwlib.body.skeleton import H36M17, HUMANML22, Skeleton
 
 FPS = 50.0
 
-_TRUNK = ("pelvis_pitch", "pelvis_roll", "pelvis_yaw", "spine_pitch", "spine_roll", "spine_yaw", "neck_pitch", "neck_roll")
-_LIMBS = ("hip_flex", "hip_abd", "hip_turn", "knee", "arm_flex", "arm_abd", "arm_turn", "elbow")
+_TRUNK = tuple("pelvis_pitch pelvis_roll pelvis_yaw spine_pitch spine_roll spine_yaw neck_pitch neck_roll".split())
+_LIMBS = tuple("hip_flex hip_abd hip_turn knee arm_flex arm_abd arm_turn elbow".split())
 SIDES = {"left": 1.0, "right": -1.0}  # sign of the side's y axis: x forward, y left, z up
 # `lift` is the height of the lower foot above the floor, metres.
 POSE = (*_TRUNK, *(f"{side}_{limb}" for side in SIDES for limb in _LIMBS), "lift")

@@ -35,14 +35,15 @@ RECIPES: dict[str, dict[str, str]] = {
 WEIGHTS = dict(
     walk=20, run=14, backward=2, jump=9, turn=8, wave=8, kick=9, box=5, pick_up=4, reach=5, sit=4, squat=4, bow=2, stand=2
 )
-PAIRS = (  # one action, then another; at most one of them has a side
-    *(("walk", then) for then in ("wave", "kick", "jump", "turn", "pick_up", "sit", "squat", "bow", "reach", "box", "stand")),
-    *(("run", then) for then in ("jump", "stand", "turn", "wave")),
-    *((first, "walk") for first in ("wave", "kick", "jump", "turn", "pick_up", "squat", "bow")),
-    *(("turn", then) for then in ("wave", "jump", "bow")),
-    *((first, "wave") for first in ("jump", "squat", "bow")),
-    ("wave", "sit"), ("jump", "kick"), ("wave", "jump"),
-)  # fmt: skip
+# One action, then another; at most one of them has a side.
+PAIRS = [
+    tuple(pair.split(">"))
+    for pair in (
+        "walk>wave walk>kick walk>jump walk>turn walk>pick_up walk>sit walk>squat walk>bow walk>reach walk>box walk>stand "
+        "run>jump run>stand run>turn run>wave wave>walk kick>walk jump>walk turn>walk pick_up>walk squat>walk bow>walk "
+        "turn>wave turn>jump turn>bow jump>wave squat>wave bow>wave wave>sit jump>kick wave>jump"
+    ).split()
+]
 SHARE_OF_PAIRS = 0.25
 _IN_A_PAIR = {"count": "1", "height": "normal", "direction": "in_place", "path": "straight", "pace": "normal", "ends": "seated"}
 _NUMBERS = {"count": int, "degrees": float}

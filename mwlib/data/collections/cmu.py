@@ -12,7 +12,7 @@ OWNERS = (
     "NSF EIA-0196217."
 )
 # Of these people all trials were recorded at 60 Hz, and of 136 one: 326 trials of CMU's index, whose others have 120.
-AT_60 = frozenset({"33", "34", "42", "60", "61", "62", "74", "75", "77", "79", "80", "87", "88", "89"})
+AT_60 = frozenset("33 34 42 60 61 62 74 75 77 79 80 87 88 89".split())
 ALSO_AT_60 = ("136", "19")
 
 

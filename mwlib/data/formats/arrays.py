@@ -20,7 +20,7 @@ from mwlib.data.mirroring import paired
 from mwlib.data.untrusted import MOST_JOINTS, SMALL_TEXT, MotionFormatError, bounded, check_names, label, read_text, single
 
 SKELETON_FILE = "skeleton.json"
-KEYS = ("name", "joints", "parents", "left", "right", "parts", "fps", "unit", "up", "note", "notes")  # of it
+KEYS = tuple("name joints parents left right parts fps unit up note notes".split())  # of it
 JOINTS_FOLDER = "new_joints"  # of HumanML3D (22 joints) and KIT-ML (21)
 
 

@@ -35,7 +35,7 @@ POINTS = """
 TREE = np.array([point.split() for point in POINTS.split(",")], dtype=float)
 SKELETON = Skeleton("CMU benchmark", tuple(f"point{i}" for i in range(38)), tuple(TREE[:, 0].astype(int).tolist()))
 # The point that stands at each joint of CMU; thorax and wrists have no length, as in the cgspeed BVH files.
-PICKED = [0, 2, 3, 4, 5, 6, 8, 9, 10, 11, 12, 14, 15, 16, 17, 18, 19, 21, 22, 23, 24, 25, 26, 28, 30, 31, 32, 33, 34, 35, 37]
+PICKED = [int(n) for n in "0 2 3 4 5 6 8 9 10 11 12 14 15 16 17 18 19 21 22 23 24 25 26 28 30 31 32 33 34 35 37".split()]
 
 
 def read_benchmark(file: Path, hints: Hints) -> Reading:

@@ -21,7 +21,7 @@ from mwlib.data.untrusted import MotionFormatError, array_header, bounded, label
 
 FPS = {17: 50.0, 15: 60.0}
 PARENTS_32 = [int(p) for p in "-1 0 1 2 3 4 0 6 7 8 9 0 11 12 13 14 12 16 17 18 19 20 19 22 12 24 25 26 27 28 27 30".split()]
-KEPT = (0, 1, 2, 3, 6, 7, 8, 12, 13, 14, 15, 17, 18, 19, 25, 26, 27)
+KEPT = tuple(map(int, "0 1 2 3 6 7 8 12 13 14 15 17 18 19 25 26 27".split()))
 _WALKS = (("Train/S3", "Walking 1 chunk0"), ("Train/S3", "Walking 1 chunk2"), ("Validate/S3", "Walking 1 chunk4"))
 CORRUPT = {("S11", "Directions"), *_WALKS}
 

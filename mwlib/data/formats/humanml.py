@@ -130,6 +130,10 @@ class FeatureLayout:
         return axes
 
 
+def _chains(rows: str) -> tuple[tuple[int, ...], ...]:
+    return tuple(tuple(map(int, row.split())) for row in rows.split("|"))
+
+
 HUMANML3D = FeatureLayout(
     name="HumanML3D",
     skeleton=HUMANML22,
@@ -138,13 +142,13 @@ HUMANML3D = FeatureLayout(
     contact_joints=(7, 10, 8, 11),
     face_joints=(2, 1, 17, 16),
     contact_threshold=0.002,
-    chains=((0, 2, 5, 8, 11), (0, 1, 4, 7, 10), (0, 3, 6, 9, 12, 15), (9, 14, 17, 19, 21), (9, 13, 16, 18, 20)),
+    chains=_chains("0 2 5 8 11 | 0 1 4 7 10 | 0 3 6 9 12 15 | 9 14 17 19 21 | 9 13 16 18 20"),
     rest=tuple("0 +x -x +y -y -y +y -y -y +y +z +z +y +x -x +z -y -y -y -y -y -y".split()),
     # Measured from the example motion 012314 that was published with the code; every clip has them.
-    bone_lengths=(
-        0.0, 0.1031, 0.1099, 0.1316, 0.3936, 0.3902, 0.1432, 0.4324, 0.4256, 0.0574, 0.1434,
-        0.1494, 0.2194, 0.1375, 0.1434, 0.1030, 0.1316, 0.1230, 0.2568, 0.2631, 0.2660, 0.2699,
-    ),
+    bone_lengths=tuple(map(float, (
+        "0.0 0.1031 0.1099 0.1316 0.3936 0.3902 0.1432 0.4324 0.4256 0.0574 0.1434 "
+        "0.1494 0.2194 0.1375 0.1434 0.1030 0.1316 0.1230 0.2568 0.2631 0.2660 0.2699"
+    ).split())),
     shortest=40,
 )  # fmt: skip
 
@@ -157,7 +161,7 @@ KIT = FeatureLayout(
     contact_joints=(19, 20, 14, 15),
     face_joints=(11, 16, 5, 8),
     contact_threshold=0.05,
-    chains=((0, 11, 12, 13, 14, 15), (0, 16, 17, 18, 19, 20), (0, 1, 2, 3, 4), (3, 5, 6, 7), (3, 8, 9, 10)),
+    chains=_chains("0 11 12 13 14 15 | 0 16 17 18 19 20 | 0 1 2 3 4 | 3 5 6 7 | 3 8 9 10"),
     rest=tuple("0 +y +y +y +y +x -y -y -x -y -y +x -y -y +z +z -x -y -y +z +z".split()),
     bone_lengths=None,
     shortest=24,
