@@ -161,12 +161,25 @@ def kabsch(rest: Float[Tensor, "*#T children 3"], seen: Float[Tensor, "T childre
 
 def _steady(turns: Float[Tensor, "T 4"], bone: Float[Tensor, " 3"]) -> Float[Tensor, "T 4"]:
     """The same directions of `bone`, its twist made to go on where it would jump, as near a half turn."""
-    axis = torch.nn.functional.normalize(bone, dim=-1)
+    axis = torch.nn.functional.normalize(bone, dim=-1).expand(len(turns), 3)
+    return multiply(turns, about(axis, -twist_jumps(turns, axis, JUMP)))
+
+
+def twist_jumps(turns: Float[Tensor, "T 4"], axis: Float[Tensor, "T 3"], most: float) -> Float[Tensor, " T"]:
+    """Sum up to each frame of the twists about an axis, radians, that are larger than `most` from one frame to the next."""
     pointing = rotate(turns, axis)
     carried = multiply(shortest_arc(pointing[:-1], pointing[1:]), turns[:-1])
     twisted = multiply(inverse(carried), turns[1:])
-    angle = 2 * torch.atan2((twisted[:, 1:] * axis).sum(dim=-1), twisted[:, 0])
-    angle = torch.remainder(angle + torch.pi, 2 * torch.pi) - torch.pi
-    back = torch.zeros_like(turns[:, 0])
-    back[1:] = -torch.where(angle.abs() > JUMP, angle, 0.0).cumsum(dim=0)
-    return multiply(turns, torch.cat([torch.cos(back / 2)[:, None], torch.sin(back / 2)[:, None] * axis], dim=-1))
+    angle = wrapped(2 * torch.atan2((twisted[:, 1:] * axis[1:]).sum(dim=-1), twisted[:, 0]))
+    return torch.cat([angle.new_zeros(1), torch.where(angle.abs() > most, angle, 0.0).cumsum(dim=0)])
+
+
+def about(axis: Float[Tensor, "T 3"], angle: Float[Tensor, " T"]) -> Float[Tensor, "T 4"]:
+    """Turns about unit vectors; radians."""
+    half = angle[:, None] / 2
+    return torch.cat([half.cos(), half.sin() * axis], dim=-1)
+
+
+def wrapped(angle: Float[Tensor, " T"]) -> Float[Tensor, " T"]:
+    """The same angles from -pi to pi."""
+    return torch.remainder(angle + torch.pi, 2 * torch.pi) - torch.pi

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 import torch
@@ -12,13 +13,14 @@ from scipy.interpolate import CubicSpline
 from torch import Tensor
 
 from mwlib.body.correspondence import to_h36m17
-from mwlib.body.fitting import kabsch
+from mwlib.body.fitting import JUMP, about, kabsch, twist_jumps, wrapped
 from mwlib.body.motion import Motion
 from mwlib.body.rig import MOVES, ROTATION_DTYPE, Rig, axes_of
 from mwlib.body.rotation import continuous, euler_angles, euler_quaternions, inverse, multiply, rotate, shortest_arc
 from mwlib.body.skeleton import H36M17, Skeleton
 
 COINCIDENT = 5e-3  # metres of bones: a joint so near another says nothing of its direction
+FASTEST = 24.0  # radians of twist a second that a body makes, 45 degrees a frame at 30 Hz: own choice
 STRAIGHT = 0.05  # product of the sines of two bends of a limb, 13 degrees each: straighter ones keep their twist
 
 LIMBS = [H36M17.joints.index(name) for name in ("right_hip", "left_hip", "right_shoulder", "left_shoulder")]
@@ -29,10 +31,10 @@ def on_rig(motion: Motion, poses: Motion, at: Sequence[float] | Float[np.ndarray
 
     From the root outward each joint turns as little as it must so that the joints below it which the model knows lie in their
     directions: several by Kabsch 1976, one by the shortest arc. Hips and shoulders also twist, so that knees and elbows bend in
-    the model's plane. What the model does not know, like fingers, toes and other twists, is interpolated by slerp between the
-    poses, and held after the last; a model of rotations says it itself. The root follows. Poses stay as they are, and what the
-    fit leaves of them is blended out. Own choice, all of it: bones keep their lengths, so joints may be off the model's;
-    positions are splined in time.
+    the model's plane. A twist that would jump, as near a half turn, goes on and is made up for on the way. What the model does
+    not know, like fingers, toes and other twists, is interpolated by slerp between the poses, and held after the last; a model of
+    rotations says it itself. The root follows. Poses stay as they are, and what the fit leaves of them is blended out. Own
+    choice, all of it: bones keep their lengths, so joints may be off the model's; positions are splined in time.
 
     Args:
         motion: positions, of the skeleton of `poses` or of H36M17.
@@ -63,23 +65,35 @@ def on_rig(motion: Motion, poses: Motion, at: Sequence[float] | Float[np.ndarray
     given = np.floor((times - times[:1]) * ratio + 0.5 + 1e-6).astype(int)  # halves go up, all of them
     if times.shape != (len(poses),) or not (np.diff(given) > 0).all():
         raise ValueError(f"at is {[*at]} for {len(poses)} poses at {poses.fps:g} Hz; expected a frame for each, rising")
-    low, high, share, times = _timeline(given, times, ratio, len(motion) - 1)
+    line = _timeline(given, times, ratio, len(motion) - 1)
     motion = motion.with_up(poses.up)
-    held = _told(rig.between(low, high, share), motion, times, rig.points[0])
-    path = CubicSpline(np.arange(len(motion)), motion.positions.astype(np.float64))(times)
+    held = _told(rig.between(line.low, line.high, line.share), motion, line.times, rig.points[0])
+    path = CubicSpline(np.arange(len(motion)), motion.positions.astype(np.float64))(line.times)
     points, limbs = [rig.points[joint] for joint in picked], [rig.points[joint] for joint in _limbs(poses.skeleton)]
-    rig = _meeting(_followed(held, path, points, limbs), rig, given, low, high, share)
+    moved = _followed(held, path, points, limbs, line, min(JUMP, FASTEST / poses.fps))
+    rig = _meeting(moved, rig, line)
     return replace(poses, positions=rig.positions().astype(poses.positions.dtype), rig=rig, name=motion.name)
 
 
-def _timeline(
-    given: Int[np.ndarray, " K"], at: Float[np.ndarray, " K"], ratio: float, last: int
-) -> tuple[Int[np.ndarray, " T"], Int[np.ndarray, " T"], Float[np.ndarray, " T"], Float[np.ndarray, " T"]]:
-    """For each frame made the pose before and the one behind, the share of the way between them, and the time in the motion.
+class Timeline(NamedTuple):
+    """For each of T frames made: the poses before and behind, the share of the way between them, and the time in the motion.
+
+    `given` says for each pose which frame it is.
+    """
+
+    given: Int[np.ndarray, " K"]
+    low: Int[np.ndarray, " T"]
+    high: Int[np.ndarray, " T"]
+    share: Float[np.ndarray, " T"]
+    times: Float[np.ndarray, " T"]
+
+
+def _timeline(given: Int[np.ndarray, " K"], at: Float[np.ndarray, " K"], ratio: float, last: int) -> Timeline:
+    """The frames to be made.
 
     Args:
-        given: which frames the poses are.
-        at: their times in the motion.
+        given: which of them the poses are.
+        at: times of the poses in the motion.
         ratio: frames made per frame of the motion.
         last: frame of the motion.
     """
@@ -88,7 +102,7 @@ def _timeline(
     high = np.minimum(low + 1, len(given) - 1)
     share = (frames - given[low]) / np.maximum(given[high] - given[low], 1)
     times = np.interp(frames, given, at) + np.maximum(frames - given[-1], 0) / ratio
-    return low, high, share, times.clip(0, last)
+    return Timeline(given, low, high, share, times.clip(0, last))
 
 
 def _told(held: Rig, motion: Motion, times: Float[np.ndarray, " T"], root: int) -> Rig:
@@ -113,7 +127,9 @@ def _limbs(skeleton: Skeleton) -> list[int]:
     return [] if picked is None else [picked[joint] for joint in LIMBS]
 
 
-def _followed(held: Rig, targets: Float[np.ndarray, "T points 3"], points: list[int], limbs: list[int]) -> Rig:
+def _followed(
+    held: Rig, targets: Float[np.ndarray, "T points 3"], points: list[int], limbs: list[int], line: Timeline, jump: float
+) -> Rig:
     """The rig, its root moved and its joints turned from the root outward, so that its points come to lie at the targets."""
     goals = dict(zip(points, _tensor(targets).unbind(1), strict=True))
     seen, seen_turns = map(_tensor, held.world())
@@ -135,7 +151,10 @@ def _followed(held: Rig, targets: Float[np.ndarray, "T points 3"], points: list[
         if joint in limbs and len(below) == 1 and len(tip := ends[below[0]]) == 1:
             bent = rotate(multiply(swing, moved), seen[:, tip[0]] - seen[:, below[0]])
             swing = multiply(_twist(goals[below[0]] - places[joint], bent, goals[tip[0]] - goals[below[0]]), swing)
-        local[:, joint] = _turnable(axes, multiply(inverse(turns[above]), multiply(swing, turns[joint])))
+        found = multiply(inverse(turns[above]), multiply(swing, turns[joint]))
+        if len(below) == 1:
+            found = _steady(found, rotate(inverse(turns[joint]), arms[:, 0]), line, jump)
+        local[:, joint] = _turnable(axes, found)
         turns[joint] = multiply(turns[above], local[:, joint])
     return replace(held, rotations=continuous(local).numpy().astype(ROTATION_DTYPE))
 
@@ -172,8 +191,15 @@ def _twist(bone: Float[Tensor, "T 3"], bent: Float[Tensor, "T 3"], wanted: Float
     """The turn about a bone that brings what is bent at its end into the plane that is wanted; little where it is straight."""
     axis, a, b = (torch.nn.functional.normalize(v, dim=-1) for v in (bone, bent, wanted))
     a, b = (v - (v * axis).sum(dim=-1, keepdim=True) * axis for v in (a, b))
-    half = torch.atan2((axis * torch.linalg.cross(a, b)).sum(dim=-1), (a * b).sum(dim=-1).clamp_min(0) + STRAIGHT)[:, None] / 2
-    return torch.cat([half.cos(), half.sin() * axis], dim=-1)
+    return about(axis, torch.atan2((axis * torch.linalg.cross(a, b)).sum(dim=-1), (a * b).sum(dim=-1).clamp_min(0) + STRAIGHT))
+
+
+def _steady(turns: Float[Tensor, "T 4"], bone: Float[Tensor, "T 3"], line: Timeline, jump: float) -> Float[Tensor, "T 4"]:
+    """The same directions of a bone, its twist made to go on where it would jump, and to end as it does at the next pose."""
+    axis = torch.nn.functional.normalize(bone, dim=-1)
+    back = -twist_jumps(turns, axis, jump)
+    start, way = back[line.given[line.low]], wrapped(back[line.given[line.high]] - back[line.given[line.low]])
+    return multiply(turns, about(axis, back - start - torch.from_numpy(line.share) * way))
 
 
 def _turnable(axes: str, turns: Float[Tensor, "T 4"]) -> Float[Tensor, "T 4"]:
@@ -182,15 +208,15 @@ def _turnable(axes: str, turns: Float[Tensor, "T 4"]) -> Float[Tensor, "T 4"]:
     return turns if len(axes) == 3 else _tensor(euler_quaternions(axes, euler_angles(axes, turns.numpy())))
 
 
-def _meeting(rig: Rig, poses: Rig, given: Int[np.ndarray, " K"], low: np.ndarray, high: np.ndarray, share: np.ndarray) -> Rig:
-    """The rig with what it lacks to the poses at the given frames, and a share of that in between."""
-    found = rig.pick(given)
+def _meeting(rig: Rig, poses: Rig, line: Timeline) -> Rig:
+    """The rig with what it lacks to the poses at their frames, and a share of that in between."""
+    found = rig.pick(line.given)
     lacking = replace(
         found,
         rotations=multiply(inverse(_tensor(found.rotations)), _tensor(poses.rotations)).numpy(),
         root=poses.root - found.root,
         moves=None if found.moves is None or poses.moves is None else poses.moves - found.moves,
-    ).between(low, high, share)
+    ).between(line.low, line.high, line.share)
     turns = continuous(multiply(_tensor(rig.rotations), _tensor(lacking.rotations)))
     return replace(
         rig,

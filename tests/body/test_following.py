@@ -6,12 +6,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import torch
 
 from mwlib.body.correspondence import to_h36m17
 from mwlib.body.fitting import fit_rig
 from mwlib.body.following import on_rig
 from mwlib.body.motion import Motion
 from mwlib.body.rig import ANGLES
+from mwlib.body.rotation import multiply
 from mwlib.body.skeleton import H36M17, Skeleton
 from tests.body.sample import PREFIX, animators_motion, apart
 from tests.body.test_rig import standing
@@ -87,6 +89,25 @@ def test_a_shoulder_twists_so_that_the_elbow_bends_as_the_model_says():
     made = on_rig(motion.retarget(H36M17), picked(motion, 0, 24), [0, 24])
     assert apart(made.rig.rotations[:, arm], rig.rotations[:, arm]).max() < 4  # of 52
     assert apart(made.rig.rotations[:, elbow], rig.rotations[:, elbow]).max() < 4
+
+
+@pytest.mark.parametrize("off, twist", [(0.05, 0.0), (0.1, 2.0)])
+def test_an_arm_that_swings_past_the_half_turn_does_not_flip(off, twist):
+    """A circle from pose to pose, which passes close by the opposite of where interpolation has the arm; or most of one."""
+    motion = animators_motion(49, moving=("none",))
+    arm = column(motion, "LeftArm")
+    angle, turns = np.linspace(0, 2 * np.pi - 0.5 * twist, 49) / 2, motion.rig.rotations.astype(np.float64).copy()
+    axis = np.array([np.sin(off), 0, np.cos(off)])  # the bone lies along x
+    circle = torch.from_numpy(np.concatenate([np.cos(angle)[:, None], np.sin(angle)[:, None] * axis], axis=1))
+    turns[:, arm] = multiply(torch.from_numpy(turns[:, arm]), circle).numpy()
+    rig = replace(motion.rig, rotations=turns.astype(np.float32))
+    motion = replace(motion, positions=rig.positions().astype(np.float32), rig=rig)
+    made = on_rig(motion.retarget(H36M17), picked(motion, 0, 48), [0, 48])
+    shown = to_h36m17(motion.skeleton)
+    np.testing.assert_allclose(made.positions[:, shown], motion.positions[:, shown], atol=3e-6)
+    assert apart(made.rig.rotations[[0, 48]], rig.rotations[[0, 48]]).max() < 1e-4
+    steps = apart(made.rig.rotations[1:, arm], made.rig.rotations[:-1, arm])
+    assert steps.max() < 40, steps
 
 
 @pytest.mark.parametrize("fps", [15.0, 24.0, 25.0, 120.0])
