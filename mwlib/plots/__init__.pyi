@@ -12,13 +12,15 @@ from .chapters.diffusion import (
     sampling_paths,
     schedules,
 )  # fmt: skip
-from .chapters.frequencies import (
+from .chapters.free_t2m import (
     coupling_bars,
+    emerging_way,
     energy_by_coefficient,
     kept_power,
     known_share,
     parallel_snr,
     recovery_by_coefficient,
+    ways,
 )  # fmt: skip
 from .chapters.guidance import (
     arrows,
@@ -32,7 +34,6 @@ from .chapters.guidance import (
     row_support,
 )  # fmt: skip
 from .chapters.metrics import metric_picture
-from .chapters.sentences import emerging_way, ways
 from .chapters.wavelets import (
     basis_card,
     cascade,

@@ -97,7 +97,7 @@ MUTANTS = [
         ("paths-coloured-by-their-beginning", "path[-1] > parting", "path[0] > parting"),
     ),
     *of(
-        "plots/chapters/frequencies.py", "plots/test_frequencies.py",
+        "plots/chapters/free_t2m.py", "plots/test_frequencies.py",
         ("coefficients-counted-from-zero", "start=1, **options", "start=0, **options"),
         ("share-of-one-more", "share[few - 1]", "share[few]"),
     ),
@@ -106,7 +106,7 @@ MUTANTS = [
         ("sine-across", "x, y = cosine[:, channel], sine[:, channel]", "x, y = sine[:, channel], cosine[:, channel]"),
     ),
     *of(
-        "plots/chapters/sentences.py", "plots/test_sentences.py",
+        "plots/chapters/free_t2m.py", "plots/test_sentences.py",
         ("left-is-right", "joints[0, right] - joints[0, left]", "joints[0, left] - joints[0, right]"),
     ),
     *of(
