@@ -70,7 +70,8 @@ def on_rig(motion: Motion, poses: Motion, at: Sequence[float] | Float[np.ndarray
     held = _told(rig.between(line.low, line.high, line.share), motion, line.times, rig.points[0])
     path = CubicSpline(np.arange(len(motion)), motion.positions.astype(np.float64))(line.times)
     points, limbs = [rig.points[joint] for joint in picked], [rig.points[joint] for joint in _limbs(poses.skeleton)]
-    moved = _followed(held, path, points, limbs, line, min(JUMP, FASTEST / poses.fps))
+    jump = np.inf if motion.rig else min(JUMP, FASTEST / poses.fps)  # what a model of rotations says is so
+    moved = _followed(held, path, points, limbs, line, jump)
     rig = _meeting(moved, rig, line)
     return replace(poses, positions=rig.positions().astype(poses.positions.dtype), rig=rig, name=motion.name)
 
