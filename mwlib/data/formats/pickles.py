@@ -254,9 +254,7 @@ def _code(word: object) -> str:
 
 
 STEPS: dict[str, Callable[[_Machine, Any], object]] = {
-    "PROTO": lambda machine, _: None,
-    "FRAME": lambda machine, _: None,
-    "STOP": lambda machine, _: None,
+    **dict.fromkeys(("PROTO", "FRAME", "STOP"), lambda machine, _: None),
     "MARK": lambda machine, _: machine.stack.append(_Mark()),
     "TUPLE": lambda machine, _: machine._push_tuple(machine._pop_to_mark()),
     "EMPTY_DICT": lambda machine, _: machine.stack.append({}),
@@ -269,9 +267,6 @@ STEPS: dict[str, Callable[[_Machine, Any], object]] = {
     "STACK_GLOBAL": lambda machine, _: machine.name(*machine._pop(2)),
     "REDUCE": lambda machine, _: machine.reduce(),
     "BUILD": lambda machine, _: machine.build(),
-    "MEMOIZE": lambda machine, _: machine.remember(None),
-    "BINPUT": lambda machine, argument: machine.remember(argument),
-    "LONG_BINPUT": lambda machine, argument: machine.remember(argument),
-    "BINGET": lambda machine, argument: machine.recall(argument),
-    "LONG_BINGET": lambda machine, argument: machine.recall(argument),
+    **dict.fromkeys(("MEMOIZE", "BINPUT", "LONG_BINPUT"), _Machine.remember),
+    **dict.fromkeys(("BINGET", "LONG_BINGET"), _Machine.recall),
 }  # fmt: skip
