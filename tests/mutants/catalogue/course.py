@@ -69,4 +69,19 @@ MUTANTS = [
         ("a-late-result-is-missed", "isinstance(last, ast.Expr) and last.value is calls[0]", "True"),
         ("any-level-of-heading", "if lower > upper + 1:", "if lower > upper + 3:"),
     ),
+    *of(
+        "course/claims.py", "course/test_claims.py",
+        ("refused-chapters-are-done", 'sum(chapter.status == "ok" for', 'sum(chapter.status != "failed" for'),
+        ("chapters-never-run-are-failed", '.get(str(found.get("status")), "not run")', '.get(str(found.get("status")), "failed")'),
+        ("claims-that-hold-are-listed", "if whole or any(claim is not None and not claim.holds",
+         "if True or any(claim is not None and not claim.holds"),
+        ("parts-left-out-go-untold", "for sentence in c.left_out]", "for sentence in c.left_out[1:]]"),
+        ("any-folder-is-a-build", "if not build.is_dir():", "if False:"),
+        ("what-cannot-be-said-does-not-hold", "{held[False]} do not, {held[None]} cannot", "{held[None]} do not, {held[False]} cannot"),
+    ),
+    *of(
+        "course/execute.py", "course/test_claims.py",
+        ("refused-is-failed", 'status = "refused" if error.refused else "failed"', 'status = "failed"'),
+        ("a-failure-leaves-no-reason", '{"reason": str(error)}', '{"reason": ""}'),
+    ),
 ]  # fmt: skip
