@@ -42,6 +42,7 @@ FORBIDDEN = {
 MACHINE_PATH = r"(?<![\w.:/])/(home|root|tmp|Users|mnt|opt|work|var|usr)/\w+"
 SKIPPING = {"nbval-skip", "skip-execution"}
 SEEN = "What you should see"
+ORDERS, TOLERANCE = (ast.Lt, ast.LtE, ast.Gt, ast.GtE), 1e-3  # of asserts about numbers
 FOLDED = re.compile(r"<details><summary>[^<]+</summary>\n\n.*\n\n</details>$", re.S)
 EXERCISE = r"\bEx (\d+[a-z]?)\.(\d+)\b"
 
@@ -217,14 +218,56 @@ def compared(notebook: NotebookNode) -> Iterator[str]:
 
 
 def claims(notebook: NotebookNode) -> Iterator[str]:
-    """What the data at hand show is claimed, not asserted: an assert that asks which preset or data it has is such a sentence."""
+    """What the data at hand show is claimed, not asserted.
+
+    Two kinds of asserts are refused: one that asks which preset or data it has; and one without a message, hence without a hint
+    for a reader, that orders numbers which follow from what `page.load` read.
+    """
+    measured: set[str] = set()
     for cell in code_cells(notebook):
+        _follow(parsed(cell).body, measured)
         for node in ast.walk(parsed(cell)):
-            asked = {n.id for n in ast.walk(node.test) if isinstance(n, ast.Name)} if isinstance(node, ast.Assert) else set()
-            if asked & {"preset", "data"}:
+            if not isinstance(node, ast.Assert):
+                continue
+            if _names(node.test) & {"preset", "data"}:
                 yield f"cell {cell.execution_count} asserts something of one preset or data; expected page.claim"
+            orders = any(isinstance(part, ORDERS) for part in ast.walk(node.test))
+            if orders and not node.msg and (found := _names(node.test) & measured) and not _is_tolerance(node.test):
+                yield (
+                    f"cell {cell.execution_count} asserts an order of what was measured ({', '.join(sorted(found))}); "
+                    "expected page.claim, or a hint if it checks the reader's answer"
+                )
         if "nbval-check-output" in tags(cell) and re.search(r"\bpage\.claim\(", cell.source):
             yield f"cell {cell.execution_count} is compared and claims; a claim's numbers follow from a training"
+
+
+def _follow(body: list[ast.stmt], measured: set[str]) -> None:
+    """Add the names that some statements make of measured data; take away those that they make of something else."""
+    for node in body:
+        if isinstance(node, ast.Assign):
+            targets, source = {name for target in node.targets for name in _names(target)}, node.value
+        elif isinstance(node, ast.For):
+            targets, source = _names(node.target), node.iter
+        else:
+            targets, source = set[str](), node
+        if _names(source) & measured or "page.load(" in ast.unparse(source):
+            measured |= targets
+        elif not isinstance(node, ast.Assign) or not any(isinstance(target, ast.Subscript) for target in node.targets):
+            measured -= targets
+        if isinstance(node, (ast.For, ast.With, ast.If)):
+            _follow(node.body, measured)
+
+
+def _names(node: ast.AST) -> set[str]:
+    """The names in an expression, but those that its own loops bind."""
+    own = {name for part in ast.walk(node) if isinstance(part, ast.comprehension) for name in _names(part.target)}
+    return {part.id for part in ast.walk(node) if isinstance(part, ast.Name)} - own
+
+
+def _is_tolerance(test: ast.expr) -> bool:
+    """Whether a number in a test is so small that it can only allow for rounding."""
+    numbers = [part.value for part in ast.walk(test) if isinstance(part, ast.Constant)]
+    return any(isinstance(number, float) and 0 < number <= TOLERANCE for number in numbers)
 
 
 def symbols(notebook: NotebookNode) -> Iterator[str]:
