@@ -84,11 +84,19 @@ class Settings:
     def preset(cls, name: str, **changes: Any) -> Self:
         """A named preset with some fields changed, e.g. ``Config.preset("tiny", lr=1e-3)``.
 
+        Args:
+            name: of a preset; or a file of settings that ends in .yaml, as `to_yaml` writes it.
+            changes: field -> value.
+
         Raises:
-            ValueError: unknown preset or field; the message lists the valid ones.
+            ValueError: unknown preset or field; the message lists the valid ones. Or as in `from_yaml`.
+            FileNotFoundError: there is no such file.
         """
+        if name.endswith(".yaml"):
+            return cls.from_yaml(Path(name)).override(**changes)
         if name not in cls.presets:
-            raise ValueError(f"preset is {name!r}; expected one of {', '.join(sorted(cls.presets))}")
+            names = ", ".join(sorted(cls.presets))
+            raise ValueError(f"preset is {name!r}; expected one of {names}, or a file of settings that ends in .yaml")
         return cls().override(**cls.presets[name]).override(**changes)
 
     def override(self, **changes: Any) -> Self:

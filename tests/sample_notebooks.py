@@ -13,8 +13,8 @@ NASTY = "a {level} 'b' \"c\" #d;e?$(touch X)"
 
 PARAMETERS = """preset: str = "tiny"  # name of a preset
 data: str = ""  # empty = the preset's own
-level: int = 2  # decomposition level
-lr: float = 0.5  # step size
+level: int = 2  # decomposition level; from 0 to 99
+lr: float = 0.5  # step size; from 0.0001 to 1
 names: list[str] = ["haar", "db2"]  # wavelets
 out: str = ""  # folder for the results; empty writes nothing"""
 

@@ -16,7 +16,7 @@ import yaml
 
 from mwlib import cli
 from mwlib.cli.options import choice_of
-from mwlib.course.notebooks import chapter_number, course, from_text, read_notebook, read_parameters, resolve
+from mwlib.course.notebooks import RANGE, chapter_number, course, from_text, read_notebook, read_parameters, resolve
 from mwlib.experiments.systems import system
 from mwlib.settings import parse_changes
 
@@ -123,3 +123,17 @@ def test_the_formulae_of_the_site_are_pinned():
     lock = json.loads((DOCS / "package-lock.json").read_text(encoding="utf-8"))["packages"]
     assert lock["node_modules/katex"]["version"] == asked["katex"]
     assert all(entry["integrity"].startswith("sha512-") and "resolved" not in entry for place, entry in lock.items() if place)
+
+
+def test_the_parameters_of_all_chapters_are_listed():
+    words = {"bool": "True or False", "str": "text"}
+    rows = []
+    for path in course():
+        offered = read_parameters(read_notebook(path))
+        for one in [one for name, one in offered.items() if name not in ("preset", "data", "out", "seed")]:
+            allowed = f"{one.range[0]:g} to {one.range[1]:g}" if one.range else words[one.kind]
+            about = (chapter_number(path), f"`{one.name}`", f"`{one.default!r}`", allowed, RANGE.sub("", one.comment))
+            rows.append(f"| {' | '.join(about)} |")
+    text = (DOCS / "howto" / "rerun-a-notebook.md").read_text(encoding="utf-8")
+    table = text[text.index("| chapter |") :].partition("\n\n")[0]
+    assert table.splitlines()[2:] == rows

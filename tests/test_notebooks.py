@@ -171,6 +171,8 @@ BREACHES = {
     "parameter uncommented": (append(PARAMETERS, "\nk: int = 3"), "parameters: .*no comment"),
     "parameter derived": (append(PARAMETERS, "\nk: int = 2 * level  # derived"), "parameters: .*not a literal"),
     "parameter of another type": (append(PARAMETERS, "\nk: int = 0.5  # half"), "parameters: .*expected int"),
+    "parameter without a range": (append(PARAMETERS, "\nk: int = 3  # three"), "parameters: .*k has no range"),
+    "parameter beyond its range": (append(PARAMETERS, "\nk: int = 3  # three; from 4 to 9"), "parameters: .*expected 4 to 9"),
     "no preset": (edit(PARAMETERS, source='out: str = ""  # folder'), "parameters: .*preset: str"),
     "no Config": (edit("cfg =", source="cfg = None"), "parameters: .*Config"),
     "no page": (edit("page = Page", source="cfg = mw.Config.preset(preset)"), "page: .*no 'page = Page"),

@@ -143,6 +143,9 @@ def test_yaml_goes_there_and_back(tmp_path):
     assert House.from_yaml(house.to_yaml()) == house
     (tmp_path / "house.yaml").write_text(house.to_yaml())
     assert House.from_yaml(tmp_path / "house.yaml") == house
+    assert House.preset(str(tmp_path / "house.yaml"), lamp=False) == house.override(lamp=False), "a file serves as a preset"
+    with pytest.raises(FileNotFoundError):
+        House.preset(str(tmp_path / "hut.yaml"))
     assert House.from_yaml("system: house\nkitchen: {plates: 6}\ntable:\n") == House().override(plates=6)
 
 

@@ -22,6 +22,7 @@ EXPERIMENT = NOTEBOOKS / "experiment.ipynb"  # one row of a grid
 TIMEOUT = 86400.0  # seconds for one cell: the paper's own presets train for hours in one
 # Chapters that take minutes: whoever runs several begins with them, with 06 first, whose model others wait for.
 LONGEST = ("06", "11", "08", "03", "13", "10", "07", "04")
+RANGE = re.compile(r"; from ([\d.]+) to ([\d.]+)$")  # how the comment of a parameter ends that is limited
 CHAPTER = re.compile(r"\d\d[a-z]?")  # a chapter's number: 05, or 05b for its second half
 
 
@@ -121,12 +122,20 @@ class ParameterError(ValueError):
 
 @dataclass(frozen=True)
 class Parameter:
-    """One line of a parameters cell: ``name: kind = default  # comment``."""
+    """One line of a parameters cell: ``name: kind = default  # comment``, or ``# comment; from 1 to 100``."""
 
     name: str
     kind: str
     default: Any
     comment: str
+
+    @property
+    def range(self) -> tuple[float, float] | None:
+        """Least and largest value, where the comment states them; a seed is a whole number of 32 bits."""
+        if self.name == "seed":
+            return 0, 2**32 - 1
+        found = RANGE.search(self.comment)
+        return (float(found[1]), float(found[2])) if found else None
 
     def __str__(self) -> str:
         return f"{self.name}: {self.kind} = {self.default!r}  # {self.comment}"
@@ -161,7 +170,7 @@ def resolve(offered: Mapping[str, Parameter], given: Mapping[str, Any]) -> dict[
     """All values of a run: the defaults, with the given ones checked and put in their place.
 
     Raises:
-        ParameterError: a name is unknown or a value is of the wrong type; the message lists what is offered.
+        ParameterError: a name is unknown, or a value is of the wrong type or beyond its range; the message lists what is offered.
     """
     for name in given:
         if name not in offered:
@@ -212,6 +221,8 @@ def _fit(parameter: Parameter, value: Any) -> Any:
     """The value, whole numbers turned to float where a float is wanted; papermill alone would pass anything."""
     kind = parameter.kind.removeprefix("list[").removesuffix("]")
     if kind == parameter.kind and _is(kind, value):
+        if (limits := parameter.range) and not limits[0] <= value <= limits[1]:
+            raise ParameterError(f"{parameter.name} is {value!r}; expected {limits[0]:g} to {limits[1]:.10g}")
         return SCALARS[kind](value)
     if kind != parameter.kind and isinstance(value, list | tuple) and all(_is(kind, item) for item in value):
         return [SCALARS[kind](item) for item in value]

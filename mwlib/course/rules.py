@@ -100,7 +100,7 @@ def first_cell(notebook: NotebookNode) -> Iterator[str]:
 
 
 def parameters(notebook: NotebookNode) -> Iterator[str]:
-    """One cell of typed, commented literals; the next one turns them into a Config."""
+    """One cell of typed, commented literals, numbers with their range; the next one turns them into a Config."""
     try:
         offered = read_parameters(notebook)
     except ParameterError as error:
@@ -109,6 +109,9 @@ def parameters(notebook: NotebookNode) -> Iterator[str]:
     for name, kind in COMMON.items():
         if name not in offered or offered[name].kind != kind:
             yield f"parameters cell: no '{name}: {kind}'"
+    for name, parameter in offered.items():
+        if parameter.kind in ("int", "float") and parameter.range is None:
+            yield f"parameters cell: {name} has no range; expected a comment that ends in '; from 1 to 100'"
     if "out" in offered and offered["out"].default != "":
         yield "parameters cell: out has a default; expected the empty text, which writes nothing"
     cells = code_cells(notebook)

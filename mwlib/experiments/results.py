@@ -13,7 +13,7 @@ from typing import Any, Literal
 from filelock import FileLock, Timeout
 
 from mwlib.files import write_json
-from mwlib.hashing import digest
+from mwlib.hashing import digest, file_hash
 from mwlib.paths import course_folder, home
 
 log = logging.getLogger(__name__)
@@ -102,8 +102,11 @@ def read_table(file: Path) -> list[dict[str, str]]:
 
 
 def parameters_hash(parameters: Mapping[str, Any]) -> str:
-    """Eight hex digits over a notebook's parameters; `out`, the place of the results, does not count."""
-    return digest({name: value for name, value in parameters.items() if name != "out"})
+    """Eight hex digits over a notebook's parameters but `out`; where `preset` is a file of settings, over what the file says."""
+    kept = {name: value for name, value in parameters.items() if name != "out"}
+    if (file := Path(str(kept.get("preset")))).suffix == ".yaml" and file.is_file():
+        kept["preset"] = file_hash(file)
+    return digest(kept)
 
 
 @cache

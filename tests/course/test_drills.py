@@ -229,6 +229,8 @@ def test_mistakes_are_told_in_a_sentence(tmp_path, monkeypatch, capsys, words, m
         ({"lr": "1e-3"}, "expected float.*1.0e-3"),
         ({"level": 2.5}, "expected int"),
         ({"level": True}, "expected int"),
+        ({"level": -1}, "level is -1; expected 0 to 99"),
+        ({"lr": 1.5}, "lr is 1.5; expected 0.0001 to 1"),
         ({"names": "haar"}, "expected list.str."),
         ({"names": [1]}, "expected list.str."),
     ],

@@ -57,6 +57,14 @@ def test_the_hash_of_a_notebooks_parameters_leaves_out_where_results_go():
     assert results.parameters_hash(parameters) != results.parameters_hash(parameters | {"level": 3})
 
 
+def test_a_file_of_settings_counts_by_what_it_says(tmp_path):
+    file = tmp_path / "mine.yaml"
+    file.write_text("system: prediction\n")
+    before = results.parameters_hash({"preset": str(file)})
+    file.write_text("system: prediction\ntraining:\n  train_steps: 3\n")
+    assert results.parameters_hash({"preset": str(file)}) != before
+
+
 def ask() -> None:
     torch.set_num_threads(1)
     runs.PATIENCE = 0.2
