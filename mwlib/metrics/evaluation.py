@@ -16,7 +16,7 @@ from torch import Tensor
 from mwlib.body.skeleton import Skeleton
 
 from mwlib.metrics.prediction import (  # isort: skip
-    ERRORS, Metric, MultimodalFutures, Predictions, by_action, check_shapes, cmd, fde, step_length,
+    ERRORS, Metric, MultimodalFutures, Predictions, ade, by_action, check_shapes, cmd, fde, mean_ade, step_length,
 )  # fmt: skip
 from mwlib.metrics.table import Column, summary
 
@@ -71,6 +71,61 @@ def jerk(p: Float[Tensor, "N S F C"], fps: float) -> Float[Tensor, " N"]:
     return p.unflatten(-1, (-1, 3)).diff(n=3, dim=2).norm(dim=-1).mean((1, 2, 3)) * fps**3
 
 
+def median_jerk(p: Float[Tensor, "N S F C"], fps: float) -> Float[Tensor, " N"]:
+    """The median over frames of the jerk there, m/s³: a twitch at one end does not make up for a stiff middle.
+
+    Source: own choice, as `jerk`.
+
+    Raises:
+        ValueError: as in `jerk`.
+    """
+    check_shapes(p, frames=4)
+    return p.unflatten(-1, (-1, 3)).diff(n=3, dim=2).norm(dim=-1).mean((1, 3)).median(dim=1).values * fps**3
+
+
+def seam_jerk(p: Float[Tensor, "N S F C"], x_history: Float[Tensor, "N H C"], fps: float) -> Float[Tensor, " N"]:
+    """Jerk where the future begins, m/s³: the largest of the three third differences that straddle it, each a mean over samples
+    and joints.
+
+    Source: own choice. Jerk within the future does not see a jump at its first frame.
+
+    Args:
+        p: futures, metres.
+        x_history: the frames before them; three are looked at.
+        fps: frames per second.
+
+    Raises:
+        ValueError: as in `jerk`, or fewer than three frames are observed.
+
+    >>> p = torch.arange(3.0, 9.0).reshape(1, 1, 6, 1) * torch.ones(3)
+    >>> x_history = torch.arange(3.0).reshape(1, 3, 1) * torch.ones(3)
+    >>> float(seam_jerk(p, x_history, 1.0)), round(float(seam_jerk(p + 1, x_history, 1.0)), 3)
+    (0.0, 3.464)
+    """
+    check_shapes(p, frames=4)
+    around = torch.cat([_last(x_history, 3)[:, None].expand(-1, p.shape[1], -1, -1), p[:, :, :3]], dim=2)
+    return around.unflatten(-1, (-1, 3)).diff(n=3, dim=2).norm(dim=-1).mean((1, 3)).amax(1) * fps**3
+
+
+def first_step(p: Float[Tensor, "N S F C"], x_history: Float[Tensor, "N H C"]) -> Float[Tensor, " N"]:
+    """How far a joint of the first predicted frame is from where its last observed step would take it, metres.
+
+    Source: own choice; mean over samples and joints.
+
+    Raises:
+        ValueError: p is not (N, S, F, C) or not finite, or fewer than two frames are observed.
+    """
+    check_shapes(p)
+    before, last = _last(x_history, 2).unbind(1)
+    return (p[:, :, 0] - (2 * last - before)[:, None]).unflatten(-1, (-1, 3)).norm(dim=-1).mean((1, 2))
+
+
+def _last(x_history: Float[Tensor, "N H C"], frames: int) -> Float[Tensor, "N _frames C"]:
+    if x_history.shape[1] < frames:
+        raise ValueError(f"{x_history.shape[1]} frames are observed; expected at least {frames}")
+    return x_history[:, -frames:]
+
+
 def error_at(p: Float[Tensor, "N S F C"], g: Float[Tensor, "N F C"], fps: float, seconds: float) -> Float[Tensor, " N"]:
     """Error of the best sample at one time ahead, metres over the C values: `fde`, had the prediction ended there.
 
@@ -119,15 +174,18 @@ def _step(fps: float) -> int:
     return max(round(SPEED_SECONDS * fps), 1)
 
 
-def _timed(heading: str, of: Callable[[Predictions], Tensor], fewest: Callable[[float], int], better: str = "") -> Metric:
+def _timed(
+    heading: str, of: Callable[[Predictions], Tensor], fewest: Callable[[float], int], better: str = "", scale: float = 1.0
+) -> Metric:
     """A metric of futures at a known rate that have so many frames or more; 0: such a rate has none."""
-    return Metric(Column(heading, better), of, lambda frames, fps, _: fps > 0 and 1 <= fewest(fps) <= frames)
+    return Metric(Column(heading, better, scale), of, lambda frames, fps, _: fps > 0 and 1 <= fewest(fps) <= frames)
 
 
 REALISM = {
     "speed": _timed("speed (m/s)", lambda w: speed(w.p, w.fps), lambda fps: _step(fps) + 1),
     "pose_change": _timed("change of pose (m)", lambda w: pose_change(w.p), lambda _: 1),
     "jerk": _timed("jerk (m/s³)", lambda w: jerk(w.p, w.fps), lambda _: 4),
+    "median_jerk": _timed("jerk of the median frame (m/s³)", lambda w: median_jerk(w.p, w.fps), lambda _: 4),
     **{
         f"error_{s:g}s": _timed(
             f"error at {s:g} s", lambda w, s=s: error_at(w.p, w.g, w.fps, s), lambda fps, s=s: round(s * fps), "lower"
@@ -140,6 +198,18 @@ REALISM = {
     },
 }
 
+
+def _seen(w: Predictions) -> Tensor:
+    assert w.history is not None  # a table without it has no such column
+    return w.history
+
+
+SEAM = {  # of futures whose past is known
+    "seam_jerk": _timed("jerk where it begins (m/s³)", lambda w: seam_jerk(w.p, _seen(w), w.fps), lambda _: 4),
+    "first_step": _timed("first frame from steady motion (mm)", lambda w: first_step(w.p, _seen(w)), lambda _: 1, scale=1000.0),
+    "average_ade": _timed("ADE of the average sample", lambda w: mean_ade(w.p, w.g), lambda _: 1, "lower"),
+    "ade_of_mean": _timed("ADE of the samples' mean", lambda w: ade(w.p.mean(1, keepdim=True), w.g), lambda _: 1, "lower"),
+}
 
 MM_SINGLETONS = ("keep", "skip_all", "skip_mm")
 
@@ -154,6 +224,8 @@ class MetricTable:
         fps: if given, so are `speed`, `pose_change` and `jerk`, and the errors 0.2, 0.4 and 1 s ahead ("error_0.2s", ...), as far
             as the futures are long enough for them.
         clips: where each window comes from; windows of one clip are not independent.
+        history: the observed frames of all N windows; if given, with `fps`, so is how futures continue them: `seam_jerk`,
+            `first_step`, and the ADE of an average sample and of the samples' mean.
         mm_singletons: what becomes of windows whose set holds only themselves: "keep" (DLow, HumanMAC, BeLFusion; the
             default, as MotionWavelet follows HumanMAC), "skip_all": left out of every number (GSPS, STARS),
             "skip_mm": left out of MMADE and MMFDE only (CoMusion).
@@ -180,6 +252,7 @@ class MetricTable:
         mm_singletons: str = "keep",
         fps: float | None = None,
         clips: Sequence[Hashable] | None = None,
+        history: Float[Tensor, "N H C"] | None = None,
     ) -> None:
         if mm_singletons not in MM_SINGLETONS:
             raise ValueError(f"mm_singletons is {mm_singletons!r}; expected one of {', '.join(MM_SINGLETONS)}")
@@ -189,7 +262,9 @@ class MetricTable:
         self.actions = ["all"] * len(gs) if actions is None else list(actions)
         self.clips = list(range(len(gs))) if clips is None else list(clips)
         frames = self.gs.futures.shape[1]
-        self.metrics = {name: m for name, m in (ERRORS | REALISM).items() if m.fits(frames, self.fps, skeleton)}
+        self.history = history
+        offered = ERRORS | REALISM | (SEAM if history is not None else {})
+        self.metrics = {name: m for name, m in offered.items() if m.fits(frames, self.fps, skeleton)}
         self.values = {name: torch.full((len(gs),), torch.nan, dtype=torch.float64) for name in self.metrics}
         self._steps = torch.full((2, len(gs), frames - 1), torch.nan, dtype=torch.float64)
 
@@ -202,7 +277,8 @@ class MetricTable:
         fed = windows[self.values["apd"][windows].isfinite()].tolist()
         if fed:
             raise ValueError(f"window {fed[0]} was fed before; expected every window once")
-        part = Predictions(p, g, self.gs.take(windows.tolist()), self.skeleton, self.fps)
+        seen = None if self.history is None else self.history[windows].to(p)
+        part = Predictions(p, g, self.gs.take(windows.tolist()), self.skeleton, self.fps, seen)
         for name, metric in self.metrics.items():
             self.values[name][windows] = metric.of(part).double().cpu()
         for row, motion in zip(self._steps, (p, g[:, None]), strict=True):

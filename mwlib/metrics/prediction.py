@@ -364,6 +364,7 @@ class Predictions(NamedTuple):
     sets: MultimodalFutures
     skeleton: Any  # a Skeleton, or None; `Metric.fits` has seen it
     fps: float  # 0 = unknown
+    history: Float[Tensor, "n H C"] | None = None  # the frames before, where they are known
 
 
 class Metric(NamedTuple):

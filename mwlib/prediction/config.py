@@ -34,6 +34,7 @@ _CHOSEN: dict[str, Any] = _LAPTOP | dict(
     transform="time_wavelet", wavelet="bior6.8", level=3, omit=1, coefficient_scale="none", loss_weight="uniform",
     level_weight="snr", heading="body", other_speeds=0.6, other_bones=0.08, backwards=0.3, slowed=0.15, other_arms=0.3,
     blank_condition=0.2, width=256, heads=8, feedforward=512, train_steps=7000, bones="observed", temperature=1.1,
+    decoding="continued",
 )  # fmt: skip
 _CMU_PEOPLE: dict[str, Any] = dict(validation_subjects=("1",), test_subjects=("2", "7", "29"))
 
@@ -164,6 +165,7 @@ class SamplingConfig:
     wmsg: Literal["off", "every_step", "y0_hat"] = "every_step"  # manifold shaping of y_t after each step, or of clean estimates
     bound: NotNegative = 0.0  # metres: clamp the clean estimate in motion space; 0 = off
     complete_history: bool = False  # HumanMAC's mask completion
+    decoding: Literal["inverse", "continued"] = "inverse"  # futures are cut from the inverse, or continue the history smoothly
     bones: Literal["free", "observed"] = "free"  # lengths as they come, or as in the last observed pose
     sampling_seed: Natural = 0  # of the noise
     precision: Precision = "float32"  # of the network's products while sampling; "tf32", "bf16": faster on graphics cards
@@ -193,6 +195,7 @@ class Config(Settings):
     system: ClassVar[str] = "prediction"
     presets = PRESETS
     renamed = RENAMED
+    newer = {"decoding": "inverse"}
     after_training: ClassVar[frozenset[str]] = frozenset(
         {"sampling", "evaluation", "test_stride", "test_windows", "checkpoint_every"}
     )

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import fields, replace
-from functools import partial, reduce
+from functools import cached_property, partial, reduce
 from math import ceil
 from typing import Any
 
@@ -33,6 +33,7 @@ from mwlib.diffusion import (
 )
 from mwlib.networks import TransLinear
 from mwlib.prediction.config import Config
+from mwlib.prediction.continuation import Continuation
 from mwlib.prediction.guidance import TABG, NetworkBranches, guided, make_network
 from mwlib.prediction.representation import Representation, restored_representation
 from mwlib.settings import whole
@@ -295,11 +296,18 @@ class Predictor(TrainedModel):
 
     def _future(self, y: Float[Tensor, "N S rows columns"], x_history: Float[Tensor, "N H C"]) -> Float[Tensor, "N S F C"]:
         """Coefficients to futures; with bones as long as they were last seen, if the settings say so."""
-        future = self.representation.decode(y, x_history)[:, :, self.representation.history :]
+        continuation = self._continuation if self.sampling.decoding == "continued" else None
+        future = self.representation.decode_future(y, x_history, continuation)
         if self.sampling.bones == "free":
             return future
         seen, drawn = (bones_of(x, self.bodies.skeleton).norm(dim=-1) for x in (x_history[:, -1], future))
         return scale_bones(future, seen[:, None, None] / drawn.clamp_min(1e-6), self.bodies.skeleton)
+
+    @cached_property
+    def _continuation(self) -> Continuation:
+        """How coefficients are decoded that continue the history."""
+        seen = self.representation
+        return Continuation(seen.motion, seen.history, seen.frames, self.bodies.fps)
 
     def _on_y0_hat(self, x_history: Float[Tensor, "N H C"]) -> OnEstimate | None:
         """What the settings do to every clean estimate: a bound in motion space, a projection, or nothing."""

@@ -14,6 +14,7 @@ from mwlib.body.motion import Motion
 from mwlib.body.skeleton import Skeleton
 from mwlib.data.windows import Bodies, TrainingWindows, Variation
 from mwlib.prediction.config import Config, ModelConfig, WindowConfig
+from mwlib.prediction.continuation import Continuation
 from mwlib.training.checkpoint import part
 
 from mwlib.transforms import (  # isort: skip
@@ -83,6 +84,16 @@ class Representation:
     def decode(self, y: Float[Tensor, "N S rows columns"], x_history: Float[Tensor, "N H C"]) -> Float[Tensor, "N S T C"]:
         """Coefficients to whole motions (T frames), metres."""
         return self.placed(self.motion.inverse(y), x_history)
+
+    def decode_future(
+        self, y: Float[Tensor, "N S rows columns"], x_history: Float[Tensor, "N H C"], continuation: Continuation | None
+    ) -> Float[Tensor, "N S F C"]:
+        """Coefficients to futures, metres: cut from the inverse, or continuing what was observed."""
+        if continuation is None:
+            return self.decode(y, x_history)[:, :, self.history :]
+        seen = turned(x_history, x_history, self.facing, -1)
+        future = continuation(y, seen[:, None], self.origin(seen)[:, None])
+        return turned(future, x_history, self.facing, 1)
 
     def learnt(self) -> dict[str, Tensor]:
         """Scales, and what the transform learnt: all that `make_representation` needs to build this one again."""

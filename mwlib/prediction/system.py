@@ -12,7 +12,7 @@ from mwlib.body.motion import Motion
 from mwlib.data.sources import Split, split_motions
 from mwlib.data.windows import Bodies, Windows, too_short, windows
 from mwlib.metrics import Column, MetricTable, multimodal_apd, multimodal_futures
-from mwlib.metrics.evaluation import REALISM
+from mwlib.metrics.evaluation import REALISM, SEAM
 from mwlib.metrics.prediction import ERRORS
 from mwlib.prediction import baselines
 from mwlib.prediction.config import Config, EvaluationConfig, SamplingConfig, WindowConfig
@@ -24,7 +24,10 @@ __all__ = ["DETAILS", "METRICS", "Config", "evaluate", "load_data", "make_object
 MOST_NAMES = 12
 METRICS = {name: metric.column for name, metric in ERRORS.items()}  # the columns of every table
 # Beside them in a table of their own: is it a motion, and how does the error grow?
-DETAILS = {name: metric.column for name, metric in REALISM.items()} | {"worst": Column("worst window / still", "lower")}
+DETAILS = {name: metric.column for name, metric in (REALISM | SEAM).items()} | {
+    "behind_still": Column("windows behind standing still (%)", "lower", scale=100.0),
+    "worst": Column("worst window / still", "lower"),
+}
 
 Predict = Callable[[Tensor, list[int]], Tensor]  # histories (n, H, C), window numbers -> futures (n, S, F, C)
 
@@ -90,20 +93,21 @@ def score(
     ids = [number[key] for key in zip(test.clip.tolist(), test.start.tolist(), strict=True)]
     sets = multimodal_futures(all_test.x_history[:, -1], all_test.x_future, options.mm_threshold)
     body, clips = Bodies.of(all_test.motions), all_test.clip.tolist()
-    table = MetricTable(sets, all_test.actions, body.skeleton, mm_singletons=options.mm_singletons, fps=body.fps, clips=clips)
+    table = MetricTable(sets, all_test.actions, body.skeleton, options.mm_singletons, body.fps, clips, all_test.x_history)
     for first in tqdm(range(0, len(test), chunk), desc=progress, disable=progress is None, leave=False):
         part = slice(first, first + chunk)
         table.update(predict(test.x_history[part], ids[part]), test.x_future[part], ids[part])
     found = table.summary()
     found["multimodal_apd"] = float(multimodal_apd(sets)[ids].mean())
-    found["mean"]["worst"] = _worst(table.values["ade"][ids], test)
+    beside = _beside_still(table.values["ade"][ids], test)
+    found["mean"]["behind_still"] = float((beside > 1).double().mean())
+    found["mean"]["worst"] = float(beside.max())
     return found
 
 
-def _worst(errors: Tensor, test: Windows) -> float:
-    """The largest ADE in units of that of standing still; of those who hardly move, in units of 5 cm."""
-    still = (test.x_future - test.x_history[:, -1:]).norm(dim=-1).mean(-1).clamp_min(0.05)
-    return float((errors / still).max())
+def _beside_still(errors: Tensor, test: Windows) -> Tensor:
+    """ADE of each window in units of that of standing still; of those who hardly move, in units of 5 cm."""
+    return errors / (test.x_future - test.x_history[:, -1:]).norm(dim=-1).mean(-1).clamp_min(0.05)
 
 
 def evaluate(cfg: Config, get_model: Callable[[], Predictor], split: Split, progress: bool = False) -> dict[str, Any]:

@@ -221,11 +221,15 @@ class TimeWaveletTransform(LinearTransform):
 
     def inverse(self, y: Float[Tensor, "... rows columns"]) -> Float[Tensor, "... T C"]:
         """The motion with these coefficients, those left out being zero."""
-        return self._synthesis.like(y) @ self._flat(y)
+        return self._synthesis.like(y) @ self.along_time(y)
+
+    def time_rows(self) -> Float[np.ndarray, "all T"]:
+        """Low-pass and high-pass rows of the kept levels."""
+        return self.analysis_time
 
     def project(self, y: Float[Tensor, "... rows columns"]) -> Float[Tensor, "... rows columns"]:
         """Analysis of the synthesis: the identity but for the few coefficients beyond the last frame."""
-        return self._rows(self._projection.like(y) @ self._flat(y))
+        return self._rows(self._projection.like(y) @ self.along_time(y))
 
     def split(self, y: Float[Tensor, "... rows columns"]) -> dict[str, Tensor]:
         """Sub-bands by letter and level: a3, d3, d2, d1."""
@@ -239,5 +243,6 @@ class TimeWaveletTransform(LinearTransform):
     def _rows(self, coefficients: Float[Tensor, "... all C"]) -> Float[Tensor, "... rows columns"]:
         return coefficients.unflatten(-2, (self.shape[0], -1)).flatten(-2)
 
-    def _flat(self, y: Float[Tensor, "... rows columns"]) -> Float[Tensor, "... all C"]:
+    def along_time(self, y: Float[Tensor, "... rows columns"]) -> Float[Tensor, "... all C"]:
+        """The coefficients of each channel, row after row."""
         return y.unflatten(-1, (-1, self.channels)).flatten(-3, -2)

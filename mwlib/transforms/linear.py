@@ -78,6 +78,14 @@ class Transform(ABC):
         """What was learnt from data, by name; nothing for a map given by constants."""
         return {}
 
+    def time_rows(self) -> Float[np.ndarray, "all T"] | None:
+        """The matrix by which every channel is analysed along time, where the transform does no more; else None."""
+        return None
+
+    def along_time(self, y: Float[Tensor, "... rows columns"]) -> Float[Tensor, "... all C"]:
+        """What y says of each channel: ``time_rows() @ x`` of a motion x with these coefficients; without rows, x itself."""
+        return self.inverse(y)
+
 
 class LinearTransform(Transform):
     """y = A x Bᵀ up to a fixed arrangement of the columns; its inverse likewise; every matrix is a `Constant`."""
@@ -104,6 +112,14 @@ class OrthonormalRows(LinearTransform):
     def inverse(self, y: Float[Tensor, "... rows columns"]) -> Float[Tensor, "... T C"]:
         """The motion with these coefficients and no others."""
         return self._backward.like(y) @ y
+
+    def time_rows(self) -> Float[np.ndarray, "all T"]:
+        """The rows."""
+        return self.analysis_time
+
+    def along_time(self, y: Float[Tensor, "... rows columns"]) -> Float[Tensor, "... all C"]:
+        """The coefficients themselves."""
+        return y
 
     def project(self, y: Float[Tensor, "... rows columns"]) -> Float[Tensor, "... rows columns"]:
         """The identity: the rows are orthonormal, so all coefficients are a motion's."""
@@ -230,6 +246,14 @@ class ScaledTransform(Transform):
     def inverse(self, y: Float[Tensor, "... rows columns"]) -> Float[Tensor, "... T C"]:
         """Motion, metres."""
         return self.base.inverse(self._unscale(y))
+
+    def time_rows(self) -> Float[np.ndarray, "all T"] | None:
+        """The base's."""
+        return self.base.time_rows()
+
+    def along_time(self, y: Float[Tensor, "... rows columns"]) -> Float[Tensor, "... all C"]:
+        """The base's, metres."""
+        return self.base.along_time(self._unscale(y))
 
     def project(self, y: Float[Tensor, "... rows columns"]) -> Float[Tensor, "... rows columns"]:
         """The base's projection, seen in scaled coefficients."""

@@ -30,7 +30,8 @@ REAL = ("cmu/asfamc", "bandai_namco", "lafan1")  # under MWLIB_DATA
 TRAINS = "06"  # the chapter whose model others use
 ENDS = ("lowest", "highest")  # every parameter at an end of its range
 SEEDS = {"seed_1": 1, "seed_2": 2}
-PRESETS = ("laptop", "laptop_paper")  # with few steps
+PRESETS = ("laptop", "laptop_paper")
+QUICK = {"train_steps": 40, "warmup": 10, "samples": 6, "test_windows": 16}  # what they change
 WAYS = (*ENDS, *SEEDS, *PRESETS)
 OTHER = {"11": "inbetweening", "12": "text_to_motion", "13": "text_to_motion"}  # chapters that are not of prediction
 
@@ -61,8 +62,9 @@ def changes(notebook: Path, way: str, sets: dict[str, Path], out: Path) -> dict[
     if way in SEEDS:
         return {"seed": SEEDS[way]} if any(one.name == "seed" for one in offered) else None
     named = OTHER.get(chapter_number(notebook), "prediction")
-    file = out / "presets" / f"{named}_{way}.yaml"
-    write_atomic(file, system(named).Config.preset(way, train_steps=40, warmup=10).to_yaml())
+    file, kind = out / "presets" / f"{named}_{way}.yaml", system(named).Config
+    quick = {name: value for name, value in QUICK.items() if name in kind.owners()}
+    write_atomic(file, kind.preset(way, **quick).to_yaml())
     return {"preset": str(file)}
 
 

@@ -182,7 +182,9 @@ def test_streaming_equals_batch(sizes):
 
 
 @pytest.mark.parametrize("frames, names", [
-    (12, ["speed", "pose_change", "jerk", "error_0.2s"]), (10, ["pose_change", "jerk", "error_0.2s"]), (3, ["pose_change"]),
+    (12, ["speed", "pose_change", "jerk", "median_jerk", "error_0.2s"]),
+    (10, ["pose_change", "jerk", "median_jerk", "error_0.2s"]),
+    (3, ["pose_change"]),
 ])  # fmt: skip
 def test_short_futures_have_the_metrics_that_fit(frames, names):
     """At 50 frames a second, speed needs eleven and jerk four."""

@@ -113,7 +113,12 @@ def test_every_setting_of_the_sampling_arrives(past, monkeypatch, name):
 
 
 def test_no_setting_of_the_sampling_is_left_out():
-    others = {"method", "noise_on", "bones"}  # the evaluation's; what only a network on a device can tell; tested below
+    others = {
+        "method",
+        "noise_on",
+        "bones",
+        "decoding",
+    }  # the evaluation's; what only a network on a device can tell; tested below
     assert {*SETTINGS, *others} == {field.name for field in fields(SamplingConfig)}
 
 

@@ -14,7 +14,7 @@ from mwlib import metrics, write_bvh
 from mwlib.data.sources import Split
 from mwlib.prediction.config import EvaluationConfig
 from mwlib.prediction.predictor import Predictor
-from mwlib.prediction.system import DETAILS, METRICS, _worst, baseline, evaluate, load_data, score, test_windows, trained
+from mwlib.prediction.system import DETAILS, METRICS, _beside_still, baseline, evaluate, load_data, score, test_windows, trained
 from mwlib.synthetic.motions import synthetic_motions
 from tests.sample_settings import small, two_people
 
@@ -70,6 +70,8 @@ def test_the_truth_has_no_error_and_standing_still_is_the_measure_of_the_worst(s
     truth, still = (evaluate(small(method=method), never, split) for method in ("truth", "zero_velocity"))
     assert truth["mean"]["ade"] == truth["mean"]["error_1s"] == truth["mean"]["worst"] == 0
     assert set(DETAILS) <= set(truth["mean"]) and truth["mean"]["speed"] > 0.1 and still["mean"]["speed"] == 0
+    assert truth["mean"]["behind_still"] == still["mean"]["behind_still"] == 0
+    assert truth["mean"]["seam_jerk"] > truth["mean"]["median_jerk"] / 2 and still["mean"]["seam_jerk"] > 0
     assert still["mean"]["worst"] == pytest.approx(1) and truth["mean"]["jerk"] > 0 == still["mean"]["jerk"]
     every = test_windows(split, small().windows).thin(small().windows.test_windows)
     clips = every.clip.tolist()
@@ -85,8 +87,7 @@ def test_the_worst_of_those_who_hardly_move_is_in_units_of_five_centimetres(spli
     test = test_windows(split, small().windows).thin(2)
     x = torch.zeros_like(test.x)
     x[0, test.history :, 0], x[1, test.history :, 0] = 0.2, 0.01
-    assert _worst(torch.tensor([0.1, 0.03]), replace(test, x=x)) == pytest.approx(0.6)
-    assert _worst(torch.tensor([0.1, 0.02]), replace(test, x=x)) == pytest.approx(0.5)
+    assert _beside_still(torch.tensor([0.1, 0.03]), replace(test, x=x)).tolist() == pytest.approx([0.5, 0.6])
 
 
 def test_windows_that_are_skipped_do_not_stop_the_table(split):
