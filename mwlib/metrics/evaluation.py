@@ -68,7 +68,7 @@ def jerk(p: Float[Tensor, "N S F C"], fps: float) -> Float[Tensor, " N"]:
     6.0
     """
     check_shapes(p, frames=4)
-    return p.unflatten(-1, (-1, 3)).diff(n=3, dim=2).norm(dim=-1).mean((1, 2, 3)) * fps**3
+    return _jerks(p, fps).mean((1, 2, 3))
 
 
 def median_jerk(p: Float[Tensor, "N S F C"], fps: float) -> Float[Tensor, " N"]:
@@ -80,7 +80,7 @@ def median_jerk(p: Float[Tensor, "N S F C"], fps: float) -> Float[Tensor, " N"]:
         ValueError: as in `jerk`.
     """
     check_shapes(p, frames=4)
-    return p.unflatten(-1, (-1, 3)).diff(n=3, dim=2).norm(dim=-1).mean((1, 3)).median(dim=1).values * fps**3
+    return _jerks(p, fps).mean((1, 3)).median(dim=1).values
 
 
 def seam_jerk(p: Float[Tensor, "N S F C"], x_history: Float[Tensor, "N H C"], fps: float) -> Float[Tensor, " N"]:
@@ -104,7 +104,7 @@ def seam_jerk(p: Float[Tensor, "N S F C"], x_history: Float[Tensor, "N H C"], fp
     """
     check_shapes(p, frames=4)
     around = torch.cat([_last(x_history, 3)[:, None].expand(-1, p.shape[1], -1, -1), p[:, :, :3]], dim=2)
-    return around.unflatten(-1, (-1, 3)).diff(n=3, dim=2).norm(dim=-1).mean((1, 3)).amax(1) * fps**3
+    return _jerks(around, fps).mean((1, 3)).amax(1)
 
 
 def first_step(p: Float[Tensor, "N S F C"], x_history: Float[Tensor, "N H C"]) -> Float[Tensor, " N"]:
@@ -118,6 +118,11 @@ def first_step(p: Float[Tensor, "N S F C"], x_history: Float[Tensor, "N H C"]) -
     check_shapes(p)
     before, last = _last(x_history, 2).unbind(1)
     return (p[:, :, 0] - (2 * last - before)[:, None]).unflatten(-1, (-1, 3)).norm(dim=-1).mean((1, 2))
+
+
+def _jerks(p: Float[Tensor, "N S F C"], fps: float) -> Float[Tensor, "N S _F J"]:
+    """Of each joint between four neighbouring frames, m/s³."""
+    return p.unflatten(-1, (-1, 3)).diff(n=3, dim=2).norm(dim=-1) * fps**3
 
 
 def _last(x_history: Float[Tensor, "N H C"], frames: int) -> Float[Tensor, "N _frames C"]:

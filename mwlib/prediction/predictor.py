@@ -292,10 +292,16 @@ class Predictor(TrainedModel):
                 The message names the argument, what was found, what is expected, and what to call.
         """
         parts = self.sampled(source, samples, seed, window_ids=window_ids, chunk=chunk, progress=progress)
-        return torch.cat([self.finite(self._future(y, x_history)).cpu() for y, x_history in parts])
+        return torch.cat([self.finite(self.decode(y, x_history)).cpu() for y, x_history in parts])
 
-    def _future(self, y: Float[Tensor, "N S rows columns"], x_history: Float[Tensor, "N H C"]) -> Float[Tensor, "N S F C"]:
-        """Coefficients to futures; with bones as long as they were last seen, if the settings say so."""
+    @torch.inference_mode()
+    def decode(self, y: Float[Tensor, "N S rows columns"], x_history: Float[Tensor, "N H C"]) -> Float[Tensor, "N S F C"]:
+        """Sampled coefficients to futures, metres: as `decoding` says, and with bones as `bones` says.
+
+        Args:
+            y: coefficients, as `sampled` yields them.
+            x_history: the observed frames that they continue, metres.
+        """
         continuation = self._continuation if self.sampling.decoding == "continued" else None
         future = self.representation.decode_future(y, x_history, continuation)
         if self.sampling.bones == "free":

@@ -181,6 +181,25 @@ def test_streaming_equals_batch(sizes):
     assert summary["cmd"] == pytest.approx(metrics.cmd(*steps, list("aabbaab")).item())
 
 
+def test_where_a_future_begins_and_its_middle():
+    """By hand: steady motion, then a jump of 3 cm at the first frame, and a twitch of 1 m in the last."""
+    x = torch.arange(20.0)[:, None] * torch.tensor([0.01, 0.0, 0.0])
+    history, g = x[None, :8], x[None, 8:]
+    p = (g + torch.tensor([0.0, 0.03, 0.0]))[:, None].clone()
+    p[..., -1, 2] += 1.0
+    assert metrics.first_step(p, history).item() == pytest.approx(0.03, abs=1e-6)
+    assert metrics.seam_jerk(p, history, 10.0).item() == pytest.approx(2 * 0.03 * 1000, rel=1e-4)  # 1, -2, 1 times the jump
+    assert metrics.jerk(p, 10.0).item() == pytest.approx(1000 / 9, rel=1e-4) and metrics.median_jerk(p, 10.0).item() < 0.1
+    table = metrics.MetricTable([g], fps=10.0, history=history)
+    table.update(torch.cat([p, g[:, None]], dim=1), g, [0])
+    found = table.summary()["mean"]
+    assert found["first_step"] == pytest.approx(0.015, abs=1e-6) and found["ade"] == 0
+    assert found["average_ade"] == pytest.approx(float(metrics.mean_ade(p, g).mean()) / 2)
+    assert found["ade_of_mean"] == pytest.approx(float(metrics.ade((p + g[:, None]) / 2, g).mean()))
+    with pytest.raises(ValueError, match="2 frames are observed; expected at least 3"):
+        metrics.seam_jerk(p, history[:, -2:], 10.0)
+
+
 @pytest.mark.parametrize("frames, names", [
     (12, ["speed", "pose_change", "jerk", "median_jerk", "error_0.2s"]),
     (10, ["pose_change", "jerk", "median_jerk", "error_0.2s"]),

@@ -10,6 +10,7 @@ import torch
 
 import mwlib as mw
 import mwlib.prediction.predictor as predictor_module
+from mwlib import metrics
 from mwlib.body.kinematics import bones_of, turn_heading
 from mwlib.body.skeleton import H36M17, Skeleton
 from mwlib.data.windows import Bodies, prepare, windows
@@ -120,6 +121,20 @@ def test_no_setting_of_the_sampling_is_left_out():
         "decoding",
     }  # the evaluation's; what only a network on a device can tell; tested below
     assert {*SETTINGS, *others} == {field.name for field in fields(SamplingConfig)}
+
+
+def test_futures_continue_the_history_if_the_settings_say_so(past):
+    """The same coefficients, decoded twice."""
+    predictor = untrained(transform="dct", representation="displacement", bones="observed")
+    continued = predictor.with_sampling(decoding="continued")
+    *_, last = predictor.steps(past, 2)
+    futures = [model.decode(last.y, past) for model in (predictor, continued)]
+    for model, future in zip((predictor, continued), futures, strict=True):
+        torch.testing.assert_close(model.predict(past, 2), future)
+    cut, smooth = (metrics.first_step(future, past).mean() for future in futures)
+    assert smooth < cut and not torch.equal(*futures)
+    lengths = [bones_of(x, predictor.bodies.skeleton).norm(dim=-1) for x in (futures[1], past[:, None, -1:])]
+    torch.testing.assert_close(lengths[0], lengths[1].expand_as(lengths[0]), rtol=1e-4, atol=1e-5)
 
 
 def test_every_sampler_and_place_of_the_projection_is_reached(past, monkeypatch):

@@ -53,8 +53,6 @@ MUTANTS = [
         ("seed-of-the-call-ignored", "self.noise(seed, ids[part], samples)", "self.noise(0, ids[part], samples)"),
         ("window-numbers-restart-in-each-chunk", "self.noise(seed, ids[part], samples)",
          "self.noise(seed, range(len(x)), samples)"),
-        ("future-one-frame-early", "x_history)[:, :, self.representation.history :]",
-         "x_history)[:, :, self.representation.history - 1 : -1]"),
         ("bones-as-they-come", 'if self.sampling.bones == "free":', "if True:"),
         ("bones-of-the-first-frame-seen", "for x in (x_history[:, -1], future))", "for x in (x_history[:, 0], future))"),
         ("bound-of-the-displacement", "seen.motion(seen.modelled(seen.decode(y, x_history).clamp(-bound, bound), x_history))",
@@ -64,6 +62,10 @@ MUTANTS = [
         ("completion-with-a-pose-for-a-displacement",
          "self.representation.modelled(pad_history(x_history, self.representation.frames), x_history)",
          "pad_history(x_history, self.representation.frames)"),
+    ),
+    *of(
+        "prediction/representation.py", "prediction/test_predictor.py",
+        ("future-one-frame-early", "x_history)[:, :, self.history :]", "x_history)[:, :, self.history - 1 : -1]"),
     ),
     *of(
         "prediction/representation.py", "prediction/test_representation.py",
@@ -109,7 +111,7 @@ MUTANTS = [
     *of(
         "prediction/system.py", "prediction/test_system.py",
         ("threshold-of-the-sets-ignored", "all_test.x_future, options.mm_threshold)", "all_test.x_future, 0.5)"),
-        ("singletons-ignored", "mm_singletons=options.mm_singletons", 'mm_singletons="keep"'),
+        ("singletons-ignored", "body.skeleton, options.mm_singletons", 'body.skeleton, "keep"'),
         ("sets-by-the-first-pose", "all_test.x_history[:, -1]", "all_test.x_history[:, 0]"),
         ("sets-of-the-evaluated-windows-alone", "multimodal_futures(all_test.x_history[:, -1], all_test.x_future, options",
          "multimodal_futures(test.x_history[:, -1], test.x_future, options"),
@@ -145,7 +147,7 @@ MUTANTS = [
         ("histories-without-numbers-taken", "or x.is_meta or", "or"),
         ("histories-of-any-size", "    check_people(joints, bodies", "    (joints, bodies"),
         ("chunk-zero-is-the-usual-one", "if chunk is None else whole(", "if not chunk else whole("),
-        ("futures-of-no-numbers", "self.finite(self._future(y, x_history))", "self._future(y, x_history)"),
+        ("futures-of-no-numbers", "self.finite(self.decode(y, x_history))", "self.decode(y, x_history)"),
     ),
     *of(
         "prediction/representation.py", "prediction/test_representation.py::test_views_follow_frames_and_rate",
@@ -158,12 +160,36 @@ MUTANTS = [
         "prediction/system.py",
         "prediction/test_system.py::test_the_worst_of_those_who_hardly_move_is_in_units_of_five_centimetres",
         ("worst-floor", ".clamp_min(0.05)", ".clamp_min(0.005)"),
-        ("worst-is-the-mean", "(errors / still).max()", "(errors / still).mean()"),
+        ("worst-is-the-mean", "float(beside.max())", "float(beside.mean())"),
     ),
     *of(
         "prediction/guidance.py", "prediction/test_guidance.py::test_attention_mean_is_one_and_the_mask_widens",
         ("tabg-threshold-ge", "hit = (a_t > threshold)", "hit = (a_t >= threshold)"),
         ("tabg-mean-block-only-heads", "attention.mean(dim=(-4, -3))", "attention[..., 0, :, :, :].mean(dim=-3)"),
         ("tabg-mean-of-one-head", "attention.mean(dim=(-4, -3))", "attention[..., 0, :, :].mean(dim=-3)"),
+    ),
+    *of(
+        "prediction/continuation.py", "prediction/test_continuation.py",
+        ("ends-as-free-as-the-middle", "+ (ENDS * fps) ** 6 * np.exp(-away)", ""),
+        ("frames-for-seconds", "weight = (INSIDE * fps) ** 6", "weight = INSIDE**6"),
+        ("what-was-observed-does-not-count", " + self._of_history.like(c) @ x_history", ""),
+        ("the-origin-is-taken-away-twice", "c = c + (origin if", "c = c - (origin if"),
+        ("ends-at-the-history-alone", "(history - 0.5)), frames - 1 - at)", "(history - 0.5)), frames + at)"),
+        ("second-differences", "np.diff(np.eye(frames), n=3, axis=0)", "np.diff(np.eye(frames), n=2, axis=0)[:-1]"),
+    ),
+    *of(
+        "prediction/predictor.py", "prediction/test_predictor.py::test_futures_continue_the_history_if_the_settings_say_so",
+        ("futures-are-always-cut", 'if self.sampling.decoding == "continued" else None', "if False else None"),
+    ),
+    *of(
+        "prediction/representation.py", "prediction/test_continuation.py::test_every_representation_is_continued",
+        ("the-origin-is-forgotten", "seen[:, None], self.origin(seen)[:, None])", "seen[:, None])"),
+    ),
+    *of(
+        "metrics/evaluation.py", "metrics/test_prediction.py::test_where_a_future_begins_and_its_middle",
+        ("the-calmest-difference", "_jerks(around, fps).mean((1, 3)).amax(1)", "_jerks(around, fps).mean((1, 3)).amin(1)"),
+        ("steady-motion-stands-still", "(2 * last - before)", "last"),
+        ("the-mean-frame", ".median(dim=1).values", ".mean(dim=1)"),
+        ("the-past-goes-unasked", "SEAM if history is not None else {}", "{}"),
     ),
 ]  # fmt: skip
