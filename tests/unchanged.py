@@ -14,6 +14,7 @@ import re
 from collections.abc import Iterable
 from functools import cache
 from importlib.metadata import distributions
+from importlib.util import resolve_name
 from pathlib import Path
 
 from mwlib.files import write_atomic
@@ -40,7 +41,8 @@ def modules() -> dict[str, Path]:
 @cache
 def named(file: Path) -> frozenset[str]:
     """Modules that a file names: in imports, wherever they stand, in the stub of a package, and in quotes."""
-    found = set()
+    found, name = set(), next((name for name, one in modules().items() if one == file), "")
+    package = name if file.stem == "__init__" else name.rpartition(".")[0]
     for source in (file, file.with_suffix(".pyi")):
         if not source.is_file():
             continue
@@ -48,7 +50,8 @@ def named(file: Path) -> frozenset[str]:
             if isinstance(node, ast.Import):
                 found |= {alias.name for alias in node.names}
             elif isinstance(node, ast.ImportFrom):
-                found |= {f"{node.module}.{alias.name}" for alias in node.names} | {str(node.module)}
+                start = resolve_name("." * node.level + (node.module or ""), package)
+                found |= {f"{start}.{alias.name}" for alias in node.names} | {start}
             elif isinstance(node, ast.Constant) and isinstance(node.value, str):
                 found.add(node.value)
     return frozenset(name for name in found if name in modules())
