@@ -1,14 +1,14 @@
-"""Claims of a paper, verdicts that follow from measured tables, and the page about them."""
+"""Claims of papers, verdicts that follow from measured tables by one rule, and the page about them."""
 
-import ast
 import json
+import math
 import re
 from collections import Counter
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from importlib import resources
 from pathlib import Path
+from statistics import NormalDist
 from typing import Any
 
 from mwlib.experiments.grids import expect_fields, read_grids
@@ -17,21 +17,14 @@ from mwlib.paths import course_folder
 from mwlib.plots.tables import significant
 from mwlib.settings import read_yaml
 
-KINDS = ("holds", "does not hold here", "depends on the reading", "cannot be tested here")  # of verdicts
-WITH_A_REASON = KINDS[2:]
-PENDING = "not measured yet"
-OTHERWISE = "otherwise"  # in the place of a check: if none of the cases before holds
+KINDS = ("holds", "contradicted", "inconclusive", "not tested", "slip in the paper")  # of verdicts
+WITH_A_REASON = KINDS[3:]
+BEYOND = 2.0  # standard errors that decide a comparison
 
 REFERENCE = re.compile(r"\{([^{}|]+)\|([^{}|]+)\|([^{}|]+)\}")  # {table|row|column}
 COLUMN = re.compile(r"(?P<name>.*?)(?P<pair> ±)?(?: (?P<of>sd|se))?")
 SPREADS = {"sd": ", deviation", "se": ", standard error"}
 MADE_WITH = re.compile(r"_(paired|details|actions)$")
-
-FUNCTIONS = {"abs": abs, "min": min, "max": max}
-UNDERSTOOD = (  # in a check
-    ast.Expression, ast.BoolOp, ast.And, ast.Or, ast.UnaryOp, ast.Not, ast.USub, ast.BinOp, ast.Add, ast.Sub, ast.Mult, ast.Div,
-    ast.Compare, ast.Lt, ast.LtE, ast.Gt, ast.GtE, ast.Eq, ast.Call, ast.Name, ast.Load, ast.Constant,
-)  # fmt: skip
 
 
 class NotMeasured(LookupError):
@@ -42,12 +35,16 @@ class Tables:
     """Measured tables of a folder, by name, read when they are asked for.
 
     Args:
-        folder: of the CSV files; None = the course's `figures/cmu`.
+        folder: of the CSV files; None = the course's `figures/cmu`. Its neighbours are named with a slash: `lafan1/bridges`.
     """
 
     def __init__(self, folder: Path | None = None):
         self.folder = committed_folder() if folder is None else Path(folder)
         self._rows: dict[str, dict[str, dict[str, str]]] = {}
+
+    def file(self, name: str, suffix: str = ".csv") -> Path:
+        """Where a table lies."""
+        return (self.folder.parent if "/" in name else self.folder) / f"{name}{suffix}"
 
     @cached_property
     def _grids(self) -> set[str]:
@@ -60,12 +57,12 @@ class Tables:
             NotMeasured: the table is not there, but a grid is called so.
             ValueError: nothing is called so.
         """
-        file = self.folder / f"{name}.csv"
+        file = self.file(name)
         if name not in self._rows:
             if not file.is_file():
-                if MADE_WITH.sub("", name) in self._grids:
+                if MADE_WITH.sub("", file.stem) in self._grids:
                     raise NotMeasured(f"`{file.name}` is not there yet")
-                others = ", ".join(sorted(file.stem for file in self.folder.glob("*.csv"))) or "no tables"
+                others = ", ".join(sorted(file.stem for file in file.parent.glob("*.csv"))) or "no tables"
                 raise ValueError(f"{file} is not there, and no grid is called {name!r}; the folder has {others}")
             self._rows[name] = {next(iter(row.values())): row for row in read_table(file)}
         return self._rows[name]
@@ -77,7 +74,7 @@ class Tables:
             NotMeasured: as `rows`.
             ValueError: there is no such table, row or column, or the cell is empty.
         """
-        rows, file = self.rows(name), self.folder / f"{name}.csv"
+        rows, file = self.rows(name), self.file(name)
         if row not in rows:
             raise ValueError(f"{file} has no row {row!r}; expected one of {', '.join(rows)}")
         if column not in rows[row]:
@@ -85,14 +82,6 @@ class Tables:
         if not rows[row][column]:
             raise ValueError(f"{file}, row {row!r}: {column!r} is empty; expected a number")
         return rows[row][column]
-
-    def value(self, name: str, row: str, column: str) -> float | tuple[float, ...]:
-        """The number that a reference in a check stands for; row "*" gives those of all rows."""
-        names, pair = _columns(column)
-        if pair:
-            raise ValueError(f"{column!r} stands in a check; expected one number, without ±")
-        numbers = tuple(float(self.text(name, each, names[-1])) for each in (self.rows(name) if row == "*" else [row]))
-        return numbers if row == "*" else numbers[0]
 
     def printed(self, name: str, row: str, column: str) -> str:
         """What a reference in a sentence becomes: three digits, with the spread if the column ends in "± sd" or "± se"."""
@@ -104,7 +93,22 @@ class Tables:
 
     def about(self, name: str) -> dict[str, Any]:
         """What the JSON file beside a table says of it."""
-        return json.loads((self.folder / f"{name}.json").read_text(encoding="utf-8"))
+        return json.loads(self.file(name, ".json").read_text(encoding="utf-8"))
+
+    def number(self, name: str, row: str, column: str, spread: str = "") -> float:
+        """One cell, or its deviation over seeds ("sd") or standard error ("se"): 0 where the table has none."""
+        if not spread:
+            return float(self.text(name, row, column))
+        return float(self.rows(name)[row].get(column + SPREADS[spread]) or 0)
+
+    def pairs(self, name: str, column: str) -> tuple[str, dict[str, tuple[float, float]]]:
+        """The row with which all others are compared window by window, and each one's mean difference with its standard error."""
+        paired, found, reference = f"{MADE_WITH.sub('', name)}_paired", {}, ""
+        for pair, cells in (self.rows(paired) if self.file(paired).is_file() else {}).items():
+            row, _, reference = pair.rpartition(" - ")
+            if cells.get(column):
+                found |= {row: (float(cells[column]), self.number(paired, pair, column, "se")), reference: (0.0, 0.0)}
+        return reference, found
 
     def filled(self, text: str) -> str:
         """A sentence with its numbers."""
@@ -114,20 +118,26 @@ class Tables:
         return " ".join(full.split())
 
     def link(self, name: str) -> str:
-        """A link to a table with its windows and seeds; a table made with a grid's has those of the grid's."""
+        """A link to a table."""
+        file = self.file(name)
+        return f"[{name}.csv](figures/{file.parent.name}/{file.name})"
+
+    def provenance(self, name: str) -> str:
+        """Data, windows, seeds and preset of a table; one made with a grid's has windows and seeds of the grid's."""
         about = self.about(name)
         rows = self.rows(MADE_WITH.sub("", name)).values()
         windows = {row["windows"] for row in rows if row.get("windows")} or {str(about.get("windows", "?"))}
         seeds = max((int(row["seeds"]) for row in rows if row.get("seeds")), default=1)
         share = about.get("budget_share") or 1.0
         parts = [
+            f"{about.get('data') or 'cmu/asfamc'}",
             f"{' or '.join(sorted(windows))} windows",
             f"{seeds} seed{'s' if seeds > 1 else ''} of {about.get('seeds_of') or 'sampling'}",
             f"preset `{about.get('preset') or 'cmu_paper'}`",
             *([f"{share:g} of the preset's training steps"] if share != 1 else []),
             f"mwlib {about['mwlib']}",
         ]
-        return f"[{name}.csv](figures/cmu/{name}.csv) ({', '.join(parts)})"
+        return f"{self.link(name)}: {', '.join(parts)}"
 
 
 def _columns(column: str) -> tuple[list[str], bool]:
@@ -137,75 +147,103 @@ def _columns(column: str) -> tuple[list[str], bool]:
     return [found["name"], *([found["name"] + SPREADS[found["of"]]] if found["of"] else [])], bool(found["pair"])
 
 
-def holds(check: str, value: Callable[[str, str, str], float | tuple[float, ...]]) -> bool:
-    """Whether a condition over cells of tables is true. What is no condition is refused before anything is computed.
+@dataclass(frozen=True)
+class Comparison:
+    """What a claim says of two cells of a column, or of one cell and a number.
 
     Args:
-        check: comparisons joined by and, or, not, of numbers, `{table|row|column}`, + - * /, abs, min and max.
-        value: gives the number of a reference, or those of all rows, which stand in min or max.
-
-    Raises:
-        ValueError: the check holds something else, or is no comparison.
-
-    >>> holds("{a|b|c} < 2 * 3 and not 1 > 2", lambda *where: 5.0)
-    True
+        row: `table|row` that is said to be lower or higher.
+        than: `table|row`, the name of a row of the same table, or a number.
+        column: of both.
+        sign: 1 where the claim says higher, -1 where it says lower.
+        times: the second number counts so many times.
     """
-    cells: dict[str, Any] = {}
 
-    def named(found: re.Match[str]) -> str:
-        cells[name := f"cell_{len(cells)}"] = value(*found.groups())
-        return name
+    row: str
+    than: str | float
+    column: str
+    sign: int
+    times: float = 1.0
 
-    try:
-        tree = ast.parse(REFERENCE.sub(named, " ".join(check.split())), mode="eval")
-        _expect_condition(tree, {name for name, found in cells.items() if isinstance(found, tuple)})
-        return eval(compile(tree, "check", "eval"), {"__builtins__": {}}, FUNCTIONS | cells)
-    except (SyntaxError, TypeError, NameError, ZeroDivisionError, RecursionError) as error:
-        raise ValueError(f"the check {check!r} cannot be read: {error}; expected a comparison of numbers") from None
-
-
-def _expect_condition(tree: ast.Expression, columns: set[str]) -> None:
-    """Refuse what has no place in a check: other syntax, a number for a truth or a truth for a number, a column for a number."""
-    for node in ast.walk(tree):
-        if not isinstance(node, UNDERSTOOD) or (isinstance(node, ast.Constant) and type(node.value) not in (int, float)):
-            raise SyntaxError(f"{ast.unparse(node)!r} may not stand there")
-        for inner in ast.iter_child_nodes(node):
-            if isinstance(inner, ast.expr) and _is_truth(inner) != (_is_truth(node, within=True)):
-                raise SyntaxError(f"{ast.unparse(inner)!r} may not stand in {ast.unparse(node)!r}")
-            if isinstance(inner, ast.Name) and inner.id in columns and not isinstance(node, ast.Call):
-                raise SyntaxError("all rows of a column may stand in min and max only")
-
-
-def _is_truth(node: ast.AST, within: bool = False) -> bool:
-    """Whether an expression is true or false; or, `within`, made of such."""
-    return isinstance(node, (ast.BoolOp, ast.Expression if within else ast.Compare)) or (
-        isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.Not)
-    )
+    @property
+    def places(self) -> tuple[tuple[str, str], ...]:
+        """Table and row of the two cells; one where the other is a number."""
+        table, _, row = self.row.partition("|")
+        if not isinstance(self.than, str):
+            return ((table, row),)
+        other, _, named = self.than.rpartition("|")
+        return (table, row), (other or table, named)
 
 
 @dataclass(frozen=True)
-class Case:
-    """A verdict, and when it is the right one.
+class Outcome:
+    """A comparison as measured: the difference in the table's unit, and its standard error (0 = none is known)."""
 
-    Args:
-        verdict: one of KINDS, with a reason after a colon where it needs one.
-        because: what was found; `{table|row|column}` stands for a measured number.
-        check: a condition over such numbers, or OTHERWISE; empty = always.
+    comparison: Comparison
+    difference: float
+    error: float
+
+    @property
+    def score(self) -> float:
+        """Difference in errors, positive if it has the claim's sign."""
+        signed = self.comparison.sign * self.difference
+        return signed / self.error if self.error else math.copysign(math.inf, signed) if signed else 0.0
+
+    def sentence(self, corrected: float) -> str:
+        """What was compared and found; ‡ marks what lies beyond the errors that many comparisons ask for."""
+        one, *two = self.comparison.places
+        times = f"{self.comparison.times:g} × " if self.comparison.times != 1 else ""
+        other = two[0][1] if two else f"{self.comparison.than:g}"
+        error = f" ± {significant(self.error, 2)}" if self.error else ""
+        word = "as claimed" if self.score > BEYOND else "the other way" if self.score < -BEYOND else "undecided"
+        mark = "‡" if self.error and abs(self.score) > corrected else ""
+        return (
+            f"{one[0]}: {one[1]} − {times}{other}, {self.comparison.column}: {significant(self.difference)}{error}, {word}{mark}"
+        )
+
+
+def compare(comparison: Comparison, tables: Tables) -> Outcome:
+    """Measure a comparison.
+
+    Rows that are compared with one row saw the same windows: their difference is taken window by window, its error over clips.
+    Where only differences from a third row are kept, the error is at most the sum of two. Rows of different trainings have the
+    error over trainings beside it.
     """
+    (table, row), *others = comparison.places
+    column, times = comparison.column, comparison.times
+    value, error = tables.number(table, row, column), tables.number(table, row, column, "se")
+    if not others:
+        return Outcome(comparison, value - times * float(comparison.than), error)
+    ((other, named),) = others
+    difference = value - times * tables.number(other, named, column)
+    error = math.hypot(error, times * tables.number(other, named, column, "se"))
+    (reference, pairs), (other_reference, other_pairs) = (tables.pairs(each, column) for each in (table, other))
+    if times == 1 and reference == other_reference and row in pairs and named in other_pairs:
+        difference, error = pairs[row][0] - other_pairs[named][0], pairs[row][1] + other_pairs[named][1]
+    return Outcome(comparison, difference, math.hypot(error, _over_trainings(comparison, tables)))
 
-    verdict: str
-    because: str
-    check: str = ""
 
-    @property
-    def kind(self) -> str:
-        """The verdict without its reason."""
-        return self.verdict.partition(":")[0].strip()
+def _over_trainings(comparison: Comparison, tables: Tables) -> float:
+    """Standard error that trainings add: 0 where both rows sample the same trained models, told by their seconds of training."""
+    seconds = [tables.about(MADE_WITH.sub("", table)).get("seconds_of_training", {}).get(row) for table, row in comparison.places]
+    if None in seconds or seconds[0] == seconds[1]:
+        return 0.0
+    found = []
+    for table, row in comparison.places:
+        seeds = int(tables.rows(table)[row].get("seeds") or 1)
+        found.append(tables.number(table, row, comparison.column, "sd") / math.sqrt(seeds))
+    return math.hypot(found[0], comparison.times * found[1])
 
-    @property
-    def tables(self) -> list[str]:
-        """Those that it rests on."""
-        return list(dict.fromkeys(name for name, _, _ in REFERENCE.findall(self.check + self.because)))
+
+def verdict(outcomes: list[Outcome]) -> str:
+    """The one rule: a claim holds if every comparison is beyond two errors its way, and is contradicted if some are beyond two
+    errors the other way and none its way."""
+    with_it, against = (sum(sign * outcome.score > BEYOND for outcome in outcomes) for sign in (1, -1))
+    if with_it == len(outcomes):
+        return KINDS[0]
+    if against and not with_it:
+        return KINDS[1]
+    return f"{KINDS[2]}: {with_it} of {len(outcomes)} comparisons as claimed, {against} the other way"
 
 
 @dataclass(frozen=True)
@@ -234,7 +272,10 @@ class Claim:
         paper: section, table, figure or equation.
         claim: what the paper says, in our words, with its number.
         done: what we did.
-        cases: the first whose check holds gives the verdict.
+        because: what was found; `{table|row|column}` stands for a measured number.
+        verdict: one of KINDS, with a reason after a colon where it needs one; empty = follows from `measured`.
+        measured: comparisons from which the verdict follows; beside a verdict all must come out as they say.
+        proxy: what was measured in place of what the paper says; may be empty.
         shown: where in the notebooks.
     """
 
@@ -244,11 +285,42 @@ class Claim:
     paper: str
     claim: str
     done: str
-    cases: tuple[Case, ...]
+    because: str
+    verdict: str = ""
+    measured: tuple[Comparison, ...] = ()
+    proxy: str = ""
     shown: tuple[Shown, ...] = ()
 
+    @property
+    def tables(self) -> list[str]:
+        """Those that it rests on."""
+        named = [name for name, _, _ in REFERENCE.findall(self.because)]
+        return list(dict.fromkeys([*(table for each in self.measured for table, _ in each.places), *named]))
 
-OWN, CASE = {"id", "theme", "title", "paper", "claim", "done"}, {"verdict", "because", "check"}
+
+@dataclass(frozen=True)
+class Finding:
+    """A claim with its verdict, sentences filled in.
+
+    Args:
+        claim: what the paper says.
+        verdict: with its reason.
+        because: the sentences.
+        outcomes: of its comparisons.
+    """
+
+    claim: Claim
+    verdict: str
+    because: str
+    outcomes: tuple[Outcome, ...] = ()
+
+    @property
+    def kind(self) -> str:
+        """The verdict without its reason."""
+        return self.verdict.partition(":")[0].strip()
+
+
+OWN = {"id", "theme", "title", "paper", "claim", "done", "because"}
 
 
 def claims_file() -> Path:
@@ -278,72 +350,71 @@ def read_claims(path: Path | None = None) -> list[Claim]:
 
 
 def _claim(where: str, body: Any) -> Claim:
-    _expect_texts(where, body, OWN, CASE | {"cases", "shown"})
-    one, several = {name: body[name] for name in CASE if name in body}, body.get("cases", [])
-    if bool(one) == bool(several) or not isinstance(several, list):
-        raise ValueError(
-            f"{where} has {sorted(one)} and {len(several)} cases; expected a verdict or a list of cases, and not both"
-        )
-    cases = [_case(f"{where}, case {number}" if several else where, case) for number, case in enumerate(several or [one], 1)]
-    for place in body.get("shown", []):
-        _expect_texts(f"{where}, shown", place, {"notebook", "section"}, {"prints"})
-    if not body.get("shown") and not all(case.kind == KINDS[3] for case in cases) and not all(case.check for case in cases):
-        raise ValueError(f"{where} has no evidence; expected a check or a place in a notebook under 'shown'")
+    _expect_texts(where, body, OWN, {"verdict", "measured", "proxy", "shown"})
     if not re.fullmatch(r"[a-z0-9]+(-[a-z0-9]+)*", body["id"]):
         raise ValueError(f"{where}: the id is {body['id']!r}; expected lower-case words with hyphens")
-    shown = tuple(Shown(**place) for place in body.get("shown", []))
-    own = {name: " ".join(body[name].split()) for name in OWN}
-    return Claim(**own, cases=tuple(cases), shown=shown)
-
-
-def _case(where: str, body: Any) -> Case:
-    _expect_texts(where, body, {"verdict", "because"}, {"check"})
-    case = Case(**body)
-    if case.kind not in KINDS:
+    for place in body.get("shown", []):
+        _expect_texts(f"{where}, shown", place, {"notebook", "section"}, {"prints"})
+    said = body.get("verdict", "")
+    kind, _, reason = said.partition(":")
+    if "verdict" in body and (kind.strip() not in KINDS or (kind.strip() in WITH_A_REASON and not reason.strip())):
         raise ValueError(
-            f"{where}: the verdict is {case.verdict!r}; expected one of {', '.join(KINDS)}, and a reason after a colon"
+            f"{where}: the verdict is {said!r}; expected one of {', '.join(KINDS)}, the last two with a reason after a colon"
         )
-    if case.kind in WITH_A_REASON and not case.verdict.partition(":")[2].strip():
-        raise ValueError(f"{where}: the verdict is {case.verdict!r}; expected a reason after a colon")
-    if REFERENCE.search(case.because) and not case.check:
-        raise ValueError(f"{where} gives measured numbers and no check; expected the condition from which its verdict follows")
-    return case
+    measured = tuple(each for entry in body.get("measured", []) for each in _comparisons(f"{where}, measured", entry))
+    if not measured and (not said or (kind.strip() != "not tested" and not body.get("shown"))):
+        raise ValueError(
+            f"{where} has no evidence; expected comparisons under 'measured', or a verdict and a place under 'shown'"
+        )
+    texts = {name: " ".join(body[name].split()) for name in OWN | ({"verdict", "proxy"} & {*body})}
+    return Claim(**texts, measured=measured, shown=tuple(Shown(**place) for place in body.get("shown", [])))
+
+
+def _comparisons(where: str, entry: Any) -> list[Comparison]:
+    """Comparisons of one entry: `{lower: table|row, than: row, in: [columns], times: 1}`, or `higher`."""
+    expect_fields(where, entry, {"than", "in"}, {"lower", "higher", "times"})
+    sides = [name for name in ("lower", "higher") if name in entry]
+    if len(sides) != 1 or "|" not in str(entry[sides[0]]):
+        raise ValueError(f"{where} has {entry}; expected one of lower and higher, with table|row")
+    if type(entry["than"]) not in (str, int, float) or type(entry.get("times", 1)) not in (int, float):
+        raise ValueError(
+            f"{where}: than is {entry['than']!r}, times {entry.get('times')!r}; expected a row or a number, and a number"
+        )
+    columns = entry["in"] if isinstance(entry["in"], list) else [entry["in"]]
+    sign = 1 if sides[0] == "higher" else -1
+    return [Comparison(entry[sides[0]], entry["than"], column, sign, entry.get("times", 1.0)) for column in columns]
 
 
 def _expect_texts(where: str, found: Any, needed: set[str], allowed: set[str]) -> None:
     expect_fields(where, found, needed, allowed)
-    for name in {*found} - {"cases", "shown"}:
+    for name in {*found} - {"measured", "shown"}:
         if not isinstance(found[name], str) or not found[name].strip():
             raise ValueError(f"{where}: {name} is {found[name]!r}; expected a text")
 
 
-def decide(where: str, claim: Claim, tables: Tables) -> tuple[Case, list[str]]:
-    """The case of a claim that holds, its sentences filled in, and the tables from which it follows.
+def decide(where: str, claim: Claim, tables: Tables) -> Finding:
+    """The verdict of a claim, its sentences filled in.
 
     Args:
         where: for messages, e.g. the file.
-
-    Returns:
-        The case; its verdict is PENDING if no table of any of its cases is there. And the names of its tables.
+        claim: of a paper.
+        tables: measured; while one of a known grid is missing the claim is not tested.
 
     Raises:
-        ValueError: no check holds, or one cannot be read; the message names the claim.
+        ValueError: a cell is not there, or a comparison beside a written verdict does not come out as it says; the message names
+            the claim.
     """
-    false, missing = [], []
-    for case in claim.cases:
-        try:
-            if case.check in ("", OTHERWISE) or holds(case.check, tables.value):
-                return Case(tables.filled(case.verdict), tables.filled(case.because), case.check), case.tables
-            numbers = REFERENCE.sub(lambda found: str(tables.value(*found.groups())), case.check)
-            false.append(f"{case.verdict!r} needs {case.check}, which is {numbers}, and false")
-        except NotMeasured as error:
-            missing.append(str(error))
-        except ValueError as error:
-            raise ValueError(f"{where}: claim {claim.id}: {error}") from None
-    if not false:
-        return Case(PENDING, f"The table {missing[0]}."), []
-    raise ValueError(f"{where}: claim {claim.id}: no verdict follows any more: {'; '.join(false)}. Expected a check that holds: "
-                     "read the table again and write the verdict that follows from it")  # fmt: skip
+    try:
+        outcomes = tuple(compare(each, tables) for each in claim.measured)
+        because = tables.filled(claim.because)
+    except NotMeasured as error:
+        return Finding(claim, f"{KINDS[3]}: the table {error}", "")
+    except ValueError as error:
+        raise ValueError(f"{where}: claim {claim.id}: {error}") from None
+    if claim.verdict and (wrong := [outcome for outcome in outcomes if outcome.score <= BEYOND]):
+        raise ValueError(f"{where}: claim {claim.id}: {claim.verdict!r} does not follow any more: {wrong[0].sentence(math.inf)}. "
+                         "Read the table again and write the verdict that follows from it")  # fmt: skip
+    return Finding(claim, claim.verdict or verdict([*outcomes]), because, outcomes)
 
 
 def reproduction(file: Path | None = None, tables: Tables | None = None, notebooks: Path | None = None) -> str:
@@ -355,23 +426,26 @@ def reproduction(file: Path | None = None, tables: Tables | None = None, noteboo
         notebooks: their folder; None = the course's.
 
     Raises:
-        FileNotFoundError, ValueError: a file is missing, a verdict does not follow from its check, or a notebook lacks a heading
-            or an output; the message names the file and the claim.
+        FileNotFoundError, ValueError: a file is missing, a verdict does not follow from its comparisons, or a notebook lacks a
+            heading or an output; the message names the file and the claim.
     """
     from jinja2 import StrictUndefined, Template  # comes with the notebooks' packages
 
     file, tables = claims_file() if file is None else file, Tables() if tables is None else tables
     notebooks = course_folder() / "notebooks" if notebooks is None else notebooks
-    themes: dict[str, list[tuple[Claim, Case, list[str]]]] = {}
+    findings = []
     for claim in read_claims(file):
         for place in claim.shown:
             look(notebooks, place, claim.id)
-        themes.setdefault(claim.theme, []).append((claim, *decide(str(file), claim, tables)))
-    counts = Counter(case.kind for found in themes.values() for _, case, _ in found)
-    kinds = [*KINDS, *([PENDING] if counts[PENDING] else [])]
+        findings.append(decide(str(file), claim, tables))
+    counts = Counter(finding.kind for finding in findings)
+    scores = [abs(outcome.score) for finding in findings for outcome in finding.outcomes if outcome.error]
+    corrected = NormalDist().inv_cdf(1 - 0.05 / 2 / max(len(scores), 1))  # Bonferroni
+    names = sorted({name for finding in findings if finding.because for name in finding.claim.tables})
     text = resources.files("mwlib.experiments").joinpath("reproduction.md.jinja").read_text(encoding="utf-8")
     page = Template(text, trim_blocks=True, lstrip_blocks=True, undefined=StrictUndefined)
-    return page.render(themes=themes, counts={kind: counts[kind] for kind in kinds}, tables=tables).rstrip() + "\n"
+    found = {"findings": findings, "names": names, "scores": scores, "corrected": corrected, "beyond": BEYOND}
+    return page.render(counts={kind: counts[kind] for kind in KINDS}, tables=tables, **found).rstrip() + "\n"
 
 
 def look(notebooks: Path, place: Shown, claim: str) -> None:
