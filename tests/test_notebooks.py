@@ -161,6 +161,28 @@ def widget_state(notebook: NotebookNode) -> None:
     notebook.metadata["widgets"] = {}
 
 
+WRONG = [{"code": f"half = {n}", "hint": "expected half"} for n in (3, 4, 5)]
+
+
+def busy(change=None):
+    """The model with wrong answers, by the rules of such chapters; then changed."""
+
+    def made(notebook: NotebookNode) -> None:
+        cell_with(notebook, "half = 4 / 2").metadata["wrong"] = WRONG * 2
+        cell_with(notebook, "twice = 2").metadata["wrong"] = WRONG
+        if change is not None:
+            change(notebook)
+
+    return made
+
+
+def wrong(text: str, *answers: dict):
+    def change(notebook: NotebookNode) -> None:
+        cell_with(notebook, text).metadata["wrong"] = list(answers)
+
+    return change
+
+
 PARAMETERS, SAVED = "preset: str", {"mwlib": {"stem": "fig_01_axes"}}
 BREACHES = {
     "second H1": (append("What you should see", "\n# Again"), "heading: 2 headings of level 1"),
@@ -228,6 +250,17 @@ BREACHES = {
     "hole that cannot be left open": (append("energy", "\nprint(1)  # your turn: one"), "holes: 'print"),
     "no derivation": (drop("<details>"), "exercises: Ex 1.1 has no derivation"),
     "one hole": (swap("  # your turn: a third of six", ""), "holes: 1 lines end in"),
+    "few holes for a busy chapter": (busy(), "holes: 2 lines end in .*expected 6"),
+    "hole with few wrong answers": (busy(wrong("half = 4 / 2", *WRONG)), "wrong_answers: .* names 3 wrong answers; expected 6"),
+    "exercise without wrong answers": (
+        busy(lambda n: cell_with(n, "twice = 2").metadata.pop("wrong")),
+        "wrong_answers: '### Ex 1.1",
+    ),
+    "wrong answer without a hint": (busy(wrong("twice = 2", *WRONG[1:], {"code": "x"})), "wrong_answers: .* that is not"),
+    "picture explained at once": (busy(), "described: 'What you should see' after .* is not folded"),
+    "guard open to all eyes": (tag("energy", "guard"), "exercises: the guard in cell"),
+    "too many words": (busy(append("What you should see", " word" * 3500)), "economy: 35.* words; expected at most 3500"),
+    "too many tables": (busy(append("What you should see", "\n| a |\n|---|" * 9)), "economy: 11 tables; expected at most 8"),
     "hole without a check": (append("twice == level", "\nx = 1  # your turn: one"), "holes: no check with a message"),
 }
 

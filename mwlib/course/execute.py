@@ -21,7 +21,18 @@ from nbformat import NotebookNode
 from papermill.exceptions import PapermillExecutionError
 
 from mwlib.course.manifest import FILES
-from mwlib.course.notebooks import EXPERIMENT, TIMEOUT, ParameterError, read_notebook, read_parameters, resolve, source_hash, tags
+from mwlib.course.notebooks import (
+    EXPERIMENT,
+    FOLDED,
+    TIMEOUT,
+    WRONG,
+    ParameterError,
+    read_notebook,
+    read_parameters,
+    resolve,
+    source_hash,
+    tags,
+)  # fmt: skip
 from mwlib.experiments import results
 from mwlib.experiments.grids import Grid, row_parameters
 from mwlib.files import write_atomic, write_together
@@ -32,7 +43,7 @@ PICTURES = ("image/png", "image/gif")
 KEPT_TYPES = (*PICTURES, "text/plain", "text/latex", "text/markdown")
 WIDGET = "application/vnd.jupyter.widget-view+json"
 QUIET = ["--log-level=CRITICAL"]  # else a kernel warns of its transport as it starts, and of an interrupt as it ends
-KEPT_CELL_METADATA = ("tags", "jupyter")
+KEPT_CELL_METADATA = ("tags", "jupyter", WRONG)
 KEPT_METADATA = (*PICTURES, "mwlib")  # alternative texts, and the stem of an exhibit
 
 
@@ -61,14 +72,14 @@ def execute_notebook(path: Path, timeout: float = 600.0) -> None:
 
 
 def filter_notebook(notebook: NotebookNode) -> None:
-    """Keep prints and pictures; drop stderr, widgets, HTML and whatever changes from run to run; fold solutions. In place.
+    """Keep prints and pictures; drop stderr, widgets, HTML and what changes from run to run; fold solutions and guards. In place.
 
     The notebook's metadata then holds the hash of the sources that these outputs belong to.
     """
     for cell in notebook.cells:
         cell.metadata = NotebookNode({key: cell.metadata[key] for key in KEPT_CELL_METADATA if key in cell.metadata})
         if cell.cell_type == "code":
-            if "solution" in tags(cell):
+            if {*FOLDED} & {*tags(cell)}:
                 cell.metadata["jupyter"] = {"source_hidden": True}  # JupyterLab folds it
             cell.outputs = _joined([kept for output in cell.outputs if (kept := _filtered(output)) is not None])
     notebook.metadata = NotebookNode(

@@ -6,19 +6,20 @@ from pathlib import Path
 import nbformat
 from nbformat import NotebookNode
 
-from mwlib.course.notebooks import tags
+from mwlib.course.notebooks import WRONG, tags
 from mwlib.files import write_atomic
 
 BLANK = "# Your turn: write your answer here, then run the check below."
 HOLE = re.compile(r"^( *)(return|[\w, .\[\]]+ =) (\S.*?)  # your turn: (\S.*)$", re.M)
+FUNCTION = re.compile(r"^( *)(def \w+\(.*\):)  # your turn: (\S.*)\n((?:\1 +\S.*(?:\n|\Z)|\n(?=\1 ))+)", re.M)
 
 
 def learner_copy(notebook: NotebookNode) -> NotebookNode:
     """A copy of a notebook with empty solution cells, open holes and no outputs; the self-checks stay.
 
     The committed notebook is the only source: a cell tagged `solution` keeps its place and loses its content. A line
-    `name = expression  # your turn: hint`, or one with `return`, loses its expression. Run as it is, it stops there and says so:
-    further down it would fail in the middle of the library.
+    `name = expression  # your turn: hint`, or one with `return`, loses its expression; a function whose first line ends so loses
+    its body. Run as it is, it stops there and says so: further down it would fail in the middle of the library.
     """
     copy = NotebookNode(notebook.copy())
     copy.cells = [_emptied(cell) for cell in notebook.cells]
@@ -39,15 +40,49 @@ def write_learner_copies(folder: Path, notebooks: list[Path]) -> list[Path]:
     return [folder / path.name for path in missing]
 
 
+def opened(source: str) -> str:
+    """A cell's code with its holes left open.
+
+    >>> print(opened("half = 4 / 2  # your turn: half of four"))
+    half = ...  # your turn: half of four
+    assert half is not ..., 'fill in the line half = ...: half of four'
+    """
+    return FUNCTION.sub(_without_body, HOLE.sub(_left_open, source))
+
+
+def answered(source: str, answer: str) -> str:
+    """A cell's code with one of its holes filled by another answer: a line, or a function, that begins as the right one does.
+
+    Raises:
+        ValueError: the code has no such hole.
+
+    >>> answered("half = 4 / 2  # your turn: half of four", "half = 4 * 2")
+    'half = 4 * 2'
+    """
+    for hole in (*FUNCTION.finditer(source), *HOLE.finditer(source)):
+        head = hole[2].split("(")[0] + "(" if hole.re is FUNCTION else f"{hole[2]} "
+        if answer.startswith(head):
+            text = "\n".join(hole[1] + line for line in answer.rstrip().split("\n"))
+            return source[: hole.start()] + text + ("\n" if hole[0].endswith("\n") else "") + source[hole.end() :]
+    raise ValueError(f"{answer!r} answers no hole; expected it to begin as one of {[hole[2] for hole in HOLE.finditer(source)]}")
+
+
 def _emptied(cell: NotebookNode) -> NotebookNode:
     cell = NotebookNode(cell.copy())
     if cell.cell_type == "code":
         cell.outputs, cell.execution_count = [], None
-        cell.source = HOLE.sub(_left_open, cell.source)
+        cell.source = opened(cell.source)
+        cell.metadata = NotebookNode({key: value for key, value in cell.metadata.items() if key != WRONG})
     if "solution" in tags(cell):
         cell.source = BLANK if cell.cell_type == "code" else "*Your turn.*"
         cell.metadata = NotebookNode(tags=["exercise"])
     return cell
+
+
+def _without_body(function: re.Match[str]) -> str:
+    indent, head, hint, _ = function.groups()
+    body = _left_open(re.fullmatch(HOLE, f"{indent}    return x  # your turn: {hint}"))  # pyright: ignore[reportArgumentType]
+    return f"{indent}{head}\n{body}" + ("\n" if function[0].endswith("\n") else "")
 
 
 def _left_open(line: re.Match[str]) -> str:

@@ -23,6 +23,8 @@ TIMEOUT = 86400.0  # seconds for one cell: the paper's own presets train for hou
 # Chapters that take minutes: whoever runs several begins with them, with 06 first, whose model others wait for.
 LONGEST = ("06", "11", "08", "03", "13", "10", "07", "04")
 RANGE = re.compile(r"; from ([\d.]+) to ([\d.]+)$")  # how the comment of a parameter ends that is limited
+WRONG = "wrong"  # metadata of a cell with a hole or a solution: plausible wrong answers, each {"code": ..., "hint": ...}
+FOLDED = ("solution", "guard")  # tags of cells that a reader sees on asking: answers, and checks of the text's own numbers
 CHAPTER = re.compile(r"\d\d[a-z]?")  # a chapter's number: 05, or 05b for its second half
 
 

@@ -20,8 +20,8 @@ from nbformat import NotebookNode
 from PIL import Image
 
 from mwlib.course.execute import PICTURES, WIDGET, is_table
-from mwlib.course.learner import HOLE
-from mwlib.course.notebooks import ParameterError, exhibits_kept, read_parameters, source_hash, tags
+from mwlib.course.learner import FUNCTION, HOLE
+from mwlib.course.notebooks import FOLDED, WRONG, ParameterError, exhibits_kept, read_parameters, source_hash, tags
 from mwlib.plots.loops import MOST_BYTES
 
 Rule = Callable[[NotebookNode], Iterator[str]]
@@ -42,8 +42,10 @@ FORBIDDEN = {
 MACHINE_PATH = r"(?<![\w.:/])/(home|root|tmp|Users|mnt|opt|work|var|usr)/\w+"
 SKIPPING = {"nbval-skip", "skip-execution"}
 SEEN = "What you should see"
+SEEN_FOLDED = f"<details><summary>{SEEN}</summary>"
+MOST_WORDS, MOST_IN_ALL, MOST_TABLES, LEAST_HOLES, LEAST_WRONG = 3500, 85, 8, 6, 3  # of a chapter that has wrong answers
 ORDERS, TOLERANCE = (ast.Lt, ast.LtE, ast.Gt, ast.GtE), 1e-3  # of asserts about numbers
-FOLDED = re.compile(r"<details><summary>[^<]+</summary>\n\n.*\n\n</details>$", re.S)
+IN_DETAILS = re.compile(r"<details><summary>[^<]+</summary>\n\n.*\n\n</details>$", re.S)
 EXERCISE = r"\bEx (\d+[a-z]?)\.(\d+)\b"
 
 
@@ -290,6 +292,8 @@ def described(notebook: NotebookNode) -> Iterator[str]:
         following = next((later.source for later in notebook.cells[place + 1 :] if later.cell_type == "markdown"), "")
         if pictures(cell) and SEEN not in following:
             yield f"the text after the picture of cell {cell.execution_count} has no '{SEEN}'"
+        elif pictures(cell) and is_busy(notebook) and SEEN_FOLDED not in following:
+            yield f"'{SEEN}' after the picture of cell {cell.execution_count} is not folded; expected {SEEN_FOLDED!r}"
 
 
 def moving(notebook: NotebookNode) -> Iterator[str]:
@@ -328,31 +332,65 @@ def exercises(notebook: NotebookNode) -> Iterator[str]:
     solutions = [cell for cell in notebook.cells if "solution" in tags(cell)]
     if solutions and not places:
         yield f"{len(solutions)} cells are tagged 'solution', but no heading has 'Ex <chapter>.<number>'"
-    for cell in solutions:
+    for cell in (cell for cell in notebook.cells if {*FOLDED} & {*tags(cell)}):
         if cell.cell_type == "code" and not cell.metadata.get("jupyter", {}).get("source_hidden"):
-            yield f"the solution in cell {cell.execution_count} is not folded; expected metadata.jupyter.source_hidden"
-        if cell.cell_type == "markdown" and not FOLDED.match(cell.source):
+            yield f"the {tags(cell)[0]} in cell {cell.execution_count} is not folded; expected metadata.jupyter.source_hidden"
+        if cell.cell_type == "markdown" and not IN_DETAILS.match(cell.source):
             yield f"a solution in words begins {cell.source[:20]!r}; expected '<details><summary>Solution</summary>'"
 
 
+def is_busy(notebook: NotebookNode) -> bool:
+    """Whether a chapter's holes and exercises carry wrong answers: it keeps the third edition's rules, too."""
+    return any(WRONG in cell.metadata for cell in notebook.cells)
+
+
 def holes(notebook: NotebookNode) -> Iterator[str]:
-    """The learner's copy leaves two lines open or more; each can be left open, and a check close by says whether it is right."""
+    """The learner's copy leaves lines or functions open; each can be left open, and a check close by says whether it is right."""
+    least = LEAST_HOLES if is_busy(notebook) else 2
     if any("solution" in tags(cell) for cell in notebook.cells):
         found = sum(cell.source.count("# your turn: ") for cell in code_cells(notebook))
-        if found < 2:
-            yield f"{found} lines end in '# your turn: hint'; expected two or more"
-    cells = [cell for cell in code_cells(notebook) if "solution" not in tags(cell)]
+        if found < least:
+            yield f"{found} lines end in '# your turn: hint'; expected {least} or more"
+    cells = [cell for cell in code_cells(notebook) if not {*FOLDED} & {*tags(cell)}]
     for place, cell in enumerate(cells):
+        source = FUNCTION.sub("", cell.source)
         lines = [line for line in cell.source.split("\n") if "# your turn" in line]
-        for line in lines:
+        for line in (line for line in source.split("\n") if "# your turn" in line):
             if not HOLE.fullmatch(line):
-                yield f"{line.strip()!r}; expected 'name = expression  # your turn: hint', or the same with 'return'"
+                yield f"{line.strip()!r}; expected 'name = expression  # your turn: hint', or the same with 'return' or 'def'"
         checks = parsed(*cells[place : place + 4])
         if lines and not any(isinstance(node, ast.Assert) and node.msg for node in ast.walk(checks)):
             yield f"no check with a message within three cells of {lines[0].strip()!r}"
 
 
+def wrong_answers(notebook: NotebookNode) -> Iterator[str]:
+    """Each hole and each exercise names wrong answers that a learner may give, with a part of the hint that each meets."""
+    for cell in code_cells(notebook) if is_busy(notebook) else []:
+        named = cell.metadata.get(WRONG, [])
+        least = LEAST_WRONG * max(cell.source.count("# your turn: "), "solution" in tags(cell) and not named == [])
+        if len(named) < least:
+            yield f"cell {cell.execution_count} names {len(named)} wrong answers; expected {least} or more under metadata.{WRONG}"
+        if any({*one} != {"code", "hint"} or not all(one.values()) for one in named):
+            yield f"cell {cell.execution_count} has a wrong answer that is not {{'code': ..., 'hint': ...}}"
+    places = [place for place, cell in enumerate(notebook.cells) if re.search(r"^#+ .*?" + EXERCISE, cell.source, re.M)]
+    for place, end in zip(places, [*places[1:], len(notebook.cells)], strict=True) if is_busy(notebook) else []:
+        if not any(cell.metadata.get(WRONG) for cell in notebook.cells[place:end]):
+            yield f"{notebook.cells[place].source.splitlines()[0]!r} has no wrong answers: metadata.{WRONG} of its solution"
+
+
+def economy(notebook: NotebookNode) -> Iterator[str]:
+    """A chapter is read in its stated time."""
+    if not is_busy(notebook):
+        return
+    texts = [cell.source for cell in notebook.cells if cell.cell_type == "markdown"]
+    words = sum(len(text.split()) for text in texts)
+    tables = sum(len(re.findall(r"^\|[ :|-]+\|[ ]*$", text, re.M)) for text in texts)
+    tables += sum("text/html" in out.get("data", {}) for cell in code_cells(notebook) for out in cell.outputs)
+    found = {"words": (words, MOST_WORDS), "cells": (len(notebook.cells), MOST_IN_ALL), "tables": (tables, MOST_TABLES)}
+    yield from (f"{count} {what}; expected at most {most}" for what, (count, most) in found.items() if count > most)
+
+
 RULES: tuple[Rule, ...] = (
     heading, first_cell, parameters, page, result, forbidden, length, executed, outputs, compared, claims, symbols, described,
-    moving, exercises, holes,
+    moving, exercises, holes, wrong_answers, economy,
 )  # fmt: skip

@@ -16,13 +16,13 @@ from nbformat import NotebookNode
 
 from mwlib.course.exhibits import committed_page, exhibit_pages
 from mwlib.course.learner import learner_copy
-from mwlib.course.notebooks import tags
+from mwlib.course.notebooks import FOLDED, WRONG, tags
 from mwlib.files import write_atomic
 
 TEXTS = ("REPRODUCTION.md", "RESULTS.md", "CONTRIBUTING.md", "notebooks/glossary.md")
 SOURCES = ("index.md", "chapters.md", "howto", "_static")  # of docs/
 EXAMPLES = {"howto/curves_system.py": "tests/experiments/curves_system.py"}  # shown on a page, and tested where it lies
-PROMPTS = {"code_prompt_show": "Show a solution", "code_prompt_hide": "Hide the solution"}
+PROMPTS = {"solution": "solution", "guard": "check of the numbers above"}
 ANCHOR = re.compile(r'^(#+) <a id="([\w-]+)"></a>', re.M)
 LIBRARY = """The library
 ===========
@@ -110,14 +110,14 @@ def site_text(text: str) -> str:
 
 
 def site_copy(notebook: NotebookNode, name: str) -> NotebookNode:
-    """A notebook as a page: solutions are folded away, and the notebook itself can be had below its title.
+    """A notebook as a page: solutions and guards are folded away, and the notebook itself can be had below its title.
 
     Args:
         notebook: as committed, executed.
         name: of its file.
     """
     copy = NotebookNode(notebook.copy())
-    copy.cells = [_folded(cell) if "solution" in tags(cell) else cell for cell in notebook.cells]
+    copy.cells = [_folded(cell) for cell in notebook.cells]
     has_solutions = any("solution" in tags(cell) for cell in notebook.cells)
     without = f" {{download}}`without its solutions <learner/{name}>`," if has_solutions else ""
     text = f"*This page is a notebook. Download it {{download}}`as it is here <executed/{name}>`,{without} or run `make lab`.*"
@@ -129,8 +129,10 @@ def site_copy(notebook: NotebookNode, name: str) -> NotebookNode:
 def _folded(cell: NotebookNode) -> NotebookNode:
     """Solutions in words fold themselves: the structure rules of the notebooks see to it."""
     cell = NotebookNode(cell.copy())
-    if cell.cell_type == "code":
-        cell.metadata = NotebookNode(tags=[*tags(cell), "hide-cell"], mystnb=PROMPTS)
+    cell.metadata = NotebookNode({key: value for key, value in cell.metadata.items() if key != WRONG})
+    if cell.cell_type == "code" and (kind := next((name for name in FOLDED if name in tags(cell)), "")):
+        prompts = {"code_prompt_show": f"Show the {PROMPTS[kind]}", "code_prompt_hide": f"Hide the {PROMPTS[kind]}"}
+        cell.metadata = NotebookNode(tags=[*tags(cell), "hide-cell"], mystnb=prompts)
     return cell
 
 
