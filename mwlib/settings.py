@@ -96,14 +96,16 @@ class Settings:
             return cls.from_yaml(Path(name)).override(**changes)
         if name not in cls.presets:
             names = ", ".join(sorted(cls.presets))
-            raise ValueError(f"preset is {name!r}; expected one of {names}, or a file of settings that ends in .yaml")
+            raise ValueError(
+                f"preset is {name!r}{near(name, cls.presets)}; expected one of {names}, or a file that ends in .yaml"
+            )
         return cls().override(**cls.presets[name]).override(**changes)
 
     def override(self, **changes: Any) -> Self:
         """A copy with some fields changed; group names are not needed.
 
         Raises:
-            ValueError: a name is not a field (the message has today's name, a near one, or all of them), or a bad value.
+            ValueError: a name is not a field (the message has today's name, a near one, or says what lists all), or a bad value.
         """
         owner, parts = self.owners(), {}
         for name, value in changes.items():
@@ -117,8 +119,9 @@ class Settings:
         if name in self.renamed:
             return f"{name!r} is not a setting any more; it is now called {self.renamed[name]!r}"
         match = difflib.get_close_matches(name, self.owners(), n=1)
-        hint = f"did you mean {match[0]!r}? Valid ones" if match else "valid ones"
-        return f"unknown setting {name!r}; {hint}: {', '.join(sorted(self.owners()))}"
+        return f"unknown setting {name!r}; " + (
+            f"did you mean {match[0]!r}?" if match else f"mwlib train --system {self.system} --help lists all"
+        )
 
     def get(self, name: str) -> Any:
         """The value of a field, whichever group holds it."""

@@ -3,9 +3,12 @@
 import ast
 import importlib
 import inspect
+import json
 import os
+import re
 import subprocess
 import sys
+import tempfile
 import typing
 from pathlib import Path
 
@@ -14,14 +17,19 @@ import pytest
 from mwlib.cli import main, parse
 from mwlib.cli.options import choice_of
 from mwlib.cli.source import ADVANCED, arguments, commands, names_of, settings_text
+from mwlib.course.notebooks import chapter_number, find_notebook
 from mwlib.data.collections import COLLECTIONS, SKELETONS
+from mwlib.data.formats.bvh_writing import write_bvh
 from mwlib.experiments.systems import MODULES, system
+from mwlib.synthetic.motions import synthetic_motions
 
 COMMANDS = commands()
 NAMES = """
-    check-data write-synthetic fetch train grid-table ship storyboards reproduction lafan1-benchmark predict export-bvh loop
-    inbetween generate course run-notebook execute-notebooks learner-copies index-page claims site-sources run-experiment
+    check-data write-synthetic fetch predict export-bvh loop inbetween generate train grid-table ship storyboards reproduction
+    lafan1-benchmark course run-notebook execute-notebooks learner-copies index-page claims site-sources run-experiment
 """.split()
+GROUPS = ["use", "train and measure", "course", "maintain"]
+ORDERED = ["check-data", "generate", "train", "lafan1-benchmark", "course", "claims", "ship", "site-sources"]
 
 
 def refused(words: list[str], capsys) -> str:
@@ -43,9 +51,15 @@ def squeezed(text: str) -> str:
     return "".join(text.split())
 
 
-def test_help_lists_the_commands(capsys):
-    said = helped([], capsys)
-    assert [*COMMANDS] == NAMES and all(squeezed(f"{name} {command.summary}") in said for name, command in COMMANDS.items())
+@pytest.mark.parametrize("words", [["--help"], []])
+def test_help_lists_the_commands_in_groups(words, capsys):
+    with pytest.raises(SystemExit, match="0|None"):
+        main(words)
+    said = capsys.readouterr().out
+    assert [*COMMANDS] == NAMES and re.findall(r"^([a-z ]+):$", said, re.M)[1:] == GROUPS
+    assert all(squeezed(f"{name} {command.summary}") in squeezed(said) for name, command in COMMANDS.items())
+    places = [said.index(f"\n  {name} ") if f"\n  {name} " in said else said.index(f"\n  {name}\n") for name in ORDERED]
+    assert places == sorted(places) and {*ORDERED} <= {*NAMES}
 
 
 @pytest.mark.parametrize("name", COMMANDS)
@@ -113,13 +127,14 @@ def test_help_and_mistyped_words_wait_for_no_torch(words):
 @pytest.mark.parametrize(
     "words, near",
     [
-        (["trian"], "there is no command 'trian', did you mean train?; expected one of check-data"),
-        (["exportbvh", "runs/1"], "did you mean export-bvh?"), (["xyz"], "there is no command 'xyz'; expected one of"),
+        (["trian"], "mwlib: there is no command 'trian', did you mean train?; mwlib --help lists all\n"),
+        (["exportbvh", "runs/1"], "did you mean export-bvh?"), (["xyz"], "there is no command 'xyz'; mwlib --help lists all"),
+        (["--quiet", "train"], "'--quiet' comes before the command; expected mwlib COMMAND --quiet"),
         (["predict", "runs/1", "synthetic", "--sample=3"], ""), (["predict", "runs/1"], "required: SOURCE"),
         (["train", "--sets", "lr=1"], "'--sets' is not understood, did you mean --set?"),
         (["train", "--preste=tiny"], "did you mean --preset?"),
-        (["grid-table", "main"], "required: --out"), (["ship", "nobody"], "invalid choice: 'nobody'"),
-        (["predict", "runs/1", "synthetic", "--up", "x"], "invalid choice: 'x'"),
+        (["grid-table", "main"], "required: --out"), (["ship", "cmuu"], "there is no 'cmuu', did you mean cmu?\n"),
+        (["predict", "runs/1", "synthetic", "--up", "q"], "argument --up: there is no 'q'; expected y, z\n"),
         (["train", "--system", "telepathy", "--help"], "expected one of prediction"),
         (["predict", "runs/1", "synthetic", "--samples", "many"], "invalid int value"),
     ],
@@ -150,7 +165,73 @@ def test_words_become_arguments_and_defaults_stay_with_the_function(words, expec
 
 def test_a_mistake_is_told_in_a_sentence(capsys):
     assert main(["train", "--preset", "tiny", "--set", "test_window=3"]) == 1
-    assert "mwlib: unknown setting 'test_window'; did you mean 'test_windows'?" in capsys.readouterr().err
+    assert capsys.readouterr().err == "mwlib: unknown setting 'test_window'; did you mean 'test_windows'?\n"
+    assert main(["train", "--preset", "tiny", "--set", "zzz=3"]) == 1
+    assert capsys.readouterr().err == "mwlib: unknown setting 'zzz'; mwlib train --system prediction --help lists all\n"
+    assert main(["run-notebook", "06_trainin"]) == 1
+    assert "no notebook '06_trainin' (did you mean '06_training'?)" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("said, expected", [("3", "03"), ("03", "03"), ("5", "05"), ("5b", "05b"), ("05b", "05b"), ("10", "10")])
+def test_a_chapter_goes_by_its_number(said, expected):
+    assert chapter_number(find_notebook(said)) == expected
+
+
+@pytest.mark.parametrize("said", ["b", "05c", "005", ""])
+def test_what_is_no_chapter_is_refused(said):
+    with pytest.raises(FileNotFoundError, match="expected a path, a name or a number of: 00_"):
+        find_notebook(said)
+
+
+def test_bars_are_left_out_where_somebody_says_so(monkeypatch, capsys):
+    """By tqdm's own variable, which kernels inherit."""
+    monkeypatch.setenv("TQDM_DISABLE", "")
+    assert main(["train", "--preset", "nothing"]) == 1 and os.environ["TQDM_DISABLE"] == ""
+    assert main(["train", "--preset", "nothing", "--quiet"]) == 1 and os.environ["TQDM_DISABLE"] == "1"
+
+
+def test_an_interrupted_command_ends_without_a_traceback(monkeypatch, capsys):
+    def interrupted(**_):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("mwlib.cli.data.fetch", interrupted)
+    assert main(["fetch"]) == 130 and capsys.readouterr().err == "mwlib: interrupted\n"
+
+
+def test_programs_get_json(capsys, tmp_path):
+    (tmp_path / "broken.bvh").write_text("no motion")
+    write_bvh(synthetic_motions(subjects=1)[0].cut(0, 20), tmp_path / "walk.bvh")
+    assert main(["check-data", str(tmp_path), "--json"]) == 1
+    told = json.loads(capsys.readouterr().out)
+    (clip,) = told["clips"]
+    assert not told["ok"] and "broken.bvh" in told["report"] and told["training"]
+    assert (clip["frames"], clip["joints"], clip["fps"]) == (20, 17, {"value": 50.0, "source": "the file"})
+    (tmp_path / "build" / "01_dwt_from_scratch").mkdir(parents=True)
+    assert main(["claims", str(tmp_path / "build"), "--json"]) == 1
+    assert json.loads(capsys.readouterr().out)["build"]["02_motion_wavelet_manifold"]["status"] == "not run"
+
+
+def completed(line: str) -> list[str]:
+    """What a shell is told as the Tab key is pressed behind a line."""
+    asked = {"_ARGCOMPLETE": "1", "_ARGCOMPLETE_STDOUT_FILENAME": os.devnull, "COMP_LINE": line, "COMP_POINT": str(len(line))}
+    code = "import sys; from mwlib.cli import main; main()"
+    with tempfile.NamedTemporaryFile("r") as answer:
+        environment = os.environ | asked | {"_ARGCOMPLETE_STDOUT_FILENAME": answer.name, "_ARGCOMPLETE_IFS": "\n"}
+        subprocess.run([sys.executable, "-c", code], env=environment, check=True, timeout=60)
+        return answer.read().split()
+
+
+@pytest.mark.parametrize(
+    "line, expected",
+    [
+        ("mwlib tr", ["train"]), ("mwlib train --pres", ["--preset"]), ("mwlib fetch cm", ["cmu"]),
+        ("mwlib train --system inbetweening --preset lafan1_off", ["lafan1_official"]),
+        ("mwlib train --set train_ste", ["train_steps="]), ("mwlib train --system text_t", ["text_to_motion"]),
+    ],
+)  # fmt: skip
+def test_a_shell_that_asks_is_told_what_fits(line, expected):
+    pytest.importorskip("argcomplete")
+    assert completed(line) == expected
 
 
 def test_older_code_is_accepted_where_somebody_says_so(monkeypatch):
@@ -165,7 +246,7 @@ def test_data_and_settings_of_a_grid_command_change_the_preset():
     assert choice_of(**given).changes == {"data": "my/folder", "lr": 0.5, "samples": 3}
     chosen = choice_of("table_4", out=Path("build"))
     assert chosen.changes == {} and chosen.preset == "tiny" and chosen.cfg == system("prediction").Config.preset("tiny")
-    with pytest.raises(ValueError, match="grid is 'table_40'; .*grids.yaml has main"):
+    with pytest.raises(ValueError, match=r"grid is 'table_40' \(did you mean 'table_4'\?\); .*grids.yaml has main"):
         choice_of("table_40", out=Path("build"))
 
 

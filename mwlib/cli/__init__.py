@@ -9,14 +9,36 @@ import argparse
 import difflib
 import importlib
 import os
+import re
 import sys
-from collections.abc import Iterable, Sequence
-from typing import Any
+from collections.abc import Callable, Iterable, Sequence
+from typing import Any, NoReturn
 
-from mwlib.cli.source import Command, arguments, commands, settings_text
+from mwlib.cli.source import MAINTAIN, Command, arguments, commands, names_of, settings_text
 from mwlib.version import __version__
 
 ACCEPT = "take runs and results made by an older code of the library, and say so beside everything made with them"
+QUIET = "show no bars"
+INTERRUPTED = 130  # as shells have it
+
+
+class Parser(argparse.ArgumentParser):
+    """The words of one command; a mistyped choice gets a near one in place of all there are."""
+
+    def add(self, name: str, **settings: Any) -> argparse.Action:
+        """As `add_argument`, which says of a choice that it is none."""
+        if choices := settings.get("choices"):
+            settings |= {"type": _one_of(choices), "metavar": name.lstrip("-").upper()}
+        return self.add_argument(name, **settings)
+
+
+def _one_of(choices: Sequence[str]) -> Callable[[str], str]:
+    def checked(word: str) -> str:
+        if word not in choices:
+            raise argparse.ArgumentTypeError(f"there is no {word!r}{_near(word, choices) or '; expected ' + ', '.join(choices)}")
+        return word
+
+    return checked
 
 
 def parse(words: Sequence[str]) -> tuple[Command, dict[str, Any]]:
@@ -29,13 +51,8 @@ def parse(words: Sequence[str]) -> tuple[Command, dict[str, Any]]:
     if not words or words[0] not in known:
         _overview(words, known)
     command = known[words[0]]
-    parser = argparse.ArgumentParser(
-        f"mwlib {words[0]}", description=" ".join(command.about.split()), argument_default=argparse.SUPPRESS
-    )
-    for name, settings in arguments(command.module, command.definition):
-        parser.add_argument(name, **settings)
-    if words[0].startswith("run-") or command.module.endswith((".measure", ".benchmark", ".sample")):
-        parser.add_argument("--accept-older-code", action="store_true", help=ACCEPT)
+    parser = Parser(f"mwlib {words[0]}", description=" ".join(command.about.split()), argument_default=argparse.SUPPRESS)
+    _fill(parser, words[0], command)
     if "--help" in words or "-h" in words:
         _help(parser, words[1:])
     given, unknown = parser.parse_known_args(words[1:])
@@ -45,16 +62,34 @@ def parse(words: Sequence[str]) -> tuple[Command, dict[str, Any]]:
     return command, vars(given)
 
 
-def _overview(words: Sequence[str], known: dict[str, Command]) -> None:
-    """List the commands, or say which one was meant."""
-    parser = argparse.ArgumentParser("mwlib", description="Frequency-domain human motion diffusion: data, models and notebooks.")
-    parser.add_argument("--version", action="version", version=f"mwlib {__version__}")
-    subparsers = parser.add_subparsers(required=True, metavar="COMMAND")
-    for name, command in known.items():
-        subparsers.add_parser(name, help=command.summary)
+def _fill(parser: Parser, name: str, command: Command) -> None:
+    """Words and options of a command."""
+    for argument, settings in arguments(command.module, command.definition):
+        parser.add(argument, **settings)
+    if name.startswith("run-") or command.module.endswith((".measure", ".benchmark", ".sample")):
+        parser.add("--accept-older-code", action="store_true", help=ACCEPT)
+    parser.add("--quiet", action="store_true", help=QUIET)
+
+
+def _overview(words: Sequence[str], known: dict[str, Command]) -> NoReturn:
+    """List the commands in groups, or say which one was meant."""
+    about = "Frequency-domain human motion diffusion: data, models and notebooks."
+    usage = "mwlib COMMAND ...   (mwlib COMMAND --help says what it takes)"
+    parser = Parser("mwlib", usage=usage, description=about)
+    parser.add("--version", action="version", version=f"mwlib {__version__}")
+    titles = dict.fromkeys(command.group for command in known.values())
+    for title in sorted(titles, key=MAINTAIN[0].__eq__):  # last
+        group = parser.add_argument_group(title)
+        for name, command in known.items():
+            if command.group == title:
+                group.add_argument(f"_{name}", metavar=name, nargs="?", help=command.summary)
     if words and not words[0].startswith("-"):
-        parser.error(f"there is no command {words[0]!r}{_near(words[0], known)}; expected one of {', '.join(known)}")
-    parser.parse_args(words)
+        parser.exit(2, f"mwlib: there is no command {words[0]!r}{_near(words[0], known)}; mwlib --help lists all\n")
+    _, unknown = parser.parse_known_args(words)
+    if unknown:
+        parser.exit(2, f"mwlib: {unknown[0]!r} comes before the command; expected mwlib COMMAND {unknown[0]}\n")
+    parser.print_help()
+    parser.exit()
 
 
 def _help(parser: argparse.ArgumentParser, words: Sequence[str]) -> None:
@@ -76,17 +111,53 @@ def _near(word: str, known: Iterable[str]) -> str:
     return f", did you mean {near[0]}?" if near else ""
 
 
+def _complete() -> None:
+    """Answer a shell that asks which words fit, and leave; how a shell is told to ask stands in docs/howto/commands.md."""
+    parser = Parser("mwlib")
+    parts = parser.add_subparsers()
+    for name, command in commands().items():
+        _fill(part := parts.add_parser(name), name, command)
+        for action in part._actions:
+            if fitting := FITTING.get((name, action.dest)):
+                action.completer = fitting  # pyright: ignore[reportAttributeAccessIssue]  (argcomplete reads it)
+    importlib.import_module("argcomplete").autocomplete(parser)
+
+
+def _settings(prefix: str, parsed_args: argparse.Namespace, **_: Any) -> list[str]:
+    return [f"{name}=" for name in re.findall(r"^  (\w+) = ", settings_text(parsed_args.system or "prediction"), re.M)]
+
+
+def _presets(prefix: str, parsed_args: argparse.Namespace, **_: Any) -> list[str]:
+    return re.findall(r"[\w-]+", re.findall(r"^Presets of \w+: (.*)", settings_text(parsed_args.system or "prediction"), re.M)[0])
+
+
+FITTING = {  # what argcomplete calls for the words of an argument that takes any
+    ("train", "set"): _settings,
+    ("train", "preset"): _presets,
+    ("train", "system"): lambda **_: names_of("mwlib.experiments.systems", "MODULES"),
+}
+
+
 def main(words: Sequence[str] | None = None) -> int:
-    """Run one command; 0 if all is well."""
+    """Run one command; 0 if all is well, 1 if not, 2 if its words are not understood, 130 if it was interrupted."""
+    if "_ARGCOMPLETE" in os.environ:
+        _complete()
     command, given = parse(sys.argv[1:] if words is None else words)
     if given.pop("accept_older_code", False):
         os.environ["MWLIB_ACCEPT_OLDER_CODE"] = "1"  # kernels that a command starts inherit it
+    if given.pop("quiet", False):
+        os.environ["TQDM_DISABLE"] = "1"  # so do they
     try:
         return getattr(importlib.import_module(command.module), command.definition.name)(**given) or 0
+    except KeyboardInterrupt:
+        print("mwlib: interrupted", file=sys.stderr)
+        return INTERRUPTED
     except ModuleNotFoundError as error:
         if error.name is None or error.name.partition(".")[0] == "mwlib":
             raise
-        print(f'mwlib: {error}; this command needs pip install "motion-wavelet-notebooks[notebooks]"', file=sys.stderr)
+        from mwlib.course.working_copy import to_install
+
+        print(f"mwlib: {error}; {to_install('notebooks') or f'pip install {error.name}'} brings it", file=sys.stderr)
     except (ImportError, OSError, ValueError) as error:
         print(f"mwlib: {error}", file=sys.stderr)
     return 1

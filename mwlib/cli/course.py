@@ -7,6 +7,7 @@ import logging
 import os
 import sys
 from collections.abc import Sequence
+from json import dumps
 from pathlib import Path
 from typing import Any
 
@@ -43,7 +44,7 @@ def run_notebook(
     """Run one notebook with other parameters.
 
     Args:
-        notebook: a path, a name, or a number: 05, 05b.
+        notebook: a path, a name, or a number: 5, 05, 5b.
         out: folder for the results (default: build/runs/<notebook>-<hash of the parameters>).
         set: one parameter; may be repeated.
         parameters: a YAML file of parameters; --set wins over it.
@@ -118,7 +119,7 @@ def index_page(
     print(write_index(build, chapters.course(notebooks), manifest, set))
 
 
-def claims(builds: Sequence[Path], *, all: bool = False, out: Path | None = None) -> int:
+def claims(builds: Sequence[Path], *, all: bool = False, json: bool = False, out: Path | None = None) -> int:
     """Say which of the course's claims hold on the motions of a build, and which chapters it lacks.
 
     Several builds are laid side by side. The exit code is 1 if a chapter failed or was not run; one that refused its data, as
@@ -127,18 +128,20 @@ def claims(builds: Sequence[Path], *, all: bool = False, out: Path | None = None
     Args:
         builds: folders that make figures made.
         all: show all claims (default: those that do not hold somewhere).
-        out: a Markdown file to write the report into, instead of printing it.
+        json: write JSON: of each build and chapter its status, and all claims with what they rest on.
+        out: a file to write the report into, instead of printing it.
     """
-    from mwlib.course.claims import read_build, report
+    from mwlib.course.claims import read_build, report, tree
     from mwlib.files import write_atomic
 
     names = [path.stem for path in chapters.course()]
     read = {build.resolve().name: read_build(build, names) for build in builds}
+    text = f"{dumps(tree(read), indent=1)}\n" if json else report(read, all)
     if out:
-        write_atomic(out, report(read, all))
+        write_atomic(out, text)
         print(out)
     else:
-        print(report(read, all), end="")
+        print(text, end="")
     return int(any(chapter.status in ("failed", "not run") for build in read.values() for chapter in build.values()))
 
 

@@ -4,6 +4,7 @@ import io
 import os
 import shlex
 import sys
+from json import dumps
 from pathlib import Path
 from typing import Any
 
@@ -26,6 +27,7 @@ def check_data(
     future: int | None = None,
     picture: Path | None = None,
     clip: str = "",
+    json: bool = False,
     **meaning: Any,
 ) -> int:
     """Say what is in motion data, what will be left out of training and what looks wrong.
@@ -44,6 +46,7 @@ def check_data(
         future: predicted frames of the windows that training will cut (default: as in the papers, 100, 60).
         picture: also draw one clip into this .png file, with axes in metres.
         clip: which clip to draw (default: the first).
+        json: print JSON: the report, whether all is well, and each clip with what it was taken for and who says so.
     """
     for name, value in (("fps", fps), ("history", history), ("future", future)):
         if value is not None and not 0 < value < float("inf"):
@@ -51,10 +54,14 @@ def check_data(
     if picture and picture.suffix.lower() != ".png":
         raise ValueError(f"picture is {picture}; expected a name that ends in .png")
     check = checking.check_data(path, fps=fps, history=history, future=future, **meaning)
-    print(check.report)
-    if check.clips or not check.is_whole:
-        print("\ntraining, at default settings:")
-        print("\n".join(f"  {line}" for line in outlook(path, [each.reading.motion for each in check.clips], fps)))
+    ahead = outlook(path, [each.reading.motion for each in check.clips], fps) if check.clips or not check.is_whole else []
+    if json:
+        told = {"ok": check.is_whole, "clips": [_about(each) for each in check.clips], "training": ahead}
+        print(dumps(told | {"report": check.report}, indent=1))
+    else:
+        print(check.report)
+        if ahead:
+            print("\n  ".join(["\ntraining, at default settings:", *ahead]))
     if picture and check.clips:
         named = [each for each in check.clips if clip in (each.name, each.reading.motion.name, "")]
         if not named:
@@ -63,8 +70,19 @@ def check_data(
         with plots.style():
             plots.filmstrip(named[0].reading.motion)[0].savefig(drawn, format="png")
         write_atomic(picture, drawn.getvalue())
-        print(f"{picture}: {named[0].name}")
+        print(f"{picture}: {named[0].name}", file=sys.stderr if json else sys.stdout)
     return 0 if check.is_whole else 1
+
+
+def _about(clip: checking.Clip) -> dict[str, Any]:
+    """A clip as a JSON value."""
+    read, motion = clip.reading, clip.reading.motion
+    stated = {"metres_per_unit": read.unit, "up": read.up, "fps": read.fps, "first_frame": read.first}
+    return {
+        "name": clip.name, "file": clip.file and str(clip.file), "subject": motion.subject, "action": motion.action,
+        "skeleton": motion.skeleton.name, "joints": len(motion.skeleton.joints), "frames": len(motion),
+        **{name: {"value": each.value, "source": each.source} for name, each in stated.items()},
+    }  # fmt: skip
 
 
 def write_synthetic(path: Path, *, seed: int = 0) -> None:

@@ -8,10 +8,14 @@ from itertools import takewhile
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from mwlib.experiments.systems import MODULES
-
 ROOT = Path(__file__).parents[1]
-GROUPS = ("data", "measure", "benchmark", "sample", "course")  # of commands: modules of mwlib.cli, in the order of the overview
+GROUPS = {  # of commands, by module of mwlib.cli, in the order of the overview
+    "data": "use", "sample": "use", "measure": "train and measure", "benchmark": "train and measure", "course": "course",
+}  # fmt: skip
+MAINTAIN = "maintain", (
+    "ship", "reproduction", "execute-notebooks", "index-page", "site-sources", "run-experiment",
+)  # fmt: skip
+SYSTEMS = "mwlib.experiments.systems"
 TYPES = {"int": int, "float": float, "str": str, "Path": Path}
 NAMED = re.compile(r"`(mwlib(?:\.\w+)*)\.([A-Za-z]\w+)`")  # in a text: stands for the names that `names_of` gives
 ADVANCED = "advanced, changed by no preset, grid or chapter"
@@ -23,6 +27,12 @@ class Command(NamedTuple):
     module: str
     definition: ast.FunctionDef
     about: str
+
+    @property
+    def group(self) -> str:
+        """The heading that it stands under in the overview."""
+        title, names = MAINTAIN
+        return title if self.definition.name.replace("_", "-") in names else GROUPS[self.module.rpartition(".")[2]]
 
     @property
     def summary(self) -> str:
@@ -124,10 +134,11 @@ def settings_text(system: str) -> str:
     Raises:
         ValueError: there is no such system; the message lists those there are.
     """
-    if system not in MODULES:
-        raise ValueError(f"system is {system!r}; expected one of {', '.join(MODULES)}")
+    modules = ast.literal_eval(_defined(SYSTEMS, "MODULES")[1])
+    if system not in modules:
+        raise ValueError(f"system is {system!r}; expected one of {', '.join(modules)}")
     presets, told, groups = [], [], {}
-    for module, config in _bases(MODULES[system], "Config"):
+    for module, config in _bases(modules[system], "Config"):
         for node in config.body:
             match node:
                 case ast.Assign(targets=[ast.Name(id="presets")], value=ast.Name(id=variable)):

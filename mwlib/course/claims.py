@@ -89,6 +89,14 @@ def report(builds: dict[str, dict[str, Chapter]], whole: bool = False) -> str:
     return "\n\n".join(parts) + "\n"
 
 
+def tree(builds: dict[str, dict[str, Chapter]]) -> dict[str, Any]:
+    """Builds as a JSON value: each chapter's status, reason, claims and what was left out."""
+    return {
+        name: {key: c._asdict() | {"claims": [claim._asdict() for claim in c.claims.values()]} for key, c in chapters.items()}
+        for name, chapters in builds.items()
+    }
+
+
 def _row(chapter: str, sentence: str, made: dict[str, Claim | None]) -> dict[str, Any]:
     told = {name: None if claim is None else f"{SIGNS[claim.holds]} {claim.shown()}".strip() for name, claim in made.items()}
     return {"chapter": chapter.partition("_")[0], "claim": sentence, **told}

@@ -8,6 +8,7 @@ shows every cell run, in order, without an error; then the result gets the statu
 import json
 import os
 import platform
+import sys
 from collections.abc import Callable, Mapping
 from importlib.metadata import version
 from pathlib import Path
@@ -207,7 +208,8 @@ def _execute(
     try:
         papermill.execute_notebook(
             _literally(notebook), _literally(folder / EXECUTED), {**values, "out": str(folder)}, kernel_name="python3",
-            language="python", progress_bar=False, start_timeout=120, execution_timeout=timeout, extra_arguments=QUIET,
+            language="python", progress_bar=sys.stderr.isatty(), start_timeout=120, execution_timeout=timeout,
+            extra_arguments=QUIET,
         )  # fmt: skip
         _check(folder / EXECUTED)
         if results.read_result(folder, results.parameters_hash(values), "finished") is None:

@@ -15,6 +15,7 @@ import yaml
 from mwlib.files import write_atomic
 from mwlib.hashing import sha256
 from mwlib.paths import course_folder
+from mwlib.settings import near
 
 ROOT = course_folder()  # of the folder that the process was started in
 NOTEBOOKS = ROOT / "notebooks"
@@ -43,17 +44,18 @@ def chapter_number(path: Path) -> str:
 
 
 def find_notebook(name: str, folder: Path = NOTEBOOKS) -> Path:
-    """A notebook by path, by name, or by its number: two digits, and a letter where it has one. "05" is never "05b".
+    """A notebook by path, by name, or by its number, and the letter where it has one: "5" is "05", which is never "05b".
 
     Raises:
         FileNotFoundError: there is none, or more than one; the message lists the course.
     """
     if name.endswith(".ipynb") and Path(name).is_file():
         return Path(name)
-    found = [path for path in course(folder) if path.stem == name or chapter_number(path) == name]
+    stems = {path.stem: path for path in course(folder)}
+    found = [path for stem, path in stems.items() if stem == name or chapter_number(path) in (name, f"0{name}")]
     if len(found) != 1:
-        names = ", ".join(path.stem for path in course(folder)) or "nothing"
-        raise FileNotFoundError(f"no notebook {name!r}; expected a path, a name or a number of: {names}")
+        names = ", ".join(stems) or "nothing"
+        raise FileNotFoundError(f"no notebook {name!r}{near(name, stems)}; expected a path, a name or a number of: {names}")
     return found[0]
 
 
@@ -176,7 +178,7 @@ def resolve(offered: Mapping[str, Parameter], given: Mapping[str, Any]) -> dict[
     """
     for name in given:
         if name not in offered:
-            raise ParameterError(f"unknown parameter {name!r}; the notebook offers\n{_listing(offered)}")
+            raise ParameterError(f"unknown parameter {name!r}{near(name, offered)}; the notebook offers\n{_listing(offered)}")
     return {name: _fit(parameter, given.get(name, parameter.default)) for name, parameter in offered.items()}
 
 
@@ -191,7 +193,8 @@ def from_text(offered: Mapping[str, Parameter], assignments: Sequence[str]) -> d
     for word in assignments:
         name, equals, text = word.partition("=")
         if not equals or name not in offered:
-            raise ParameterError(f"unknown parameter in {word!r}; expected name=value with one of\n{_listing(offered)}")
+            meant = near(name, offered)
+            raise ParameterError(f"unknown parameter in {word!r}{meant}; expected name=value with one of\n{_listing(offered)}")
         given[name] = text if offered[name].kind == "str" else _literal(offered[name], text)
     return given
 

@@ -1,10 +1,14 @@
 """A working copy of the course: what a reader opens, runs and edits, taken out of the installed package."""
 
+import re
+from importlib.metadata import PackageNotFoundError, distribution, requires
 from pathlib import Path
 from typing import NamedTuple
 
 from mwlib.files import write_atomic
 from mwlib.paths import carried, installed
+
+PACKAGE = "motion-wavelet-notebooks"
 
 
 class LaidOut(NamedTuple):
@@ -42,6 +46,27 @@ def lay_out(folder: Path) -> LaidOut:
     return out
 
 
+def to_install(extra: str) -> str:
+    """The command that brings the packages of an extra that are missing, by their own names: it works wherever mwlib is from.
+
+    Empty if none is missing.
+    """
+    try:
+        lines = requires(PACKAGE) or []
+    except PackageNotFoundError:  # a checkout that is on the path, not installed
+        return f'pip install ".[{extra}]"'
+    of_extra = [line.partition(";")[0].strip() for line in lines if f"extra == '{extra}'" in line]
+    missing = [f'"{line}"' for line in of_extra if not _is_there(re.split(r"[^\w.-]", line)[0])]
+    return " ".join(["pip install", *missing]) if missing else ""
+
+
+def _is_there(package: str) -> bool:
+    try:
+        return bool(distribution(package))
+    except PackageNotFoundError:
+        return False
+
+
 def told(folder: Path, done: LaidOut, version: str) -> str:
     """What was done, and what a reader can do next, for the terminal."""
     lines = [f"{folder.resolve()}: {len(done.written)} files written"]
@@ -57,7 +82,7 @@ def _next(folder: Path) -> list[tuple[str, str]]:
     place = f'"{folder}"' if " " in str(folder) else str(folder)
     return [
         (f"cd {place}", "the commands below find the course there"),
-        ('pip install "motion-wavelet-notebooks[notebooks]"', "Jupyter, papermill and Snakemake, if they are missing"),
+        *([(missing, "what the course needs beside the library")] if (missing := to_install("notebooks")) else []),
         ("jupyter lab notebooks/00_start_here.ipynb", "the course, step by step"),
         ("mwlib run-notebook 03 --set preset=laptop_paper", "one notebook with other parameters"),
         ("snakemake --cores 2 --config preset=tiny data=synthetic", "every notebook, figure and table"),

@@ -127,7 +127,7 @@ def read_grid(name: str, path: Path | None = None) -> Grid:
     """
     known = read_grids(path)
     if name not in known:
-        raise ValueError(f"grid is {name!r}; {path or grids_file()} has {', '.join(known)}")
+        raise ValueError(f"grid is {name!r}{near(name, known)}; {path or grids_file()} has {', '.join(known)}")
     return known[name]
 
 

@@ -361,8 +361,7 @@ def _library() -> Any:
         return importlib.import_module("transformers")
     except ImportError as error:
         raise ImportError(
-            "CLIP's text tower needs the library transformers, which is not installed; "
-            "install it with: pip install 'motion-wavelet-notebooks[clip]'"
+            "CLIP's text tower needs the library transformers, which is not installed: pip install 'transformers>=4.50,<6'"
         ) from error
 
 
