@@ -24,7 +24,7 @@ ROOT = Path(__file__).parents[1]
 CONFTEST = ROOT / "tests" / "conftest.py"
 PASSED = ROOT / "build" / "passed"  # a stamp for each test file
 ALWAYS = "tests/test_figures.py"  # looks itself which chapters must be executed
-FOLDERS = ("mwlib", "tests", "figures", "notebooks", "docs", "benchmarks")
+FOLDERS = ("mwlib", "tests", "figures", "notebooks", "docs", "results", "benchmarks")
 LOOKS_AROUND = re.compile(
     r"\b(subprocess|multiprocessing|forked|os\.fork|__file__|course_folder|CHECKOUT|walk_packages|import_module)\b"
 )

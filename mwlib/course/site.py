@@ -20,6 +20,7 @@ from mwlib.course.notebooks import FOLDED, WRONG, tags
 from mwlib.files import write_atomic
 
 TEXTS = ("REPRODUCTION.md", "RESULTS.md", "CONTRIBUTING.md", "notebooks/glossary.md")
+DETAILS = "results"  # folder of one page a system
 SOURCES = ("index.md", "chapters.md", "howto", "_static")  # of docs/
 EXAMPLES = {"howto/curves_system.py": "tests/experiments/curves_system.py"}  # shown on a page, and tested where it lies
 PROMPTS = {"solution": "solution", "guard": "check of the numbers above"}
@@ -48,7 +49,7 @@ Rooms
 
    {rooms}
 """
-FOLDER_LINK = re.compile(r"\]\(figures/cmu/?\)")
+FOLDER_LINK = re.compile(r"\]\((\.\./)?figures/cmu/?\)")
 
 
 def write_site_sources(folder: Path, root: Path) -> list[Path]:
@@ -65,7 +66,8 @@ def write_site_sources(folder: Path, root: Path) -> list[Path]:
         FileNotFoundError: the checkout lacks one of its texts; the message names it.
         ValueError: the manifest, or a notebook, is not valid.
     """
-    pages: dict[str, str | bytes] = {name: site_text((root / name).read_text(encoding="utf-8")) for name in TEXTS}
+    details = [file.relative_to(root).as_posix() for file in sorted((root / DETAILS).glob("*.md"))]
+    pages: dict[str, str | bytes] = {name: site_text((root / name).read_text(encoding="utf-8")) for name in [*TEXTS, *details]}
     for source in SOURCES:
         for file in _files(root / "docs" / source):
             pages[file.relative_to(root / "docs").as_posix()] = file.read_bytes()
@@ -106,7 +108,7 @@ def site_text(text: str) -> str:
     (lossless)=
     ### The transform loses nothing
     """
-    return FOLDER_LINK.sub("](figures/cmu/index.md)", ANCHOR.sub(r"(\2)=\n\1 ", text))
+    return FOLDER_LINK.sub(r"](\1figures/cmu/index.md)", ANCHOR.sub(r"(\2)=\n\1 ", text))
 
 
 def site_copy(notebook: NotebookNode, name: str) -> NotebookNode:

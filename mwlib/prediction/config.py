@@ -27,7 +27,7 @@ _LAPTOP: dict[str, Any] = _STABLE | dict(
     train_steps=4000, ema=0.998, ema_start=500, checkpoint_every=500, ddim_steps=20,
 )  # fmt: skip
 
-# What measurements on people held out chose instead (RESULTS.md, "A predictor with our own departures"). Few tokens make a step
+# What measurements on people held out chose instead (results/prediction.md). Few tokens make a step
 # cheap, and a wide network affordable; the body's heading and all that training windows vary in make ten minutes of motion go
 # further; a little more noise to start from makes up for the speed that few denoising steps lose.
 _CHOSEN: dict[str, Any] = _LAPTOP | dict(

@@ -26,7 +26,7 @@ from tests.mutants.mutant import Mutant
 
 PRELOADED = ["torch", "accelerate", "scipy.signal", "matplotlib.pyplot", "pywt", "beartype", "jaxtyping", "pytest"]
 TEXTS = ("README.md", "RESULTS.md", "REPRODUCTION.md", "CONTRIBUTING.md")
-COPIED = ("mwlib", "tests", "figures", "notebooks", "docs", "Snakefile", "pyproject.toml", *TEXTS)
+COPIED = ("mwlib", "tests", "figures", "notebooks", "docs", "results", "Snakefile", "pyproject.toml", *TEXTS)
 TESTS_FAILED = 1  # pytest's exit code; others mean that no test was run
 KEPT = Path("build") / "mutants"
 KILLED, SURVIVED, GONE, BROKEN = "killed", "SURVIVED", "NO LONGER APPLIES", "TESTS DO NOT RUN"
