@@ -131,11 +131,11 @@ def claims(builds: Sequence[Path], *, all: bool = False, json: bool = False, out
         json: write JSON: of each build and chapter its status, and all claims with what they rest on.
         out: a file to write the report into, instead of printing it.
     """
-    from mwlib.course.claims import read_build, report, tree
+    from mwlib.course.claims import named, read_build, report, tree
     from mwlib.files import write_atomic
 
     names = [path.stem for path in chapters.course()]
-    read = {build.resolve().name: read_build(build, names) for build in builds}
+    read = {name: read_build(build, names) for name, build in named(builds).items()}
     text = f"{dumps(tree(read), indent=1)}\n" if json else report(read, all)
     if out:
         write_atomic(out, text)

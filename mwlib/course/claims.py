@@ -35,8 +35,8 @@ def read_chapter(folder: Path) -> Chapter:
     found = result_of(folder)
     status = {"ok": "ok", "refused": "refused", "failed": "failed"}.get(str(found.get("status")), "not run")
     claims = {claim["sentence"]: Claim(**claim) for claim in found.get("claims", [])}
-    reason = str(found.get("reason", "")).splitlines()
-    return Chapter(status, reason[0] if reason else "", claims, tuple(found.get("left_out", ())))
+    reason = str(found.get("reason", "")).partition("\n")[0].removeprefix(f"{folder.name}: ")
+    return Chapter(status, reason, claims, tuple(found.get("left_out", ())))
 
 
 def read_build(build: Path, names: Sequence[str]) -> dict[str, Chapter]:
@@ -58,6 +58,32 @@ def summed_up(chapters: dict[str, Chapter]) -> str:
     return f"Of {held.total()} claims {held[True]} hold on these motions, {held[False]} do not, {held[None]} cannot be said."
 
 
+def named(builds: Sequence[Path]) -> dict[str, Path]:
+    """Builds by the ends of their paths, as long as it takes to tell them apart.
+
+    Raises:
+        ValueError: one is given twice.
+    """
+    whole = [build.resolve() for build in builds]
+    if twice := sorted({str(build) for build in whole if whole.count(build) > 1}):
+        raise ValueError(f"builds are given twice: {', '.join(twice)}; expected each once")
+    for length in range(1, max(len(build.parts) for build in whole) + 1):
+        names = ["/".join(build.parts[-length:]) for build in whole]
+        if len({*names}) == len(names):
+            break
+    return dict(zip(names, whole, strict=True))
+
+
+def fates(builds: dict[str, dict[str, Chapter]]) -> list[dict[str, str]]:
+    """What became of each chapter in each build, a row a chapter: "ok", "ok, in part" if something was left out, "refused" ..."""
+    names = dict.fromkeys(name for chapters in builds.values() for name in chapters)
+    return [{"chapter": name} | {build: _fate(chapters[name]) for build, chapters in builds.items()} for name in names]
+
+
+def _fate(chapter: Chapter) -> str:
+    return chapter.status + ", in part" * bool(chapter.left_out)
+
+
 def not_done(chapters: dict[str, Chapter]) -> list[str]:
     """A line for each chapter that did not get to its end, or left something out."""
     lines = [f"{name}: {c.status}{': ' * bool(c.reason)}{c.reason}" for name, c in chapters.items() if c.status != "ok"]
@@ -65,13 +91,13 @@ def not_done(chapters: dict[str, Chapter]) -> list[str]:
 
 
 def report(builds: dict[str, dict[str, Chapter]], whole: bool = False) -> str:
-    """Builds side by side, as Markdown: what was made of the chapters, and the claims with the embedded people's.
+    """Builds side by side, as Markdown: what became of the chapters, and the claims with the embedded people's.
 
     Args:
         builds: name -> chapters.
         whole: all claims; else those that do not hold in one of the builds.
     """
-    parts = []
+    parts = ["## What became of the chapters", repr(results_table(fates(builds)))] if len(builds) > 1 else []
     for name, chapters in builds.items():
         done = sum(chapter.status == "ok" for chapter in chapters.values())
         lines = [f"{done} of {len(chapters)} chapters got to their end. {summed_up(chapters)}".strip()]

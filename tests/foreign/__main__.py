@@ -10,25 +10,33 @@ import argparse
 import json
 import os
 import sys
-import time
+from collections import defaultdict
+from collections.abc import Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
 from tqdm import tqdm
 
-from mwlib.course.claims import read_chapter
-from mwlib.course.execute import NotDone, outdated, run_notebook
-from mwlib.course.notebooks import chapter_number, course, find_notebook, read_notebook, read_parameters
+from mwlib.course.claims import Chapter, fates, read_chapter
+from mwlib.course.execute import EXECUTED, NotDone, outdated, run_notebook
+from mwlib.course.notebooks import chapter_number, course, find_notebook, read_notebook, read_parameters, source_hash
 from mwlib.experiments.results import result_of
 from mwlib.experiments.systems import system
 from mwlib.files import write_atomic
 from mwlib.hashing import package_hash
+from mwlib.plots.tables import results_table
 from tests.foreign.sets import SETS, make_sets
 
 REAL = ("cmu/asfamc", "bandai_namco", "lafan1")  # under MWLIB_DATA
 TRAINS = "06"  # the chapter whose model others use
 ENDS = ("lowest", "highest")  # every parameter at an end of its range
+CHOICES = {
+    "predict": (False, True),
+    "action": ("", "no such action"),
+    "basis": ("haar", "dmey"),
+    "sentence": ("run", "zxqv " * 20),
+}
 SEEDS = {"seed_1": 1, "seed_2": 2}
 PRESETS = ("laptop", "laptop_paper")
 QUICK = {"train_steps": 40, "warmup": 10, "samples": 6, "test_windows": 16}  # what they change
@@ -37,17 +45,17 @@ OTHER = {"11": "inbetweening", "12": "text_to_motion", "13": "text_to_motion"}  
 
 
 def real_sets() -> dict[str, Path]:
-    """The real motions that are at hand."""
+    """The real motions that are at hand, by the names under which they are looked up."""
     if not (folder := os.environ.get("MWLIB_DATA")):
         return {}
-    return {name.replace("/", "-"): Path(folder) / name for name in REAL if (Path(folder) / name).is_dir()}
+    return {name.replace("/", "-"): Path(name) for name in REAL if (Path(folder) / name).is_dir()}
 
 
 def is_current(folder: Path, notebook: Path) -> bool:
     """Whether a chapter's outcome is what a run would give today; what failed is tried again."""
     result = result_of(folder)
     if result.get("status") == "refused":
-        return result["depends"].get("mwlib") == package_hash()
+        return result["depends"] == {"notebook": source_hash(notebook), "mwlib": package_hash()}
     return not outdated(folder, json.loads(notebook.read_text(encoding="utf-8")))
 
 
@@ -57,8 +65,9 @@ def changes(notebook: Path, way: str, sets: dict[str, Path], out: Path) -> dict[
     if way in sets:
         return {"data": str(sets[way])}
     if way in ENDS:
-        limited = [one for one in offered if one.range and one.name != "seed"]
-        return {one.name: type(one.default)(one.range[ENDS.index(way)]) for one in limited if one.range} or None
+        ends = {one.name: one.range or CHOICES.get(one.name) for one in offered if one.name != "seed"}
+        kinds = {one.name: type(one.default) for one in offered}
+        return {name: kinds[name](end[ENDS.index(way)]) for name, end in ends.items() if end} or None
     if way in SEEDS:
         return {"seed": SEEDS[way]} if any(one.name == "seed" for one in offered) else None
     named = OTHER.get(chapter_number(notebook), "prediction")
@@ -68,45 +77,63 @@ def changes(notebook: Path, way: str, sets: dict[str, Path], out: Path) -> dict[
     return {"preset": str(file)}
 
 
-def run(notebook: Path, given: dict[str, Any] | None, folder: Path) -> str:
-    """What becomes of a chapter with some parameters: "ok", "refused" or "failed"; "–" if there is nothing to run."""
+def run(notebook: Path, given: dict[str, Any] | None, folder: Path) -> Chapter:
+    """What becomes of a chapter with some parameters; its status is "–" if there is nothing to run."""
     if given is None:
-        return "–"
+        return Chapter("–", "", {}, ())
     if not is_current(folder, notebook):
         try:
             run_notebook(notebook, folder, given, page=False, go_on=True)
         except NotDone as error:
-            tqdm.write(f"{folder.name}: {error}", file=sys.stderr)
-    return read_chapter(folder).status
+            tqdm.write(f"{folder.parent.name}: {error}", file=sys.stderr)
+    return read_chapter(folder)
 
 
-def main() -> int:
+def minutes(folder: Path, names: Iterable[str]) -> float:
+    """How long the runs of some chapters took that lie in a folder."""
+    files = (folder / name / EXECUTED for name in names)
+    trees = (json.loads(file.read_text(encoding="utf-8")) for file in files if file.is_file())
+    return sum(tree["metadata"]["papermill"]["duration"] or 0.0 for tree in trees) / 60
+
+
+def table(columns: dict[str, dict[str, Chapter]], out: Path, sources: dict[str, Path]) -> str:
+    """What became of each chapter in each column, then why, each sentence once, as Markdown."""
+    times = {"chapter": "minutes"} | {name: f"{minutes(out / name, of):.1f}" for name, of in columns.items()}
+    why = defaultdict[str, list[str]](list)
+    for column, chapters in columns.items():
+        for name, chapter in chapters.items():
+            reasons = [f"{chapter.status}: {chapter.reason}"] if chapter.reason else []
+            for sentence in [*reasons, *(f"left out: {sentence}" for sentence in chapter.left_out)]:
+                sentence = sentence.replace(str(sources.get(column, column)), "the folder")
+                why[f"{name.partition('_')[0]} {sentence}"].append(column)
+    lines = [f"* {sentence} ({', '.join(of)})" for sentence, of in sorted(why.items())]
+    return "\n".join([repr(results_table([*fates(columns), times])), "", *lines])
+
+
+def main(words: Sequence[str] | None = None) -> int:
     """Run what is missing and print the table."""
     parser = argparse.ArgumentParser(prog="python -m tests.foreign", description=__doc__)
     parser.add_argument("--sets", nargs="+", metavar="SET", help=f"some of {', '.join([*SETS, *WAYS])} and the real ones")
     parser.add_argument("--chapters", nargs="+", metavar="NUMBER", help="e.g. 04 05b (default: all)")
     parser.add_argument("--jobs", type=int, default=2, help="how many at a time (default 2)")
     parser.add_argument("--out", type=Path, default=Path("build/test-data"), help="folder of the runs (default build/test-data)")
-    given = parser.parse_args()
+    given = parser.parse_args(words)
     os.environ |= {"MW_STATIC": "1", "OMP_NUM_THREADS": "1"}
-    out = given.out.resolve()
-    sets = make_sets(out / "sets") | real_sets()
+    sets, out = make_sets(given.out / "sets") | real_sets(), given.out
     known = [*sets, *WAYS]
     if unknown := {*(given.sets or ())} - {*known}:
         parser.error(f"no sets {sorted(unknown)}; expected some of {', '.join(known)}")
     chosen = [name for name in known if given.sets is None or name in given.sets]
     notebooks = [find_notebook(number) for number in given.chapters] if given.chapters else course()
     notebooks.sort(key=lambda path: not path.stem.startswith(TRAINS))  # the others find its model made
-    started, jobs = time.perf_counter(), [(path, name) for path in notebooks for name in chosen]
+    jobs = [(path, name) for path in notebooks for name in chosen]
     with ThreadPoolExecutor(given.jobs) as pool:
         runs = pool.map(lambda job: run(job[0], changes(*job, sets, out), out / job[1] / job[0].stem), jobs)
-        fates = dict(zip(jobs, tqdm(runs, "chapters", len(jobs), unit="chapter"), strict=True))
-    width = max(map(len, chosen))
-    print(f"{'chapter':30s}  {'  '.join(f'{name:{max(width, 7)}s}' for name in chosen)}")
-    for path in sorted(notebooks):
-        print(f"{path.stem:30s}  {'  '.join(f'{fates[path, name]:{max(width, 7)}s}' for name in chosen)}")
-    print(f"{time.perf_counter() - started:.0f} s; mwlib claims {given.out}/SET says why, and which claims hold")
-    return int(any(fate not in ("ok", "refused", "–") for fate in fates.values()))
+        became = dict(zip(jobs, tqdm(runs, "chapters", len(jobs), unit="chapter"), strict=True))
+    columns = {name: {path.stem: became[path, name] for path in sorted(notebooks)} for name in chosen}
+    print(table(columns, out, sets))
+    print(f"\nmwlib claims {given.out}/SET says which claims hold")
+    return int(any(chapter.status not in ("ok", "refused", "–") for chapter in became.values()))
 
 
 if __name__ == "__main__":
