@@ -7,7 +7,7 @@ import json
 import pytest
 
 from mwlib.cli.course import claims
-from mwlib.course.claims import read_build, report, summed_up
+from mwlib.course.claims import named, read_build, report, summed_up
 from mwlib.course.execute import NotDone, run_notebook
 from mwlib.experiments.results import RESULT, result_of
 from tests.sample_notebooks import bare, save
@@ -41,8 +41,8 @@ def test_a_build_is_summed_up(build):
     told = report({"mine": chapters})
     assert "1 of 4 chapters got to their end." in told
     for line in (
-        "* 01_b: refused: 01_b: this chapter needs two people",
-        "* 02_c: failed: 02_c: cell 3 raised\n",
+        "* 01_b: refused: this chapter needs two people",
+        "* 02_c: failed: cell 3 raised\n",
         "* 03_d: not run",
         "* 00_a: left out: no feet",
     ):
@@ -57,7 +57,18 @@ def test_builds_are_laid_side_by_side_with_the_embedded_people(build, tmp_path, 
     chapter(other / "00_a", "ok", claims=[claimed(STRIDE, True, samples=0.1), claimed(TURN, None, turns=None)])
     told = report({folder.name: read_build(folder, NAMES) for folder in (build, other)})
     lines = [[cell.strip() for cell in line.strip("|").split("|")] for line in told.splitlines() if line.startswith("| 0")]
-    assert lines == [["00", STRIDE, "–", "✗ samples 0.500", "✓ samples 0.100"], ["00", TURN, "–", "✓", "– turns –"]]
+    became = [["00_a", "ok, in part", "ok"], ["01_b", "refused", "not run"]]
+    assert lines[:2] == became and lines[4:] == [
+        ["00", STRIDE, "–", "✗ samples 0.500", "✓ samples 0.100"],
+        ["00", TURN, "–", "✓", "– turns –"],
+    ]
+
+
+def test_builds_of_one_name_are_told_apart(tmp_path):
+    here, there = tmp_path / "here" / "mine", tmp_path / "there" / "mine"
+    assert named([here]) == {"mine": here} and named([here, there]) == {"here/mine": here, "there/mine": there}
+    with pytest.raises(ValueError, match="given twice: .*mine; expected each once"):
+        named([here, tmp_path / "there" / ".." / "here" / "mine"])
 
 
 def test_the_command_says_by_its_exit_code_whether_a_chapter_failed(build, monkeypatch, tmp_path, capsys):

@@ -1,6 +1,6 @@
 """python -m tests.foreign: every chapter on eight small sets and the real ones at hand, and with other parameters.
 
-Exit status 1 if one fails. What was done stays done: a run that was stopped, or given again after a change, runs only what is
+The small sets and other presets get few steps of training, as they ask whether a chapter gets to its end. Exit status 1 if one fails. What was done stays done: a run that was stopped, or given again after a change, runs only what is
 missing or out of date.
 """
 
@@ -39,7 +39,7 @@ CHOICES = {
 }
 SEEDS = {"seed_1": 1, "seed_2": 2}
 PRESETS = ("laptop", "laptop_paper")
-QUICK = {"train_steps": 40, "warmup": 10, "samples": 6, "test_windows": 16}  # what they change
+QUICK = {"train_steps": 40, "warmup": 10, "samples": 6, "test_windows": 16}  # of small sets and other presets
 WAYS = (*ENDS, *SEEDS, *PRESETS)
 OTHER = {"11": "inbetweening", "12": "text_to_motion", "13": "text_to_motion"}  # chapters that are not of prediction
 
@@ -63,18 +63,23 @@ def changes(notebook: Path, way: str, sets: dict[str, Path], out: Path) -> dict[
     """The parameters of a chapter's run in one column of the table; None where it has none to change."""
     offered = read_parameters(read_notebook(notebook)).values()
     if way in sets:
-        return {"data": str(sets[way])}
+        return {"data": str(sets[way])} | ({"preset": quick(notebook, "tiny", out)} if way in SETS else {})
     if way in ENDS:
         ends = {one.name: one.range or CHOICES.get(one.name) for one in offered if one.name != "seed"}
         kinds = {one.name: type(one.default) for one in offered}
         return {name: kinds[name](end[ENDS.index(way)]) for name, end in ends.items() if end} or None
     if way in SEEDS:
         return {"seed": SEEDS[way]} if any(one.name == "seed" for one in offered) else None
+    return {"preset": quick(notebook, way, out)}
+
+
+def quick(notebook: Path, preset: str, out: Path) -> str:
+    """A preset with few steps of training and few samples, as a file of settings."""
     named = OTHER.get(chapter_number(notebook), "prediction")
-    file, kind = out / "presets" / f"{named}_{way}.yaml", system(named).Config
-    quick = {name: value for name, value in QUICK.items() if name in kind.owners()}
-    write_atomic(file, kind.preset(way, **quick).to_yaml())
-    return {"preset": str(file)}
+    file, kind = out / "presets" / f"{named}_{preset}.yaml", system(named).Config
+    few = {name: value for name, value in QUICK.items() if name in kind.owners()}
+    write_atomic(file, kind.preset(preset, **few).to_yaml())
+    return str(file)
 
 
 def run(notebook: Path, given: dict[str, Any] | None, folder: Path) -> Chapter:

@@ -84,6 +84,8 @@ MUTANTS = [
          "if True or any(claim is not None and not claim.holds"),
         ("parts-left-out-go-untold", "for sentence in c.left_out]", "for sentence in c.left_out[1:]]"),
         ("any-folder-is-a-build", "if not build.is_dir():", "if False:"),
+        ("builds-of-one-name-are-one", "if len({*names}) == len(names):", "if True:"),
+        ("a-part-of-a-chapter-is-all-of-it", 'chapter.status + ", in part" * bool(chapter.left_out)', "chapter.status"),
         ("what-cannot-be-said-does-not-hold", "{held[False]} do not, {held[None]} cannot",
          "{held[None]} do not, {held[False]} cannot"),
     ),
