@@ -61,12 +61,19 @@ MIXAMO = _scheme(
     "LeftArm LeftForeArm LeftHand RightArm RightForeArm RightHand",
 )
 
+# SMPL's bodies as their rigs have them: with hands or fingers, jaw and eyes.
+SMPL = _scheme(
+    " ".join(f"{HUMANML22.joints[child]} {HUMANML22.joints[parent]}" for parent, child in HUMANML22.bones),
+    " ".join(HUMANML22.h36m17),
+)
+
 
 def to_h36m17(skeleton: Skeleton) -> list[int] | None:
     """The joints that stand for H36M17's, in its order; None if no way is known.
 
     A skeleton may say it itself (`Skeleton.h36m17`); CMU's tree goes under the names of any of its three publications, and
-    LaFAN1's with more joints under Mixamo's. What all names begin with, like "mixamorig:", does not count.
+    LaFAN1's with more joints under Mixamo's, HumanML3D's with more under SMPL's. What all names begin with, like "mixamorig:",
+    does not count.
 
     >>> asf = Skeleton("mine", tuple(map(_short, CMU.joints)), CMU.parents)
     >>> to_h36m17(asf) == to_h36m17(CMU), to_h36m17(Skeleton("stick", ("a", "b"), (-1, 0)))
@@ -74,7 +81,7 @@ def to_h36m17(skeleton: Skeleton) -> list[int] | None:
     """
     if skeleton.h36m17 and {*skeleton.h36m17} <= {*skeleton.joints}:
         return [skeleton.joints.index(name) for name in skeleton.h36m17]
-    names, scheme = _bare(skeleton), _scheme_of(skeleton, (*SCHEMES, MIXAMO))
+    names, scheme = _bare(skeleton), _scheme_of(skeleton, (*SCHEMES, MIXAMO, SMPL))
     return None if scheme is None else [names.index(name) for name in scheme.joints]
 
 

@@ -29,11 +29,13 @@ from mwlib.data.untrusted import (  # isort: skip
 from mwlib.settings import real, shown
 
 HINTS = ("clips.csv", "skeleton.json")  # read along with motions that lie beside or below them
+MODELS = "body_models"  # and a folder of body models
 MANY_FILES = 20  # from here on a progress bar is worth its line
 CONTENT = "content"  # the place of a failure that its reader did not foresee
 MOST_REASONS = 12  # of a report on broken files
 HEAD = 2**16  # bytes that say what a text or an array is
-MOTION_ENTRY = re.compile(rb"PK\x03\x04.{26}positions(_3d)?\.npy", re.DOTALL)  # where the entry of an archive begins
+# Where the entry of an archive begins.
+MOTION_ENTRY = re.compile(rb"PK\x03\x04.{26}(positions(_3d)?|poses|mocap_frame_?rate)\.npy", re.DOTALL)
 # What a reader may raise on a bad file. Anything else is a fault of the reader, and must be seen.
 FAILURES = (ValueError, ArithmeticError, LookupError, EOFError, RecursionError, MemoryError, OSError)
 
@@ -51,7 +53,8 @@ def load_motions(
     """Read motions from a file, a folder or the built-in generator; positions in metres.
 
     Reads BVH, AMC (with the ASF beside it), the CMU benchmark's texts, Human3.6M and HumanEva-I as VideoPose3D stores them,
-    HumanML3D's and KIT-ML's new_joints, or new_joint_vecs where those are missing, and .npy/.npz arrays of one's own (see
+    HumanML3D's and KIT-ML's new_joints, or new_joint_vecs where those are missing, poses of SMPL's bodies as AMASS has them
+    (`smpl.read_smpl`; their models lie in a folder body_models, see `model_folders`), and .npy/.npz arrays of one's own (see
     `arrays.read_positions`); .xz and .gz are read as they are. A folder is
     read whole, recursively, in the order of its paths; files of other kinds are passed over, and motions that cannot be read
     are left out with a warning that says why. Of walk.bvh beside walk.bvh.xz the plain one is taken. A clips.csv beside the
@@ -121,6 +124,11 @@ def data_folder() -> Path:
     return Path(os.environ.get("MWLIB_DATA") or pooch.os_cache("mwlib"))
 
 
+def model_folders(source: Path) -> list[Path]:
+    """Where models of SMPL's bodies are looked for: body_models beside a file, above it (3 levels), or in the `data_folder`."""
+    return [folder / MODELS for folder in (*source.resolve().parents[:LEVELS_UP], data_folder().absolute())]
+
+
 def find_source(source: str | Path) -> Path:
     """The path that a source stands for.
 
@@ -181,6 +189,8 @@ def source_files(source: str | Path) -> Iterator[tuple[str, Path]]:
     else:
         found = [path, *(file for file in path.parent.iterdir() if bare_suffix(file) == ".asf")]
     found += [folder / name for folder in path.absolute().parents[:LEVELS_UP] for name in HINTS]
+    if any(_is_smpl(file) for file in found):
+        found += [model for folder in model_folders(path) for model in folder.rglob("*.npz") if model not in found]
     yield from sorted((os.path.relpath(file, path), file) for file in found if file.is_file())
 
 
@@ -291,7 +301,7 @@ def _is_motion(file: Path) -> bool:
 
 def _archive_is_motion(file: Path) -> bool:
     try:
-        return any(_positions_meant(name) for name in archive_names(file))
+        return any(_positions_meant(name) for name in archive_names(file)) or _is_smpl(file)
     except MotionFormatError:  # without its list of contents, which stands at the end, it still has a beginning
         return MOTION_ENTRY.search(read_head(file, HEAD)) is not None
 
@@ -336,9 +346,13 @@ def _read_npy(file: Path, known: Hints) -> Reading:
 
 
 def _read_npz(file: Path, known: Hints) -> list[Reading] | Reading:
-    """positions_3d: the VideoPose3D layout; positions: an array of one's own."""
+    """positions_3d: the VideoPose3D layout; positions: an array of one's own; else poses of SMPL's bodies."""
     from mwlib.data.formats.arrays import layout_of, read_positions
 
+    if _is_smpl(file):
+        from mwlib.data.formats.smpl import read_smpl
+
+        return read_smpl(file, known, model_folders(file))
     streams = read_archive(file, ENTRIES)
     _check_entries(file)
     if "positions_3d" in streams:
@@ -350,8 +364,19 @@ def _read_npz(file: Path, known: Hints) -> list[Reading] | Reading:
         return read_positions_3d(streams["positions_3d"], file, known)
     if "positions" not in streams:
         found = f"entries {', '.join(sorted(archive_names(file)))[:120] or 'none'}"
-        raise MotionFormatError(file, "archive", found, "positions (T, J, 3), or positions_3d (Human3.6M)")
+        expected = "positions (T, J, 3), positions_3d (Human3.6M), or poses and trans (AMASS, SMPL)"
+        raise MotionFormatError(file, "archive", found, expected)
     return read_positions({name: read_array(stream, file, name) for name, stream in streams.items()}, file, known)
+
+
+def _is_smpl(file: Path) -> bool:
+    """Whether it is an archive of poses of SMPL's bodies."""
+    from mwlib.data.formats.smpl import is_smpl
+
+    try:
+        return bare_suffix(file) == ".npz" and is_smpl(archive_names(file))
+    except MotionFormatError:  # its reader says what is wrong
+        return False
 
 
 MEANINGS = ("fps", "unit", "up")
@@ -382,8 +407,11 @@ def unread_entries(file: Path) -> list[str]:
     Raises:
         MotionFormatError: it is no archive.
     """
+    from mwlib.data.formats import smpl
+
     names = archive_names(file)
-    return sorted(names.difference(("positions_3d", *MEANINGS) if "positions_3d" in names else ENTRIES))
+    read = smpl.ENTRIES if _is_smpl(file) else ("positions_3d", *MEANINGS) if "positions_3d" in names else ENTRIES
+    return sorted(names.difference(read))
 
 
 READERS: dict[str, Callable[[Path, Hints], Reading | list[Reading]]] = {

@@ -400,9 +400,9 @@ def read_array(stream: BinaryIO, file: Path, place: str) -> Shaped[np.ndarray, "
         MotionFormatError: another format, Python objects, or a size that does not fit the header.
     """
     shape, fortran, dtype = array_header(stream, file, place)
-    if dtype.kind not in "biufU" or not 0 < dtype.itemsize <= 4 * LONGEST_TEXT:
+    if dtype.kind not in "biufUS" or not 0 < dtype.itemsize <= 4 * LONGEST_TEXT:
         raise MotionFormatError(file, place, f"an array of dtype {str(dtype)[:40]}", "numbers or strings")
-    count, most = math.prod(shape), allowed(MOST_VALUES if dtype.kind != "U" else LONGEST_TEXT, file)
+    count, most = math.prod(shape), allowed(LONGEST_TEXT if dtype.kind in "US" else MOST_VALUES, file)
     if max(count, *shape, 0) > most:
         raise MotionFormatError(file, place, f"shape {shape}", f"at most {most} values in a file of this size")
     wanted = count * dtype.itemsize
@@ -445,8 +445,10 @@ def single(array: Shaped[np.ndarray, "*shape"], file: Path, name: str) -> float 
     """
     if array.size != 1:
         raise MotionFormatError(file, name, f"shape {array.shape}", "a single value")
-    if array.dtype.kind != "U":
+    if array.dtype.kind not in "US":
         return array.item()
+    if array.dtype.kind == "S":  # Python 2 wrote bytes
+        return array.tobytes().rstrip(b"\0").decode("latin1")
     try:  # NumPy's own way fails on code points that do not exist
         return array.astype(array.dtype.newbyteorder("<")).tobytes().decode("utf-32-le").rstrip("\0")
     except UnicodeDecodeError as error:

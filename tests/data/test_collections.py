@@ -100,6 +100,7 @@ def test_what_no_program_can_download_is_explained(name, tmp_path, capsys):
 # A row for each record: what a file of it is called, and what that says of subject and action; its usual unit.
 RECORDS = {
     "bandai-namco": ("dataset-1_bow_normal_001", ("normal", "bow"), "cm"),
+    "amass": ("", (None, None), ""),
     "cmu": ("05_12", ("05", None), "cmu"),
     "lafan1": ("walk4_subject1", ("1", "walk"), "cm"),
     "human36m": ("", (None, None), ""),

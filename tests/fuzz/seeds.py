@@ -10,6 +10,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from tests.data.formats import sample_smpl
 from tests.sample_motions import AMC, ASF, BENCHMARK, BVH, python2_pickle
 
 POSITIONS = 0.2 * np.random.default_rng(0).normal(size=(4, 17, 3)).astype(np.float32)  # of human size
@@ -67,5 +68,11 @@ def seeds() -> Iterator[tuple[str, str, dict[str, bytes]]]:
     entries = {"positions": npy(POSITIONS), "fps": npy(np.array(50.0))} | {k: npy(np.array(v)) for k, v in texts.items()}
     for method in (zipfile.ZIP_DEFLATED, zipfile.ZIP_STORED):
         yield "npz", "a.npz", {"a.npz": npz(method, **entries)}
+    clip, body = (
+        {name: npy(array) for name, array in made.items()} for made in (sample_smpl.poses("smpl", 4), sample_smpl.model("smpl"))
+    )
+    beside = {"a.npz": npz(**clip)}, {"body_models/SMPL_MALE.npz": npz(**body)}
+    yield "smpl", "a.npz", beside[1] | beside[0]
+    yield "body model", "a.npz", beside[0] | beside[1]
     for name, content in pickles():
         yield f"pickle {name}", "h.npz", {"h.npz": npz(zipfile.ZIP_STORED, positions_3d=pickled(content))}

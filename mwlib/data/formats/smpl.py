@@ -1,0 +1,132 @@
+"""Poses of SMPL's bodies as AMASS and others keep them: rotation vectors of the joints, and the root's path.
+
+Source: Mahmood et al. 2019 (AMASS).
+"""
+
+import re
+from collections.abc import Collection, Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+import torch
+from jaxtyping import Float, Shaped
+from scipy.spatial.transform import Rotation
+
+from mwlib.body.kinematics import fk
+from mwlib.body.motion import Motion
+from mwlib.body.rig import ANGLES, MOVES, Rig
+from mwlib.body.skeleton import HUMANML22, Skeleton
+from mwlib.data.formats.arrays import layout_of
+from mwlib.data.formats.body_models import FAMILIES, GENDERS, body_model
+from mwlib.data.formats.frames import in_blocks, rotation_track
+from mwlib.data.meaning import DEFAULT, ENTRY, FORMAT, Hints, Reading, Stated
+from mwlib.data.mirroring import rig_skeleton
+from mwlib.data.untrusted import MotionFormatError, archive_names, bounded, label, read_archive, read_array, single
+
+POSES = {"poses": "", "pose_body": "root_orient", "body_pose": "global_orient"}  # and the entry of the root, if it is apart
+PATHS = ("trans", "transl")
+RATES = ("mocap_framerate", "mocap_frame_rate", "fps")
+MODEL = "surface_model_type"
+TEXTS = (*RATES, MODEL, "gender", "up")  # of one value
+ENTRIES = (*POSES, "root_orient", "global_orient", *PATHS, *TEXTS, "betas")
+OF_AMASS = (*RATES[:2], MODEL)
+FACE = {"pose_jaw", "jaw_pose", "pose_eye", "leye_pose", "expression"}  # of SMPL-X alone
+
+
+def is_smpl(names: Collection[str]) -> bool:
+    """Whether an archive with these entries is meant to hold such poses; those of cameras are called poses, too."""
+    has_poses, has_more = (not {*some}.isdisjoint(names) for some in (POSES, (*PATHS, *OF_AMASS, "betas", "gender")))
+    return has_poses and has_more and {"positions", "positions_3d"}.isdisjoint(names)
+
+
+def read_smpl(file: Path, hints: Hints, folders: Sequence[Path]) -> Reading:
+    """Read one file of poses: the 22 joints of HumanML3D, metres, and the rig of all joints whose rotations it has.
+
+    `poses` holds those of 24 (SMPL), 52 (SMPL-H) or 55 joints (SMPL-X); or `pose_body` and `root_orient`, or `body_pose` and
+    `global_orient`, those of the body. `trans` or `transl` is the path; `betas` and `gender` say whose body it is, without them
+    the mean neutral one. AMASS's files have z up; of others y up, as the models stand, is assumed. Own choice: the file's folder
+    names the person, as in AMASS; hands, jaw and eyes stay in the rig alone.
+
+    Args:
+        file: an .npz archive.
+        hints: what is known of it besides.
+        folders: where body models may lie, see `body_model`.
+
+    Raises:
+        MotionFormatError: entries are missing or malformed, nobody says the rate, or the body model is missing or malformed.
+    """
+    arrays = {name: read_array(stream, file, name) for name, stream in read_archive(file, ENTRIES).items()}
+    said = {name: label(str(single(arrays[name], file, name)), file, name) for name in TEXTS if name in arrays}
+    inside = layout_of({"up": said.get("up"), "fps": next((said[n] for n in RATES if n in said), None)}, file, ENTRY)
+    fps = hints.fps or inside.fps
+    if fps is None:
+        expected = f"an entry {', '.join(RATES)}, a column fps in clips.csv, or file_fps="
+        raise MotionFormatError(file, "frame rate", "none", expected)
+    is_amass = not {*OF_AMASS}.isdisjoint(said)
+    up = hints.up or inside.up or (Stated("z", FORMAT) if is_amass else Stated("y", DEFAULT))
+    unit = hints.unit or Stated(1.0, FORMAT)
+    turns, family = _turns(arrays, said.get(MODEL, ""), file)
+    path = _vectors(arrays, next((name for name in PATHS if name in arrays), PATHS[0]), file, len(turns))
+    if (gender := said.get("gender", GENDERS[-1]).lower()) not in GENDERS:
+        raise MotionFormatError(file, "gender", repr(gender)[:40], " or ".join(GENDERS))
+    model = body_model(family, gender, folders)
+    rest, joints = unit.value * model.rest(arrays.get("betas", np.zeros(1)), file), turns.shape[1]
+    tree = rig_skeleton(FAMILIES[family].joints[:joints], model.parents[:joints])
+    rig, positions = _posed(turns, rest[:joints], rest[0] + unit.value * path[:, 0], tree)
+    motion = Motion(positions, fps.value, HUMANML22, file.resolve().parent.name, up=up.value, rig=rig)
+    return Reading(hints.label(motion, file), unit, up, fps)
+
+
+def _turns(arrays: Mapping[str, Shaped[np.ndarray, "..."]], said: str, file: Path) -> tuple[Float[np.ndarray, "T joints 3"], str]:
+    """Rotation vectors, the root's first, and the family of bodies that they are for."""
+    name = next((name for name in POSES if name in arrays), "poses")
+    turns = _vectors(arrays, name, file)
+    if root := POSES[name]:
+        turns = np.concatenate([_vectors(arrays, root, file, len(turns)), turns], axis=1)
+    joints, word = turns.shape[1], re.sub("[^a-z]", "", said.lower())
+    fitting = [family for family, known in FAMILIES.items() if joints == len(known.joints)]
+    if joints == len(HUMANML22):  # of the body alone
+        fitting = ["smplx"] if FACE & archive_names(file) else ["smplh", "smplx"]
+    fitting = [family for family in fitting if word in ("", family)]
+    if len(fitting) != 1:
+        found = f"rotations of {joints} joints, {MODEL} {said[:40] or 'not said'}"
+        widths = ", ".join(f"{len(known.joints)} ({family})" for family, known in FAMILIES.items())
+        raise MotionFormatError(file, name, found, f"as many as its model has: {widths}; or 22, and {MODEL} smplh or smplx")
+    return turns, fitting[0]
+
+
+def _vectors(
+    arrays: Mapping[str, Shaped[np.ndarray, "..."]], name: str, file: Path, frames: int = 0
+) -> Float[np.ndarray, "T vectors 3"]:
+    """An entry of shape (T, 3 n) or (T, n, 3); only poses may have n > 1."""
+    if name not in arrays:
+        raise MotionFormatError(file, "archive", f"entries {', '.join(sorted(arrays))[:120]}", f"{name} among them")
+    found, several = arrays[name], name in POSES
+    is_listed = found.size > 0 and (found.ndim == 2 or found.ndim == 3 and found.shape[2] == 3)
+    width = found[0].size if is_listed else 0
+    fits = width > 0 and (width % 3 == 0 if several else width == 3) and len(found) == (frames or len(found))
+    if not fits or found.dtype.kind not in "fiu":
+        expected = f"numbers of shape ({frames or 'T'}, {'3 x joints' if several else 3})"
+        raise MotionFormatError(file, name, f"{found.dtype} of shape {found.shape}", expected)
+    return bounded(found, file, name).astype(np.float64).reshape(len(found), -1, 3)
+
+
+def _posed(
+    turns: Float[np.ndarray, "T joints 3"], rest: Float[np.ndarray, "joints 3"], root: Float[np.ndarray, "T 3"], tree: Skeleton
+) -> tuple[Rig, Float[np.ndarray, "T 22 3"]]:
+    """The rig of a body that stands at `rest` before it turns, and where HumanML3D's joints come to be."""
+    joints = len(tree)
+    offsets = np.concatenate([rest[:1], rest[1:] - rest[list(tree.parents[1:])]])
+
+    def rotations(part: slice) -> Float[np.ndarray, "n joints 4"]:
+        quaternions = Rotation.from_rotvec(turns[part].reshape(-1, 3)).as_quat()
+        return np.roll(quaternions, 1, axis=-1).reshape(-1, joints, 4)
+
+    def places(part: slice) -> Float[np.ndarray, "n 22 3"]:
+        found, _ = fk(torch.from_numpy(rotations(part)), torch.from_numpy(offsets), torch.from_numpy(root[part]), tree)
+        return found[:, : len(HUMANML22)].numpy()
+
+    channels = (MOVES + ANGLES, *[ANGLES] * (joints - 1))
+    track = rotation_track(rotations, len(turns), joints)
+    rig = Rig(tree, offsets, track, root, tuple(range(len(HUMANML22))), channels)
+    return rig, in_blocks(places, len(turns), joints).astype(np.float32)
