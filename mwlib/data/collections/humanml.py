@@ -1,4 +1,4 @@
-"""HumanML3D and KIT motion-language, motions with descriptions."""
+"""AMASS, and what others made of it: HumanML3D and KIT motion-language, motions with descriptions."""
 
 from mwlib.body.skeleton import HUMANML22, named_tree
 from mwlib.data.collections.record import Collection
@@ -13,6 +13,21 @@ KIT21 = named_tree(
 
 _README = "the README of https://github.com/EricGuo5513/HumanML3D"
 RECORDS = (
+    Collection(
+        name="amass",
+        title="AMASS, more than 11,000 motions of more than 300 people, 40 hours, as poses of SMPL-H or SMPL-X",
+        licence="research use, by registration",
+        place="amass",
+        acknowledgement="AMASS: Mahmood, Ghorbani, Troje, Pons-Moll and Black, ICCV 2019.",
+        steps=(
+            "register at https://amass.is.tue.mpg.de; a person has to agree to the licences of its motions",
+            "unpack the archives of the data sets that you want, of SMPL+H or of SMPL-X, into one folder; "
+            "https://github.com/nghorbani/amass explains them",
+            "register for the body model, at https://mano.is.tue.mpg.de (extended SMPL+H model) or https://smpl-x.is.tue.mpg.de, "
+            "and put it into the folder body_models beside the motions or in the folder of data: smplh/male/model.npz, "
+            "smplx/SMPLX_MALE.npz",
+        ),
+    ),
     Collection(
         name="humanml3d",
         title="HumanML3D, 14,616 motions with 44,970 descriptions, 20 Hz",

@@ -154,8 +154,8 @@ def test_a_skeleton_file_is_a_json_object(tmp_path, text):
 
 
 def test_other_archives_are_refused_by_what_they_hold(tmp_path):
-    np.savez(tmp_path / "a.npz", poses=POSITIONS, trans=POSITIONS)
-    with pytest.raises(MotionFormatError, match="entries poses, trans; expected positions"):
+    np.savez(tmp_path / "a.npz", images=POSITIONS, paths=POSITIONS)
+    with pytest.raises(MotionFormatError, match="entries images, paths; expected positions"):
         load_motions(tmp_path / "a.npz")
     np.savez(tmp_path / "b.npz", positions=POSITIONS, skeleton="OWL9", fps=50)
     with pytest.raises(MotionFormatError, match="skeleton: found 'OWL9'; expected one of .*H36M17"):

@@ -98,6 +98,12 @@ def test_parts_of_a_pose(tmp_path, kind):
     assert len(motion.rig.skeleton) == 22
 
 
+def test_directions_of_a_face_are_no_shapes(tmp_path):
+    write_model(tmp_path / "body_models", "smplx")
+    with pytest.raises(MotionFormatError, match="betas: found 301 numbers, and 300 directions of shape"):
+        read(tmp_path, "smplx", betas=np.ones(301))
+
+
 def test_what_nobody_says_is_the_mean_neutral_body_with_y_up(tmp_path):
     write_model(tmp_path / "body_models", "smpl", "neutral")
     clip = poses("smpl") | {"poses": poses("smpl")["poses"] - [np.pi / 2, *[0] * 71]}

@@ -54,6 +54,19 @@ MUTANTS = [
         ("a-skeleton-of-somebody-else", "for candidates in (named, there):", "for candidates in (there[:1],):"),
     ),
     *of(
+        "data/formats/smpl.py", "data/formats/test_smpl.py",
+        ("the-path-is-the-root", "rest[0] + unit.value * path[:, 0]", "unit.value * path[:, 0]"),
+        ("everybody-has-y-up", 'Stated("z", FORMAT) if is_amass else', 'Stated("y", FORMAT) if is_amass else'),
+        ("offsets-from-the-root", "rest[list(tree.parents[1:])]", "rest[:1]"),
+    ),
+    *of(
+        "data/formats/body_models.py", "data/formats/test_smpl.py",
+        ("faces-are-shapes", 'if family == "smplx":', "if False:"),
+        ("the-mean-body-for-all", "return self.mean + self.ways", "return self.mean + 0 * self.ways"),
+        ("any-tree", "parents[: len(HUMANML22)] != HUMANML22.parents or ", ""),
+        ("shapes-that-change", "if np.any(rows != rows[0]):", "if False:"),
+    ),
+    *of(
         "data/formats/arrays.py", "data/formats/test_arrays.py",
         ("what-is-inside-counts-less",
          "skeleton = inside.skeleton or beside.skeleton", "skeleton = beside.skeleton or inside.skeleton",
