@@ -124,6 +124,10 @@ def _filtered(output: NotebookNode) -> NotebookNode | None:
 WITH_VERSIONS = ("torch", "numpy", "scipy", "matplotlib", "pillow", "PyWavelets", "ipykernel")
 EXECUTED = "notebook.ipynb"
 PAGE = "notebook.html"
+WHOLE_WORDS = (  # prints, claims among them, break between words; on a phone they have the whole width
+    "div.output_area pre { white-space: pre-wrap; word-break: normal; overflow-wrap: anywhere }"
+    "@media (max-width: 600px) { div.output_area .prompt { display: none } div.output_subarea { max-width: 100% } }"
+)
 
 
 class NotDone(RuntimeError):
@@ -347,7 +351,8 @@ def _page(executed: Path) -> str:
     """An executed notebook as HTML; the classic template, for it is the one that prints alternative texts."""
     from nbconvert import HTMLExporter  # takes seconds to import
 
-    return HTMLExporter(template_name="classic").from_filename(str(executed))[0]
+    page = HTMLExporter(template_name="classic").from_filename(str(executed))[0]
+    return page.replace("</head>", f"<style>{WHOLE_WORDS}</style></head>", 1)
 
 
 def _begins(cell: Any) -> str:

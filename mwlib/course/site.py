@@ -21,7 +21,7 @@ from mwlib.files import write_atomic
 
 TEXTS = ("REPRODUCTION.md", "RESULTS.md", "CONTRIBUTING.md", "notebooks/glossary.md")
 DETAILS = "results"  # folder of one page a system
-SOURCES = ("index.md", "chapters.md", "howto", "_static")  # of docs/
+SOURCES = ("index.md", "chapters.md", "claims.md", "any-motions.md", "howto", "_static")  # of docs/
 EXAMPLES = {"howto/curves_system.py": "tests/experiments/curves_system.py"}  # shown on a page, and tested where it lies
 PROMPTS = {"solution": "solution", "guard": "check of the numbers above"}
 ANCHOR = re.compile(r'^(#+) <a id="([\w-]+)"></a>', re.M)

@@ -275,13 +275,11 @@ class Page:
         """The chapter's claims as a table. Stored in the committed notebook, it says what holds on the embedded people."""
         from IPython.display import display
 
-        rows = [{"claim": claim.sentence, "here": claim.told()} for claim in self._claims.values()]
+        told = {name: claim.told() for name, claim in self._claims.items()}
         if self._default:
-            rows = [{"claim": row["claim"], "embedded people": row["here"]} for row in rows]
-            mark = {
-                "claims": [claim | {"numbers": _rounded(claim["numbers"])} for claim in claims],
-                "parameters": self._default_hash,
-            }
+            kept = [claim | {"numbers": _rounded(claim["numbers"])} for claim in claims]
+            mark = {"claims": kept, "parameters": self._default_hash}
+            rows = [{"claim": name, "embedded people": words} for name, words in told.items()]
             display(results_table(rows), metadata={"mwlib": mark})
             return
         held = [claim.holds for claim in self._claims.values()]
@@ -289,7 +287,9 @@ class Page:
             f"Of {len(held)} claims {held.count(True)} hold here, {held.count(False)} do not, {held.count(None)} cannot be said."
         )
         there = {sentence: claim.told() for sentence, claim in self._embedded.items()}
-        display(results_table([{**row, "embedded people": there.get(str(row["claim"]))} for row in rows]))
+        here = [f"{SIGNS[claim.holds]} {words}" for claim, words in zip(self._claims.values(), told.values(), strict=True)]
+        columns = zip(told, here, strict=True)
+        display(results_table([{"claim": n, "here": words, "embedded people": there.get(n)} for n, words in columns]))
 
     def _open(self, what: str) -> None:
         """Refuse what comes after the end; then the end was none, and the result goes."""

@@ -219,7 +219,7 @@ def test_with_other_parameters_it_is_recorded_beside_what_holds_on_the_embedded_
     here, there = "does not hold (samples 0.500, truth 0.250)", "holds (samples 0.220, truth 0.410)"
     assert told == [f"✗ {CLAIM}: {here} here; embedded people: {there}", "– another: cannot be said here"]
     page.finish({"ADE": float("nan")})
-    assert shown[0].rows == ((CLAIM, here, there), ("another", "cannot be said", "–"))
+    assert shown[0].rows == ((CLAIM, f"✗ {here}", there), ("another", "– cannot be said", "–"))
     assert "Of 2 claims 0 hold here, 1 do not, 1 cannot be said." in capsys.readouterr().out
     result = result_of(tmp_path / "out")
     assert result["claims"][0] == {"sentence": CLAIM, "holds": False, "numbers": {"samples": 0.5, "truth": 0.25}}

@@ -1,7 +1,7 @@
 """python -m tests.foreign: every chapter on eight small sets and the real ones at hand, and with other parameters.
 
-The small sets and other presets get few steps of training, as they ask whether a chapter gets to its end. Exit status 1 if one fails. What was done stays done: a run that was stopped, or given again after a change, runs only what is
-missing or out of date.
+The small sets and other presets get few steps of training, as they ask whether a chapter gets to its end. Exit status 1 if one
+fails. What was done stays done: a run that was stopped, or given again after a change, runs only what is missing or out of date.
 """
 
 from __future__ import annotations
