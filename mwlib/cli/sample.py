@@ -7,7 +7,7 @@ import sys
 import textwrap
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from tqdm import tqdm
@@ -18,6 +18,7 @@ from mwlib.body.motion import Motion
 from mwlib.data import load_motions
 from mwlib.data.collections import acknowledgement
 from mwlib.data.formats.bvh_writing import write_bvh
+from mwlib.data.formats.glb_writing import write_glb
 from mwlib.experiments import sampling
 from mwlib.experiments.results import of_older_code
 from mwlib.files import write_atomic, write_together
@@ -52,8 +53,8 @@ def predict(*, out: Path = Path("predictions.npz"), **continued: Any) -> None:
     print(f"{out}: {len(row)} futures of {len(found)} clips, {row[0].duration:.2f} s each")
 
 
-def export_bvh(*, out: Path = Path("build/bvh"), **continued: Any) -> None:
-    """Write a run's predictions as BVH files, to be opened in Blender.
+def export_bvh(*, format: Literal["bvh", "glb"] = "bvh", out: Path = Path("build/bvh"), **continued: Any) -> None:
+    """Write a run's predictions as BVH or GLB files, to be opened in Blender.
 
     One file per clip and sample: the observed frames, then the predicted ones. A clip that was read with rotations goes on with
     its own skeleton, channels, rate and unit; joints that the model does not know, like fingers, stay as they were last seen.
@@ -61,12 +62,13 @@ def export_bvh(*, out: Path = Path("build/bvh"), **continued: Any) -> None:
     The root stays where it was last seen: the model does not predict it.
 
     Args:
+        format: of the files: bvh, or glb, which has a plain body around the skeleton, for viewers.
         out: folder.
     """
     _, sampled = _continued(**continued)
     files = {f"{name}_sample{i}": motion for name, row in sampled(True).items() for i, motion in enumerate(row, 1)}
     shown = tqdm(files.items(), "writing", disable=not sys.stderr.isatty())
-    errors = [away for name, motion in shown if (away := _written(motion, out / f"{name}.bvh"))]
+    errors = [away for name, motion in shown if (away := _written(motion, out / f"{name}.{format}"))]
     if own := len(files) - len(errors):
         print(f"{out}: {own} files with the skeleton and rate of their clips")
     if errors:
@@ -98,7 +100,7 @@ def loop(
         clip: which clip (default: the first).
         start: first observed frame, at the model's rate.
         width: pixels.
-        out: .webp, .gif or .png.
+        out: .webp, .gif, .png, or .mp4 where ffmpeg is installed.
     """
     predictor, motions = _predictor(run, samples), load_motions(source, **meaning)
     named = [motion for motion in motions if clip in ("", motion.name)]
@@ -138,6 +140,7 @@ def inbetween(
     seed: int = 0,
     align: bool = False,
     join: bool = False,
+    format: Literal["bvh", "glb"] = "bvh",
     out: Path = Path("build/bvh"),
     **meaning: Any,
 ) -> None:
@@ -161,6 +164,7 @@ def inbetween(
         seed: of their noise.
         align: turn the second file about the up-axis and move it along the floor to where the first one ends.
         join: write all frames of the files, and the motion between; else from the first pose to the last.
+        format: of the files: bvh, or glb, which has a plain body around the skeleton, for viewers.
         out: folder.
     """
     if (end is None) != (keyframes is not None):
@@ -173,7 +177,7 @@ def inbetween(
         first, last, between, samples, seed, run, sys.stderr.isatty(), align=align, own_rig=is_rigged, join=join
     )
     name = Path(start).name.split(".")[0]
-    _write({f"{name}_between_{number}": motion for number, motion in enumerate(found, 1)}, out)
+    _write({f"{name}_between_{number}": motion for number, motion in enumerate(found, 1)}, out, format)
 
 
 def generate(
@@ -185,6 +189,7 @@ def generate(
     seed: int = 0,
     run: str = sampling.SENTENCE_MODEL,
     plain: bool = False,
+    format: Literal["bvh", "glb"] = "bvh",
     out: Path = Path("build/bvh"),
 ) -> None:
     """Motions from sentences, as BVH files.
@@ -202,6 +207,7 @@ def generate(
         seed: of their noise.
         run: folder of a finished run (default: the shipped model).
         plain: read the joints' places alone, as the field does; the default reads their steps, too.
+        format: of the files: bvh, or glb, which has a plain body around the skeleton, for viewers.
         out: folder.
     """
     if bool(texts) == words:
@@ -215,7 +221,7 @@ def generate(
         if words_of(text) != words_of(read):
             print(f"{text!r} is read as {read!r}")
     stems = ["_".join(re.findall(r"[a-z0-9]+", motion.name.lower()))[:60] or "motion" for motion in found]
-    _write({f"{n:02d}_{stem}": motion for n, (stem, motion) in enumerate(zip(stems, found, strict=True), 1)}, out)
+    _write({f"{n:02d}_{stem}": motion for n, (stem, motion) in enumerate(zip(stems, found, strict=True), 1)}, out, format)
 
 
 def _known(model: TextToMotion, run: str) -> Iterator[str]:
@@ -276,17 +282,20 @@ def _one(path: str, meaning: Mapping[str, Any]) -> Motion:
     return motions[0]
 
 
-def _write(motions: Mapping[str, Motion], out: Path) -> None:
-    """A BVH file for each motion."""
+def _write(motions: Mapping[str, Motion], out: Path, format: str) -> None:
+    """A file for each motion."""
     for name, motion in motions.items():
-        file = out / f"{name}.bvh"
+        file = out / f"{name}.{format}"
         away = _written(motion, file)
         how = f"joints {1000 * away.mean:.1f} mm from the sampled ones" if away else "skeleton as it was read"
         print(f"{file}: {len(motion)} frames at {motion.fps:g} Hz; {how}")
 
 
 def _written(motion: Motion, file: Path) -> FitError | None:
-    """Write a motion: one with a rig in its file's unit; else get it a rig in centimetres, and say how far that is off."""
+    """Write a motion: as BVH one with a rig in its file's unit; else get it a rig in centimetres, and say how far that is off."""
+    if file.suffix == ".glb":
+        away = write_glb(motion, file)
+        return away if motion.rig is None else None
     if motion.rig is None:
         return write_bvh(motion, file)
     write_bvh(motion, file, unit=motion.rig.metres, up=motion.up)

@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import base64
 import io
+import shutil
+import subprocess
+import tempfile
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -223,13 +226,15 @@ class Loop:
         return self._pictures[0].size
 
     def encoded(self, ending: str = ".png") -> bytes:
-        """The content of a file: ".png" (animated, no loss), ".webp" (smallest) or ".gif" (for old programs).
+        """The content of a file: ".png" (animated, no loss), ".webp" (smallest), ".gif" (for old programs) or ".mp4" (by ffmpeg).
 
         Raises:
-            ValueError: another ending.
+            ValueError: another ending; or .mp4, and there is no ffmpeg or it fails.
         """
+        if ending == ".mp4":
+            return self._film()
         if ending not in FORMATS:
-            raise ValueError(f"the ending is {ending!r}; expected one of {', '.join(FORMATS)}")
+            raise ValueError(f"the ending is {ending!r}; expected one of {', '.join(FORMATS)}, .mp4")
         buffer, (first, *others) = io.BytesIO(), self._pictures
         own = {".webp": {"lossless": True, "quality": 60, "method": 4}, ".gif": {"disposal": 1}, ".png": {"compress_level": 9}}[
             ending
@@ -238,11 +243,29 @@ class Loop:
         first.save(buffer, FORMATS[ending], **timing, **own)
         return buffer.getvalue()
 
+    def _film(self) -> bytes:
+        """An .mp4 of the pictures, once through; what plays films wants an even number of pixels."""
+        program, rate = shutil.which("ffmpeg"), 1000 / self.milliseconds[0]
+        if program is None:
+            raise ValueError(f"the ending is '.mp4', and there is no ffmpeg; expected it on PATH, or {', '.join(FORMATS)}")
+        rest = self._pictures[-1:] * max(0, round(self.milliseconds[-1] / self.milliseconds[0]) - 1)
+        raw = b"".join(picture.convert("RGB").tobytes() for picture in [*self._pictures, *rest])
+        shape = ["-f", "rawvideo", "-pix_fmt", "rgb24", "-video_size", "{}x{}".format(*self.size), "-framerate", f"{rate:.9g}"]
+        even = ["-vf", "pad=ceil(iw/2)*2:ceil(ih/2)*2:color=white", "-pix_fmt", "yuv420p", "-movflags", "+faststart"]
+        with tempfile.TemporaryDirectory() as folder:
+            out = Path(folder, "film.mp4")
+            done = subprocess.run(
+                [program, "-loglevel", "error", *shape, "-i", "-", *even, str(out)], input=raw, capture_output=True
+            )
+            if done.returncode:
+                raise ValueError(f"ffmpeg failed: {done.stderr.decode(errors='replace').strip()[-300:]}")
+            return out.read_bytes()
+
     def save(self, path: str | Path) -> Path:
         """Write a file, whole or not at all; its ending says which kind.
 
         Raises:
-            ValueError: another ending than .png, .webp or .gif.
+            ValueError: as `encoded`.
         """
         write_atomic(Path(path), self.encoded(Path(path).suffix.lower()))
         return Path(path)

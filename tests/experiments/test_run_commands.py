@@ -11,6 +11,7 @@ from PIL import Image
 import mwlib as mw
 from mwlib.cli import main
 from tests.body.sample import animators_motion
+from tests.data.formats.test_glb_writing import opened, played
 from tests.sample_settings import SMALL
 
 
@@ -50,6 +51,14 @@ def test_export_bvh_goes_on_with_the_skeleton_of_the_file(run, tmp_path, capsys)
         assert (made.fps, made.skeleton, made.rig.channels) == (60.0, clip.skeleton, clip.rig.channels)
         assert made.rig.metres == 0.001 and len(made) == 115  # 1.9 s
         np.testing.assert_allclose(made.positions[:31], clip.positions[-31:], atol=1e-5)
+    bodies = tmp_path / "bodies"
+    words = ["--samples", "2", "--format", "glb", "--out", str(bodies)]
+    assert main(["export-bvh", str(run), str(tmp_path / "in"), *words]) == 0
+    for made in mw.load_motions(tmp_path / "out"):
+        times, world = played(bodies / f"{made.name}.glb")
+        names = [about["name"] for about in opened(bodies / f"{made.name}.glb")[0]["nodes"]]
+        joints = [names.index(name) for name in made.skeleton.joints]
+        np.testing.assert_allclose(world[:, joints][..., :3, 3], made.positions, atol=1e-5)
 
 
 def test_loop_writes_a_moving_picture_that_says_what_it_is(run, tmp_path, capsys):

@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import base64
 import io
+import math
+import shutil
+import subprocess
 
 import nbformat
 import numpy as np
@@ -88,10 +91,27 @@ def test_what_makes_no_sense_is_refused(options, message):
         plots.loop(X, H36M17, **{"fps": FPS, "alt": ALT, **options})
 
 
-def test_other_endings_are_refused(walkers, tmp_path):
-    with pytest.raises(ValueError, match="ending is '.mp4'; expected one of .png, .webp, .gif"):
+def test_other_endings_are_refused(walkers, tmp_path, monkeypatch):
+    with pytest.raises(ValueError, match="ending is '.avi'; expected one of .png, .webp, .gif, .mp4"):
+        walkers.save(tmp_path / "walk.avi")
+    monkeypatch.setenv("PATH", str(tmp_path))
+    with pytest.raises(ValueError, match="ending is '.mp4', and there is no ffmpeg; expected it on PATH, or .png"):
         walkers.save(tmp_path / "walk.mp4")
     assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.skipif(shutil.which("ffmpeg") is None, reason="ffmpeg is a program of its own")
+def test_a_film_shows_all_pictures_at_their_rate(walkers, tmp_path):
+    film = walkers.save(tmp_path / "walk.mp4")
+    width, height = (2 * math.ceil(length / 2) for length in walkers.size)
+    raw = subprocess.run(
+        ["ffmpeg", "-loglevel", "error", "-i", film, "-f", "rawvideo", "-pix_fmt", "rgb24", "-"], capture_output=True, check=True
+    ).stdout
+    seen = np.frombuffer(raw, np.uint8).reshape(-1, height, width, 3).astype(int)
+    pictures = frames_of(walkers.encoded())
+    assert len(seen) == 12 + 12, "a second of the last one, which counts among the pictures"
+    for one, other in zip(seen, pictures, strict=False):
+        assert np.abs(one[: other.shape[0], : other.shape[1]] - other).mean() < 4
 
 
 def shown(thing) -> nbformat.NotebookNode:

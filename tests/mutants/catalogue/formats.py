@@ -54,6 +54,13 @@ MUTANTS = [
         ("a-skeleton-of-somebody-else", "for candidates in (named, there):", "for candidates in (there[:1],):"),
     ),
     *of(
+        "data/formats/glb_writing.py", "data/formats/test_glb_writing.py",
+        ("scalar-first", "np.roll(rig.rotations[:, joint], -1, axis=-1)", "rig.rotations[:, joint]"),
+        ("joints-stay-at-rest", "matrices[:, 3, :3] = -_places(rig, rest)", "pass"),
+        ("moving-joints-stay", "moving = [] if rig.moves is None", "moving = [] if True"),
+        ("faces-inside-out", "np.stack([b, d, c], axis=1)", "np.stack([b, c, d], axis=1)"),
+    ),
+    *of(
         "data/formats/smpl.py", "data/formats/test_smpl.py",
         ("the-path-is-the-root", "rest[0] + unit.value * path[:, 0]", "unit.value * path[:, 0]"),
         ("everybody-has-y-up", 'Stated("z", FORMAT) if is_amass else', 'Stated("y", FORMAT) if is_amass else'),
