@@ -67,7 +67,9 @@ class _Buffer:
     """The binary part: arrays one after another, each told in JSON by a view and an accessor."""
 
     def __init__(self) -> None:
-        self.content, self.views, self.accessors = b"", [], []
+        self.content = b""
+        self.views: list[dict[str, Any]] = []
+        self.accessors: list[dict[str, Any]] = []
 
     def add(self, values: Shaped[np.ndarray, "..."], bounds: bool = False, target: int | None = None) -> int:
         """The number of the accessor of these values."""
@@ -152,7 +154,7 @@ def _mesh(rig: Rig, rest: Float[np.ndarray, "rig 3"], buffer: _Buffer) -> dict[s
     starts = np.repeat(np.cumsum([0, *sizes[:-1]]), [len(part[3]) for part in parts])
     owners = np.zeros((len(points), 4), np.uint16)
     owners[:, 0] = np.repeat([part[0] for part in parts], sizes)
-    weights = np.tile(np.float32([1, 0, 0, 0]), (len(points), 1))
+    weights = np.tile(np.array([1, 0, 0, 0], np.float32), (len(points), 1))
     indices = (faces + starts[:, None]).ravel()
     found = {
         "POSITION": buffer.add(points.astype(np.float32), bounds=True, target=34962),
@@ -170,7 +172,7 @@ def _capsule(
     turn = np.linspace(0, 2 * np.pi, AROUND, endpoint=False)
     normals = np.stack(np.broadcast_arrays(np.cos(tilt) * np.cos(turn), np.sin(tilt), -np.cos(tilt) * np.sin(turn)), axis=-1)
     way = end - start
-    along, _ = Rotation.align_vectors([way / np.linalg.norm(way)], [[0, 1, 0]])
+    along = Rotation.align_vectors([way / np.linalg.norm(way)], [[0, 1, 0]])[0]
     normals = along.apply(normals.reshape(-1, 3))
     ends = np.repeat([start, end], (RINGS + 1) * AROUND, axis=0)
     at = np.arange(len(tilt) * AROUND).reshape(-1, AROUND)
