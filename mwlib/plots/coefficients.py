@@ -50,7 +50,7 @@ def matrix(
 def subbands(
     bands: Mapping[str, Float[Array, "rows columns"]], *, common: bool = False, share: float = 1.0, unit: str = "m"
 ) -> Panels:
-    """The four sub-bands of one motion: time runs to the right, channels downwards.
+    """The four sub-bands of one motion: time runs downwards, channels to the right, as in the matrix of the coefficients.
 
     Args:
         bands: "aa", "da", "ad", "dd" -> (K, D), time letter first, as `WaveletTransform.split` returns them.
@@ -65,14 +65,14 @@ def subbands(
     fig, axes = canvas(2, 2, height=4.2, sharex=True, sharey=True)
     edges = {name: float(np.quantile(np.abs(band), share)) or limit(band) for name, band in values.items()}
     for ax, (name, band) in zip(axes.flat, values.items(), strict=True):
-        image = signed(ax, band.T, max(edges.values()) if common else edges[name])
+        image = signed(ax, band, max(edges.values()) if common else edges[name])
         ax.set_title(BAND_NAMES[name])
         ax.spines[:].set_visible(True)
         if not common:
             colourbar(image, ax, unit, cut=share < 1)
     if common:
         colourbar(image, list(axes.flat), unit, cut=share < 1)
-    outer(axes, "row k (time)", "column d (joints)")
+    outer(axes, "column d (coordinates)", "row k (time)")
     return fig, axes
 
 

@@ -26,10 +26,10 @@ OBSERVED = "#7b818a"
 INK = "#22262e"
 FAINT = "#e9ebee"
 BAND_NAMES = {
-    "aa": "aa: slow (time), smooth (joints)",
-    "da": "da: fast (time), smooth (joints)",
-    "ad": "ad: slow (time), rough (joints)",
-    "dd": "dd: fast (time), rough (joints)",
+    "aa": "aa: slow (time), smooth (coordinates)",
+    "da": "da: fast (time), smooth (coordinates)",
+    "ad": "ad: slow (time), rough (coordinates)",
+    "dd": "dd: fast (time), rough (coordinates)",
 }
 DIVERGING = "RdBu_r"  # blue and red differ for every common kind of colour vision; white is zero
 WIDTH = 6.4  # inches: one notebook column, still legible on a phone

@@ -77,7 +77,7 @@ def needed(cells: list[NotebookNode], ends: set[int]) -> list[int]:
     """Places of the cells that some cells need, and of these cells."""
     wanted, kept = set[str](), set[int]()
     for place in reversed(range(len(cells))):
-        if cells[place].cell_type != "code" or "guard" in tags(cells[place]):
+        if cells[place].cell_type != "code":
             continue
         asked, bound, changed = names(cells[place].source)
         if place in ends or wanted & (bound | changed):

@@ -240,8 +240,8 @@ def noising(
     fig, axes = canvas(3, len(ts), height=5.4, gridspec_kw={"height_ratios": (1.2, 0.8, 1.3)}, sharey="row")
     for (top, middle, bottom), t in zip(axes.T, ts, strict=True):
         y = noised(clean, eps, alpha_bar[t])
-        signed(top, array(y).T, 2)
-        top.set(title=f"t = {t}", xlabel="row k")
+        signed(top, array(y), 2)
+        top.set(title=f"t = {t}")
         motion = tf.inverse(y)
         middle.plot(array(motion[:, channel]), color=CYCLE[0], linewidth=1.5, label="noised curve")
         middle.plot(array(x[:, channel]), color=TRUTH, linestyle=(0, (3, 1)), linewidth=1.5, label="clean curve")
@@ -350,10 +350,11 @@ def _pose(ax: Axes, noisy: Tensor, clean: Tensor, skeleton: Skeleton) -> None:
 
 
 def _name_bands(axes: np.ndarray, tf: LinearTransform, y: Tensor) -> None:
-    """Mark the sub-bands in pictures of coefficients, and name them in the first."""
+    """Mark and name the sub-bands in pictures of coefficients, time downwards."""
     edges = np.cumsum([0, *(band.shape[-1] for band in tf.split(y).values())]) - 0.5
-    axes[0].set(yticks=(edges[:-1] + edges[1:]) / 2, yticklabels=list(BAND_NAMES))
+    axes[0].set_ylabel("row k (time)")
     for ax in axes:
-        ax.tick_params(axis="y", length=0)
+        ax.set(xticks=(edges[:-1] + edges[1:]) / 2, xticklabels=list(BAND_NAMES))
+        ax.tick_params(axis="x", length=0)
         for edge in edges[1:-1]:
-            ax.axhline(edge, color=INK, linewidth=0.8)
+            ax.axvline(edge, color=INK, linewidth=0.8)

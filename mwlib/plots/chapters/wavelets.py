@@ -313,10 +313,10 @@ def basis_card(wavelet: str, x: Float[Array, "T C"], *, mode: str = "zero") -> P
         ax.set_xlabel("tap")
     for ax, name in zip(axes[2:].flat, ("aa", "ad", "da", "dd"), strict=True):
         band = bands[name].numpy()
-        signed(ax, band.T)
+        signed(ax, band)
         ax.set_title(f"{name}: largest {significant(limit(band), 2)} m")
-        ax.set_xlabel("row k (time)" if name[0] == "d" else "")
-        ax.set_ylabel("column d (joints)" if name[1] == "a" else "")
+        ax.set_xlabel("column d (coordinates)" if name[0] == "d" else "")
+        ax.set_ylabel("row k (time)" if name[1] == "a" else "")
         ax.spines[:].set_visible(True)
     kind = "orthogonal" if bank.orthogonal else "biorthogonal"
     sizes = " × ".join(map(str, motion.shape)), " × ".join(map(str, transform.shape))
