@@ -105,7 +105,7 @@ def body_model(family: str, gender: str, folders: Sequence[Path]) -> BodyModel:
     pickled = [file for place in places if (file := place.with_name(f"{place.name}.pkl")).is_file()]
     title, _, where = FAMILIES[family]
     if pickled:
-        expected = "the same as .npz; the how-to on your own motions has the lines that convert it"
+        expected = "the same as .npz; docs/howto/own-motions.md has the lines that convert it"
         raise MotionFormatError(pickled[0], "body model", "a pickle, which can run code", expected)
     there = f"{stems[0]}.npz or {stems[1]}.npz there, or in {folders[-1].name} beside the motions or above them"
     expected = f"{there}: it says where the joints are, and whoever registers gets it at {where}"
