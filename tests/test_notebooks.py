@@ -236,7 +236,11 @@ BREACHES = {
     "assert of a preset": (append("energy", "\nassert preset != 'tiny' or level"), "claims: .*expected page.claim"),
     "order asserted of what was loaded": (
         append("energy", "\nfound = page.load(sum, [1])\nfor one in [found]:\n    both = 2 * one\nassert level < both"),
-        "claims: .*an order of what was measured \\(both\\)",
+        "claims: .*asserts what was measured \\(both\\)",
+    ),
+    "number asserted of what was loaded": (
+        append("energy", "\nfound = page.load(sum, [1])\nassert [found, 2] == [17, 2]"),
+        "claims: .*asserts what was measured \\(found\\)",
     ),
     "claim compared": (append("energy", "\npage.claim('x', True)"), "claims: .*is compared and claims"),
     "no symbols": (edit("## Energy", source="## Energy\n$$x$$"), "symbols: "),
@@ -279,6 +283,7 @@ def test_every_rule_bites(model, tmp_path, breach):
     [
         "assert found < level, 'is the sum right?'",  # a hint for the reader
         "assert abs(found - level) < 1e-6",  # rounding
+        "assert len(found) == 3 and found.sum() == 0",  # a size, and what may follow from the mathematics
         "found = level\nassert found < level",  # another thing under the same name
         "assert all(found < 3 for found in [level])",
         "assert found == level",

@@ -228,7 +228,7 @@ def claims(notebook: NotebookNode) -> Iterator[str]:
     """What the data at hand show is claimed, not asserted.
 
     Two kinds of asserts are refused: one that asks which preset or data it has; and one without a message, hence without a hint
-    for a reader, that orders numbers which follow from what `page.load` read.
+    for a reader, that orders numbers which follow from what `page.load` read, or compares them with what is typed.
     """
     measured: set[str] = set()
     for cell in code_cells(notebook):
@@ -238,10 +238,14 @@ def claims(notebook: NotebookNode) -> Iterator[str]:
                 continue
             if _names(node.test) & {"preset", "data"}:
                 yield f"cell {cell.execution_count} asserts something of one preset or data; expected page.claim"
-            orders = any(isinstance(part, ORDERS) for part in ast.walk(node.test))
-            if orders and not node.msg and (found := _names(node.test) & measured) and not _is_tolerance(node.test):
+            if (
+                _is_finding(node.test)
+                and not node.msg
+                and (found := _names(node.test) & measured)
+                and not _is_tolerance(node.test)
+            ):
                 yield (
-                    f"cell {cell.execution_count} asserts an order of what was measured ({', '.join(sorted(found))}); "
+                    f"cell {cell.execution_count} asserts what was measured ({', '.join(sorted(found))}); "
                     "expected page.claim, or a hint if it checks the reader's answer"
                 )
         if "nbval-check-output" in tags(cell) and re.search(r"\bpage\.claim\(", cell.source):
@@ -269,6 +273,19 @@ def _names(node: ast.AST) -> set[str]:
     """The names in an expression, but those that its own loops bind."""
     own = {name for part in ast.walk(node) if isinstance(part, ast.comprehension) for name in _names(part.target)}
     return {part.id for part in ast.walk(node) if isinstance(part, ast.Name)} - own
+
+
+def _is_finding(test: ast.expr) -> bool:
+    """Whether a test orders numbers, or compares something, but a size, with what is typed; 0 may follow from the mathematics."""
+    for part in ast.walk(test):
+        if isinstance(part, ORDERS):
+            return True
+        if isinstance(part, ast.Compare) and not re.search(r"\.(shape|ndim|dtype)\b|\blen\(", ast.unparse(part)):
+            sides = [part.left, *part.comparators]
+            typed = [value for side in sides for value in (side.elts if isinstance(side, (ast.List, ast.Tuple)) else [side])]
+            if any(isinstance(value, ast.Constant) and value.value not in (0, None) for value in typed):
+                return True
+    return False
 
 
 def _is_tolerance(test: ast.expr) -> bool:

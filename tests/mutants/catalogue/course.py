@@ -69,10 +69,12 @@ MUTANTS = [
         ("a-late-result-is-missed", "isinstance(last, ast.Expr) and last.value is calls[0]", "True"),
         ("any-level-of-heading", "if lower > upper + 1:", "if lower > upper + 3:"),
         ("nothing-is-measured", "measured |= targets", "pass"),
+        ("typed-numbers-may-be-asserted", "value.value not in (0, None) for", "False for"),
     ),
     *of(
         "course/rules.py", "test_notebooks.py::test_other_asserts_may_stand",
         ("once-measured-always-measured", "measured -= targets", "pass"),
+        ("sizes-are-claims", "ast.Compare) and not re.search(", "ast.Compare) and not re.match("),
         ("rounding-is-a-claim", "isinstance(number, float) and 0 < number <= TOLERANCE", "False"),
         ("loops-of-an-expression-are-of-the-cell", "if isinstance(part, ast.Name)} - own", "if isinstance(part, ast.Name)}"),
     ),
