@@ -9,6 +9,8 @@ JOBS ?= 2
 NB ?=
 GRIDS ?= figures/grids.yaml
 SET ?=
+COLUMN ?=
+FONT ?=
 ALL ?=
 CHROMIUM ?= chromium
 FILES ?= 15000
@@ -32,23 +34,25 @@ BLENDER = $(call quoted,$(BLENDER_ENV))
 OPTIONS = --cores $(call quoted,$(value JOBS)) --keep-going --rerun-incomplete --nolock --quiet progress rules \
 	--config $(call setting,preset,PRESET) $(call setting,data,DATA) $(call setting,out,OUT)
 
+PRINT = $(if $(value COLUMN),MWLIB_COLUMN=$(call quoted,$(value COLUMN))) $(if $(value FONT),MWLIB_FONT=$(call quoted,$(value FONT)))
+
 define BROWSING
 $(RUN) -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[notebooks,dev,site]'
 MWLIB_CHROMIUM=$(call quoted,$(value CHROMIUM)) $(RUN) -m pytest
 endef
 
-unexport PYTHON PRESET DATA OUT JOBS NB GRIDS SET ALL CHROMIUM # to export one is to expand it
+unexport PYTHON PRESET DATA OUT JOBS NB GRIDS SET COLUMN FONT ALL CHROMIUM # to export one is to expand it
 export OMP_NUM_THREADS ?= 1
 export MWLIB_RUNS ?= $(CURDIR)/runs
 
 .DEFAULT_GOAL := help
-.PHONY: help figures grids test test-data types test-workflow mutants fuzz test-blender site test-site player test-player test-lab lab notebooks learner wheel
+.PHONY: help figures grids test test-data types test-workflow mutants fuzz test-blender site test-site player test-player test-lab lab notebooks learner dist release
 
 help: ## show this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-12s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
 
-figures: $(READY) ## run every notebook, make every figure and table: PRESET=tiny DATA=synthetic OUT=build/... JOBS=2
-	MWLIB_EXECUTED=$(call quoted,$(CURDIR)/build/executed) $(RUN) -m snakemake $(OPTIONS)
+figures: $(READY) ## run every notebook, make every figure and table: PRESET=tiny DATA=synthetic OUT=build/... JOBS=2 COLUMN=3.3in FONT=STIXGeneral
+	MWLIB_EXECUTED=$(call quoted,$(CURDIR)/build/executed) $(PRINT) $(RUN) -m snakemake $(OPTIONS)
 	@printf 'Open %s/index.html\n' $(call quoted,$(value OUT))
 	@$(RUN) -m mwlib claims $(call quoted,$(value OUT))
 
@@ -116,8 +120,11 @@ notebooks: $(READY) ## execute the committed notebooks in place and filter their
 learner: $(READY) ## write copies without the solutions to build/learner, keeping the ones already there
 	$(RUN) -m mwlib learner-copies
 
-wheel: $(READY) ## build what pip installs anywhere, notebooks included, into build/wheel
-	env -u SOURCE_DATE_EPOCH $(RUN) -m hatchling build -t wheel -d build/wheel
+dist: $(READY) ## build the wheel and the sdist into build/dist, and try the wheel in an empty folder
+	env -u SOURCE_DATE_EPOCH $(RUN) .ci/release.py
+
+release: $(READY) ## the same, and tag the version of mwlib/version.py; CHANGELOG.md must begin with it
+	env -u SOURCE_DATE_EPOCH $(RUN) .ci/release.py tag
 
 $(READY): pyproject.toml constraints.txt
 	@command -v $(WITH) >/dev/null || { echo "make: "$(WITH)" not found; install Python 3.11 or newer, or say PYTHON=/path/to/python" >&2; exit 1; }

@@ -16,6 +16,7 @@ from pathlib import Path
 from filelock import FileLock, Timeout
 from snakemake.exceptions import WorkflowError
 
+from mwlib.course.execute import print_settings
 from mwlib.course.notebooks import EXPERIMENT, LONGEST, course, source_hash, write_hashes
 from mwlib.course.manifest import MANIFEST
 from mwlib.experiments import read_grids, system
@@ -127,7 +128,7 @@ if workflow.is_main_process:  # jobs on other machines find the files made
             (OUT / name).unlink()
     write_hashes(
         OUT / ".sources",
-        {"mwlib": package_hash(), "manifest": file_hash(MANIFEST), "grids": file_hash(GRID_FILE)}
+        {"mwlib": " ".join([package_hash(), *print_settings().values()]), "manifest": file_hash(MANIFEST), "grids": file_hash(GRID_FILE)}
         | {"data": "\n".join(f"{data_fingerprint(source)} {source}" for source in sources())}
         | {path.stem: source_hash(path) for path in (*course(FOLDER), EXPERIMENT)},
     )

@@ -36,7 +36,7 @@ extensions = [
     "sphinxcontrib.katex",
     "sphinx_copybutton",
 ]
-exclude_patterns = ["notebooks/executed", "notebooks/learner"]
+exclude_patterns = ["notebooks/executed", "notebooks/learner", "colab"]
 suppress_warnings = [
     "myst.header",  # claims stand two levels below their part
     "ref.python",  # settings that a class inherits name their types without a module, and three systems have a ModelConfig
@@ -67,6 +67,7 @@ html_title = project
 html_static_path = ["_static"]
 html_favicon = "_static/icon.svg"
 html_css_files = ["site.css"]
+html_search_scorer = str(HERE / "_static" / "scorer.js")
 html_copy_source = False
 html_show_sphinx = False
 html_theme_options = {"navigation_with_keys": True}

@@ -5,6 +5,7 @@ from __future__ import annotations
 import ast
 import os
 import re
+import runpy
 import shutil
 import subprocess
 import sys
@@ -99,6 +100,30 @@ def test_one_version_and_one_licence():
     assert mwlib.__version__ == citation["version"]
     assert PROJECT["license"] == citation["license"] == "MIT"
     assert (ROOT / "LICENSE").read_text().startswith("MIT License")
+
+
+def test_a_release_begins_with_a_version_that_all_files_agree_on(tmp_path):
+    release = ROOT / ".ci" / "release.py"
+    assert runpy.run_path(str(release))["version"]() == mwlib.__version__
+    for name in (".ci/release.py", "CHANGELOG.md", "CITATION.cff", "mwlib/version.py"):
+        write_atomic(tmp_path / name, (ROOT / name).read_bytes())
+    (tmp_path / "mwlib" / "version.py").write_text('__version__ = "9.9.9"\n')
+    with pytest.raises(SystemExit, match=r"CHANGELOG.md begins with .*; expected '9.9.9 \(YYYY-MM-DD\)'"):
+        runpy.run_path(str(tmp_path / ".ci" / "release.py"))["version"]()
+    (tmp_path / "CHANGELOG.md").write_text("## 9.9.9 (2030-01-01)\n")
+    with pytest.raises(SystemExit, match="expected 9.9.9, 2030-01-01"):
+        runpy.run_path(str(tmp_path / ".ci" / "release.py"))["version"]()
+
+
+def test_workflows_run_what_there_is():
+    """Their make targets, scripts and folders exist; the oldest Python is the one that pyproject.toml names."""
+    targets = {*re.findall(r"^([a-z-]+):", (ROOT / "Makefile").read_text(), re.M)}
+    flows = {file.stem: file.read_text() for file in (ROOT / ".github" / "workflows").glob("*.yml")}
+    runs = [line for flow in flows.values() for line in re.findall(r"- run: (.*)", flow)]
+    assert {word for line in runs for word in re.findall(r"^make ([\w-]+)", line)} <= targets
+    assert [name for line in runs for name in re.findall(r"tests/[\w./]+", line) if not (ROOT / name).exists()] == []
+    oldest = yaml.safe_load(flows["test"])["jobs"]["linux"]["strategy"]["matrix"]["python"][0]
+    assert PROJECT["requires-python"] == f">={oldest}" and "id-token: write" in flows["release"]
 
 
 @pytest.mark.parametrize("answer, message", [("3.9", "Python 3.11 or newer is needed"), (None, "not found; install Python 3.11")])

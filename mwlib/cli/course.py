@@ -40,6 +40,8 @@ def run_notebook(
     parameters: Path | None = None,
     timeout: float = chapters.TIMEOUT,
     go_on: bool = False,
+    column: str = "",
+    font: str = "",
 ) -> int:
     """Run one notebook with other parameters.
 
@@ -50,10 +52,17 @@ def run_notebook(
         parameters: a YAML file of parameters; --set wins over it.
         timeout: seconds for one cell, then the kernel is killed (default: 86400, a day).
         go_on: a notebook that does not get to its end leaves a metrics.json that says why, and the exit code is 0.
+        column: width of a paper's column that PDFs of pictures are to fit, such as 3.3in or 84mm (default: as drawn, or what
+            MWLIB_COLUMN says).
+        font: of the PDFs' texts, such as STIXGeneral, which is like Times (default: DejaVu Sans, or what MWLIB_FONT says).
     """
     from mwlib.course.execute import NotDone, run_notebook
+    from mwlib.plots import printing
 
     _prepare()
+    os.environ |= {name: said for name, said in ((printing.COLUMN, column), (printing.FONT, font)) if said}
+    for check in (printing.column, printing.fonts):  # refused before anything runs
+        check()
     try:
         path = chapters.find_notebook(notebook)
         given = chapters.read_values(parameters) if parameters else {}

@@ -39,6 +39,7 @@ from mwlib.experiments.grids import Grid, row_parameters
 from mwlib.files import write_atomic, write_together
 from mwlib.hashing import digest, file_hash, package_hash
 from mwlib.paths import course_folder, home
+from mwlib.plots.printing import COLUMN, FONT
 
 PICTURES = ("image/png", "image/gif")
 KEPT_TYPES = (*PICTURES, "text/plain", "text/latex", "text/markdown")
@@ -284,7 +285,12 @@ def surroundings() -> str:
     figures = course_folder() / "figures"
     files = [figures / "grids.yaml", *sorted(file for file in figures.glob("*/*") if file.is_file())]
     hashes = {file.relative_to(figures).as_posix(): file_hash(file) for file in files if file.is_file()}
-    return digest({"versions": versions, "figures": hashes, "static": os.environ.get("MW_STATIC")})
+    return digest({"versions": versions, "figures": hashes, "static": os.environ.get("MW_STATIC"), **print_settings()})
+
+
+def print_settings() -> dict[str, str]:
+    """What was said about pictures for print, in this process and in the kernels that it starts."""
+    return {name: said for name in (COLUMN, FONT) if (said := os.environ.get(name))}
 
 
 def run_experiment(

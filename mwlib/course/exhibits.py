@@ -58,6 +58,7 @@ COMMITTED = """# Results on real people
 Measured on clips of the CMU motion capture database. The settings beside each table say which clips, people and seeds.
 [RESULTS.md](../../RESULTS.md) says what they show. The data used in this project was obtained from mocap.cs.cmu.edu.
 The database was created with funding from NSF EIA-0196217."""
+OWN_TITLE = "The course's own"
 BUILD = """# Figures and tables: {name}
 
 Each exhibit says on which data, with which preset and seeds it was made. Numbers hold for those and for nothing else.
@@ -91,10 +92,16 @@ def write_index(build: Path, notebooks: Sequence[Path], manifest: Path = MANIFES
     parts += _claims(build, [path.stem for path in notebooks])
     if broken:
         parts += ["## Saved, but not readable", "\n".join(f"* {_plain(problem)}" for problem in broken)]
+    contents = ["## Contents"]
     for system, items in in_order(rows).items():
-        parts.append(f"## The tables and figures of {system}" if system else "## The course's own")
-        for item, of in items.items():
-            parts += [f"### {item}", *(text for row in of for text in (row.caption, _built(row, found)))]
+        parts.append(heading := f"## {f'The tables and figures of {system}' if system else OWN_TITLE}")
+        contents.append(f"**{heading.removeprefix('## ')}**\n")
+        for item, row in ((item, row) for item, of in items.items() for row in of):
+            title, anchor = f"{item}: {first_sentence(row.caption)}", f"{row.notebook}-{row.stem}"
+            contents.append(f"* [{title}](#{anchor})")
+            rest = " ".join(row.caption.split()).removeprefix(first_sentence(row.caption)).strip(". ")
+            parts += [f'### <a id="{anchor}"></a>{title}', *([rest + "."] if rest else []), _built(row, found)]
+    parts[2:2] = ["\n".join(contents)] if rows else []
     listed = {(row.notebook, row.stem) for row in rows}
     if unlisted := {key: text for key, text in found.items() if key not in listed}:
         parts.append("## Saved, but not listed in the manifest")
@@ -173,12 +180,14 @@ def picture(place: str, alt: str) -> str:
 
 
 def _facts(sidecar: Path) -> str:
-    """The provenance of an exhibit, as a line."""
+    """The provenance of an exhibit: the first facts as a line that unfolds to the others."""
     told = json.loads(_text(sidecar))
     if not isinstance(told, dict):
         raise ValueError(f"its .json holds {str(told)[:40]!r}; expected a mapping")
     names = [name for name in dict.fromkeys((*FIRST, *told)) if name in told and name != "figure"]
-    return " · ".join(f"{_plain(name)}: {_plain(_value(told[name]))}" for name in names)
+    lines = {name: f"{escape(name)}: {escape(_value(told[name]))}" for name in names}
+    rest = "".join(f"<li>{line}</li>" for name, line in lines.items() if name not in FIRST)
+    return f"<details><summary>{' · '.join(lines[name] for name in names if name in FIRST)}</summary><ul>{rest}</ul></details>"
 
 
 def _value(value: Any) -> str:
@@ -319,8 +328,12 @@ def _results(root: Path, rows: Sequence[Exhibit]) -> list[tuple[str, str, Path]]
 def _line(title: str, caption: str, page: str, label: str) -> str:
     """One exhibit in the index: the first sentence about it, linked to the heading that it stands under."""
     anchor = re.sub(r"[^\w -]", "", title.lower()).replace(" ", "-")  # as MyST makes them
-    (sentence,) = re.findall(r"^.+?(?=\.(?: [A-Z]|$)|$)", " ".join(caption.split()))
-    return f"* {label + ': ' if label else ''}[{sentence}]({page}#{anchor})"
+    return f"* {label + ': ' if label else ''}[{first_sentence(caption)}]({page}#{anchor})"
+
+
+def first_sentence(text: str) -> str:
+    """The first sentence, without its full stop."""
+    return re.findall(r"^.+?(?=\.(?: [A-Z]|$)|$)", " ".join(text.split()))[0]
 
 
 def _heading(page: str) -> str:

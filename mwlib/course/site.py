@@ -10,13 +10,15 @@ from importlib import import_module
 from inspect import getdoc, ismodule
 from pathlib import Path
 from pkgutil import iter_modules
+from typing import Any
 
 import nbformat
 from nbformat import NotebookNode
 
 from mwlib.course.exhibits import committed_page, exhibit_pages
+from mwlib.course.launching import COPIES, badges, launched_copy, repository, source_of
 from mwlib.course.learner import learner_copy
-from mwlib.course.notebooks import FOLDED, WRONG, tags
+from mwlib.course.notebooks import CHAPTER, FOLDED, WRONG, chapter_number, exhibits_kept, tags
 from mwlib.files import write_atomic
 
 TEXTS = ("REPRODUCTION.md", "RESULTS.md", "CONTRIBUTING.md", "notebooks/glossary.md")
@@ -49,6 +51,18 @@ Rooms
 
    {rooms}
 """
+CHAPTERS = "{chapters}\n"  # stands in docs/chapters.md for the cards
+CARD = """````{{container}} chapter
+[![{alt}]({picture})](notebooks/{stem}.ipynb)
+
+**[{title}](notebooks/{stem}.ipynb)**
+
+{about}
+
+{badges}
+````
+"""
+TAUGHT = r"^\| \[{stem}\]\([^)]*\) \| (.*?) \|"  # in README's table of the course
 FOLDER_LINK = re.compile(r"\]\((\.\./)?figures/cmu/?\)")
 
 
@@ -74,10 +88,13 @@ def write_site_sources(folder: Path, root: Path) -> list[Path]:
     pages |= {name: (root / place).read_bytes() for name, place in EXAMPLES.items()}
     for card in sorted((root / "mwlib" / "models").glob("*/card.md")):
         pages[card.relative_to(root).as_posix()] = "---\norphan: true\n---\n" + card.read_text(encoding="utf-8")
-    notebooks = sorted((root / "notebooks").glob("*.ipynb"))
+    notebooks, address = sorted((root / "notebooks").glob("*.ipynb")), repository(root)
     for path in notebooks:
         tree = nbformat.read(path, as_version=4)
-        pages[f"notebooks/{path.name}"] = nbformat.writes(site_copy(tree, path.name))
+        launch = badges(address, path.name) if CHAPTER.fullmatch(chapter_number(path)) else ""
+        pages[f"notebooks/{path.name}"] = nbformat.writes(site_copy(tree, path.name, launch))
+        if launch:
+            pages[f"{COPIES}/{path.name}"] = nbformat.writes(launched_copy(tree, source_of(address)))
         pages[f"notebooks/executed/{path.name}"] = path.read_bytes()
         pages[f"notebooks/learner/{path.name}"] = nbformat.writes(learner_copy(tree))
     committed = [file for folder in ("cmu", "lafan1", "bandai_namco", "synthetic") for file in _files(root / "figures" / folder)]
@@ -87,6 +104,8 @@ def write_site_sources(folder: Path, root: Path) -> list[Path]:
     trees = {path.stem: json.loads(path.read_text(encoding="utf-8")) for path in notebooks}
     pages |= exhibit_pages(root, trees)
     pages["figures/cmu/index.md"] = committed_page(root)
+    cards = chapter_cards(trees, (root / "README.md").read_text(encoding="utf-8"), address)
+    pages["chapters.md"] = (root / "docs" / "chapters.md").read_text(encoding="utf-8").replace(CHAPTERS, cards)
     pages["api/index.rst"] = library_page()
     return _written(folder, pages)
 
@@ -101,6 +120,26 @@ def library_page() -> str:
     return LIBRARY.format(example=getdoc(package), **{name: "\n   ".join(words) for name, words in lines.items()})
 
 
+def chapter_cards(notebooks: Mapping[str, Mapping[str, Any]], readme: str, address: str) -> str:
+    """The chapters as Markdown: of each its first picture, title, what README says that it teaches, and where it opens.
+
+    Args:
+        notebooks: trees of the executed notebooks, by name.
+        readme: with the table of the course.
+        address: of the repository, or empty.
+    """
+    cards = []
+    for stem, tree in notebooks.items():
+        pictures = ((name, out) for name, out in exhibits_kept(tree) if "image/png" in out["data"])
+        taught = re.search(TAUGHT.format(stem=stem), readme, re.MULTILINE)
+        if taught and (first := next(pictures, None)):
+            title = "".join(tree["cells"][0]["source"]).splitlines()[0].lstrip("# ")
+            shown = {"alt": first[1]["metadata"]["image/png"]["alt"], "picture": f"exhibits/{first[0]}.png", "stem": stem}
+            opens = badges(address, f"{stem}.ipynb")
+            cards.append(CARD.format(**shown, title=title, about=taught[1], badges=opens and f"Open in {opens}"))
+    return "\n".join(cards)
+
+
 def site_text(text: str) -> str:
     """A text of the repository as a page: its HTML anchors become targets that Sphinx checks.
 
@@ -111,18 +150,21 @@ def site_text(text: str) -> str:
     return FOLDER_LINK.sub(r"](\1figures/cmu/index.md)", ANCHOR.sub(r"(\2)=\n\1 ", text))
 
 
-def site_copy(notebook: NotebookNode, name: str) -> NotebookNode:
+def site_copy(notebook: NotebookNode, name: str, launch: str = "") -> NotebookNode:
     """A notebook as a page: solutions and guards are folded away, and the notebook itself can be had below its title.
 
     Args:
         notebook: as committed, executed.
         name: of its file.
+        launch: links that open it elsewhere.
     """
     copy = NotebookNode(notebook.copy())
     copy.cells = [_folded(cell) for cell in notebook.cells]
     has_solutions = any("solution" in tags(cell) for cell in notebook.cells)
     without = f" {{download}}`without its solutions <learner/{name}>`," if has_solutions else ""
-    text = f"*This page is a notebook. Download it {{download}}`as it is here <executed/{name}>`,{without} or run `make lab`.*"
+    opens = f" open it in {launch}," if launch else ""
+    here = f"Download it {{download}}`as it is here <executed/{name}>`,{without}"
+    text = f"*This page is a notebook. {here}{opens} or run `make lab`.*"
     copy.cells.insert(1, nbformat.v4.new_markdown_cell(text))
     copy.metadata = NotebookNode({key: value for key, value in notebook.metadata.items() if key != "mwlib"})
     return copy

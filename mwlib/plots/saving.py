@@ -21,6 +21,7 @@ from PIL import Image
 from mwlib.files import write_together
 from mwlib.plots.axes import array
 from mwlib.plots.look import style
+from mwlib.plots.printing import column, printed
 
 # Without dates and version strings the same picture gives the same bytes.
 METADATA = {"png": {"Software": None}, "pdf": {"CreationDate": None, "Creator": None, "Producer": None}}
@@ -39,7 +40,8 @@ def save(
 ) -> list[Path]:
     """Write `stem`.png, .pdf, .csv (what is plotted), .txt (alternative text) and .json (provenance).
 
-    The files appear together or not at all; the .json comes last. The same input gives the same bytes.
+    The files appear together or not at all; the .json comes last. The same input gives the same bytes. The PDF is as wide as
+    the figure, or as the column that MWLIB_COLUMN asks for.
 
     Args:
         data: columns by name, or rows as mappings. A column with more axes becomes one per trailing entry (`name_0`,
@@ -54,11 +56,13 @@ def save(
         ValueError: the alternative text or the data are empty, or the stem is not a plain file name.
         TypeError: the provenance holds something that JSON cannot.
     """
+    wide = column()
+    pdf = printed(fig, wide, METADATA["pdf"]) if wide else b""
     contents = {
         "txt": (described(alt) + "\n").encode(),
         "csv": as_csv(data).encode(),
         "png": _render(fig, "png", SAVE_DPI),
-        "pdf": _render(fig, "pdf", SAVE_DPI),
+        "pdf": pdf or _render(fig, "pdf", SAVE_DPI),
         "json": origin("figure", stem, provenance).encode(),
     }
     return _write_all(folder, stem, contents)
