@@ -35,7 +35,7 @@ CONTENT = "content"  # the place of a failure that its reader did not foresee
 MOST_REASONS = 12  # of a report on broken files
 HEAD = 2**16  # bytes that say what a text or an array is
 # Where the entry of an archive begins.
-MOTION_ENTRY = re.compile(rb"PK\x03\x04.{26}(positions(_3d)?|poses|mocap_frame_?rate)\.npy", re.DOTALL)
+MOTION_ENTRY = re.compile(rb"PK\x03\x04.{26}(positions(_3d)?|mocap_frame_?rate)\.npy", re.DOTALL)
 # What a reader may raise on a bad file. Anything else is a fault of the reader, and must be seen.
 FAILURES = (ValueError, ArithmeticError, LookupError, EOFError, RecursionError, MemoryError, OSError)
 
@@ -228,8 +228,9 @@ def _read(path: Path, given: Given, strict: bool) -> list[Motion]:
 
 
 def _reasons(broken: list[MotionFormatError]) -> str:
-    more = len(broken) - MOST_REASONS
-    return "".join(f"\n  {error}" for error in broken[:MOST_REASONS]) + (f"\n  and {more} more" if more > 0 else "")
+    reasons = [*dict.fromkeys(map(str, broken))]  # a body model that is missing is one, for however many files
+    more = len(reasons) - MOST_REASONS
+    return "".join(f"\n  {reason}" for reason in reasons[:MOST_REASONS]) + (f"\n  and {more} more" if more > 0 else "")
 
 
 def read_motion_file(file: Path, **given: Unpack[Given]) -> list[Motion]:

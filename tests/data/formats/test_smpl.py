@@ -16,7 +16,9 @@ from mwlib import MotionFormatError, load_motions
 from mwlib.body.skeleton import H36M17, HUMANML22
 from mwlib.data.check import check_data
 from mwlib.data.sources import data_fingerprint
+from mwlib.data.untrusted import BrokenFilesWarning
 from tests.data.formats.sample_smpl import model, parents, poses, write_model
+from tests.sample_motions import BVH
 
 # Head, left foot and right wrist in the last frame of each sample, metres: smplx 0.1.28 on the same model and poses.
 BY_SMPLX = {
@@ -244,3 +246,12 @@ def test_what_the_caller_says_goes_first(tmp_path):
     np.testing.assert_allclose(told.positions, 0.9 * plain.positions[5:], atol=1e-6)
     (tmp_path / "skeleton.json").write_text(json.dumps({"name": "H36M17", "up": "y"}))  # of arrays, not of these
     assert load_motions(tmp_path / "clip.npz")[0].up == "z"
+
+
+def test_a_missing_body_model_is_told_once(tmp_path):
+    for name in "abc":
+        np.savez(tmp_path / f"{name}.npz", **poses("smplh"))
+    (tmp_path / "stick.bvh").write_text(BVH)
+    with pytest.warns(BrokenFilesWarning, match="3 of 4 files") as told:
+        assert len(load_motions(tmp_path)) == 1
+    assert str(told[0].message).count("found no male one of SMPL-H") == 1
