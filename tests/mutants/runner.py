@@ -31,6 +31,7 @@ TESTS_FAILED = 1  # pytest's exit code; others mean that no test was run
 KEPT = Path("build") / "mutants"
 KILLED, SURVIVED, GONE, BROKEN = "killed", "SURVIVED", "NO LONGER APPLIES", "TESTS DO NOT RUN"
 PATIENCE = 60.0  # seconds for one mutant, beside ten times what its tests take without it: then they hang
+TOGETHER = 20  # files of tests in one process
 TOOK = "seconds.json"  # what each test of a process took, in a copy
 
 
@@ -116,8 +117,12 @@ def verdict_of(mutant: Mutant, root: Path) -> Path:
     return root / KEPT / digest([*mutant, *(file_hash(root / file) for file in sorted(files))])
 
 
-def passed(tests: Sequence[str], root: Path, copy: Path) -> dict[str, dict[str, float]]:
-    """Seconds of every test by the names given; they must pass, and are not run again while library and tests stay the same.
+def passed(tests: Sequence[str], root: Path, copy: Path) -> dict[str, float]:
+    """Seconds of every test that is named; they must pass, and are not run again while library and tests stay the same.
+
+    Args:
+        tests: files or ids; some files share a process, as loading mwlib takes longer than most of their tests.
+        root, copy: the repository, and a copy of it.
 
     Raises:
         SystemExit: they do not.
@@ -128,15 +133,19 @@ def passed(tests: Sequence[str], root: Path, copy: Path) -> dict[str, dict[str, 
         for file in files
         if not file.is_relative_to(root / "tests" / "mutants") and not file.name.startswith("test_")
     ]
-    seconds = {}
-    for test in tqdm(tests, desc="tests without a mutant", unit="file"):
-        stamp = root / KEPT / f"passed-{digest([test, file_hash(root / test.partition('::')[0]), *sources])}.json"
-        if not stamp.exists():
-            if run_tests(copy, [test], {}, whole=True) != 0:
-                raise SystemExit(f"{test} fails without any mutant; mend it first")
-            write_atomic(stamp, (copy / TOOK).read_text())
-        seconds[test] = json.loads(stamp.read_text())
-    return seconds
+    named = {file: [test for test in tests if test.partition("::")[0] == file] for file in {t.partition("::")[0] for t in tests}}
+    named = {file: [file] if file in names else names for file, names in sorted(named.items())}
+    stamps = {f: root / KEPT / f"passed-{digest([*names, file_hash(root / f), *sources])}.json" for f, names in named.items()}
+    left = [file for file in named if not stamps[file].exists()]
+    for some in tqdm([left[i : i + TOGETHER] for i in range(0, len(left), TOGETHER)], desc="tests without a mutant"):
+        code = run_tests(copy, [name for file in some for name in named[file]], {}, whole=True)
+        took = json.loads((copy / TOOK).read_text())
+        if code != 0:
+            raise SystemExit(f"{[some[0], *took][-1]} fails without any mutant; mend it first")
+        for file in some:
+            of_file = {test: seconds for test, seconds in took.items() if test.partition("::")[0] == file}
+            write_atomic(stamps[file], json.dumps(of_file))
+    return {test: seconds for stamp in stamps.values() for test, seconds in json.loads(stamp.read_text()).items()}
 
 
 def attempt_all(mutants: Sequence[Mutant], root: Path, jobs: int) -> list[str]:
@@ -160,7 +169,7 @@ def attempt_all(mutants: Sequence[Mutant], root: Path, jobs: int) -> list[str]:
                 return verdict.read_text(encoding="utf-8")
             folder = free.get()
             try:
-                fate = attempt(mutant, folder, {name: took for test in mutant.tests for name, took in seconds[test].items()})
+                fate = attempt(mutant, folder, {name: took for name, took in seconds.items() if name.startswith(mutant.tests)})
             finally:
                 free.put(folder)
             if fate != KILLED:
