@@ -320,13 +320,15 @@ def parse_changes(words: Sequence[str]) -> dict[str, Any]:
     Numbers that YAML takes for text, like 1e-3, are read as numbers by the field that they are for.
 
     Raises:
-        ValueError: a word has no equals sign, or its value is not YAML.
+        ValueError: a word has no equals sign, its name was given before, or its value is not YAML.
     """
     changes = {}
     for word in words:
         name, equals, value = word.partition("=")
         if not equals:
             raise ValueError(f"{word!r} is not a change; expected name=value, e.g. wavelet=haar")
+        if name.strip() in changes:
+            raise ValueError(f"{word!r}: {name.strip()} is given twice; expected each setting once")
         try:
             changes[name.strip()] = yaml.safe_load(value)
         except yaml.YAMLError:

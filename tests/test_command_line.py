@@ -234,6 +234,32 @@ def test_a_shell_that_asks_is_told_what_fits(line, expected):
     assert completed(line) == expected
 
 
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        ("predict synthetic synthetic --clips -1", "clips is -1; expected at least 0"),
+        ("predict synthetic synthetic --out p.txt", "out is p.txt; expected a name that ends in .npz"),
+        ("loop synthetic synthetic --width 0", "width is 0; expected at least 16"),
+        ("loop synthetic synthetic --out l.jpg", "out is l.jpg; expected a name that ends in .png or .webp or .gif"),
+        ("write-synthetic s.txt", "path is s.txt; expected a name that ends in .npz"),
+        ("write-synthetic s.npz --seed -1", "seed is -1; expected at least 0"),
+        ("check-data synthetic --picture p.jpg", "picture is p.jpg; expected a name that ends in .png"),
+        ("check-data ", "source is ''; expected a path"),
+        ("run-notebook 05 --timeout nan", "timeout is nan; expected more than 0 seconds"),
+    ],
+)
+def test_options_are_checked_before_the_work(words, message, capsys, monkeypatch, tmp_path):
+    monkeypatch.chdir(tmp_path)
+    assert main(words.split(" ")) == 1 and message in capsys.readouterr().err and [*tmp_path.iterdir()] == []
+
+
+def test_a_folder_that_cannot_be_made_is_told_before_a_grid_is_measured(tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr("mwlib.cli.measure.measure", lambda *given, **options: pytest.fail("measured all the same"))
+    (tmp_path / "file").touch()
+    assert main(["grid-table", "table_4", "--out", str(tmp_path / "file")]) == 1
+    assert f"File exists: '{tmp_path / 'file'}'" in capsys.readouterr().err
+
+
 def test_older_code_is_accepted_where_somebody_says_so(monkeypatch):
     monkeypatch.delenv("MWLIB_ACCEPT_OLDER_CODE", raising=False)
     assert main(["train", "--preset", "nothing"]) == 1 and "MWLIB_ACCEPT_OLDER_CODE" not in os.environ

@@ -24,6 +24,7 @@ from mwlib.course.notebooks import (
     find_notebook,
     from_text,
     read_parameters,
+    read_values,
     resolve,
     source_hash,
 )
@@ -331,6 +332,14 @@ def test_text_is_read_as_the_parameter_is_typed():
     for word in ("level=", "level=007", "lr=fast", "names=[", "level"):
         with pytest.raises(ParameterError, match="expected"):
             from_text(offered, [word])
+    with pytest.raises(ParameterError, match="level is given twice; expected each parameter once"):
+        from_text(offered, ["level=3", "level=4"])
+
+
+def test_a_file_of_values_says_each_name_once(tmp_path):
+    (tmp_path / "values.yaml").write_text("level: 1\nlevel: 2\n")
+    with pytest.raises(ParameterError, match=r"values.yaml, line 2: 'level' is already in line 1; expected each key once"):
+        read_values(tmp_path / "values.yaml")
 
 
 def test_notebooks_are_found_by_name_and_number(tmp_path):

@@ -206,7 +206,7 @@ def test_words_are_read_as_yaml():
     assert parse_changes(["a=1", "b = [x, 2]", "c=1e-3", "d=true", "e=", "f=k=v"]) == {
         "a": 1, "b": ["x", 2], "c": "1e-3", "d": True, "e": None, "f": "k=v",
     }  # fmt: skip
-    for words, message in ((["haar"], "expected name=value"), (["level=[1"], "not YAML")):
+    for words, message in ((["haar"], "expected name=value"), (["level=[1"], "not YAML"), (["a=1", "a =2"], "a is given twice")):
         with pytest.raises(ValueError, match=message):
             parse_changes(words)
 

@@ -22,7 +22,8 @@ class Skeleton:
         humanml22: the same for HumanML3D's 22; "a:b:0.4" stands for the point at that share of the way from a to b.
 
     Raises:
-        ValueError: lengths differ, a parent does not precede its child, or sides do not pair up.
+        ValueError: lengths differ, a parent does not precede its child, two joints have one name, sides do not pair up or share a
+            joint, or a part has a joint twice.
     """
 
     name: str
@@ -44,6 +45,9 @@ class Skeleton:
                 )
         if len(self.left) != len(self.right):
             raise ValueError(f"{self.name}: {len(self.left)} left joints but {len(self.right)} right joints")
+        for what, one in (("joint", self.joints), ("joint of a side", (*self.left, *self.right)), *self.parts.items()):
+            if twice := [each for n, each in enumerate(one) if each in one[:n]]:
+                raise ValueError(f"{self.name}: {what} {twice[0]!r} twice; expected each once")
 
     def __len__(self) -> int:
         return len(self.joints)

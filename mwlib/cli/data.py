@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from mwlib import plots
+from mwlib.cli.options import expect_ending
 from mwlib.data import check as checking
 from mwlib.data import fetching
 from mwlib.data.collections import COLLECTIONS
@@ -16,6 +17,7 @@ from mwlib.data.formats.h36m import write_h36m
 from mwlib.data.load import data_folder
 from mwlib.experiments.outlook import outlook
 from mwlib.files import write_atomic
+from mwlib.settings import whole
 from mwlib.synthetic.motions import synthetic_motions
 
 
@@ -51,8 +53,8 @@ def check_data(
     for name, value in (("fps", fps), ("history", history), ("future", future)):
         if value is not None and not 0 < value < float("inf"):
             raise ValueError(f"{name} is {value}; expected a positive number")
-    if picture and picture.suffix.lower() != ".png":
-        raise ValueError(f"picture is {picture}; expected a name that ends in .png")
+    if picture:
+        expect_ending("picture", picture, ".png")
     check = checking.check_data(path, fps=fps, history=history, future=future, **meaning)
     ahead = outlook(path, [each.reading.motion for each in check.clips], fps) if check.clips or not check.is_whole else []
     if json:
@@ -94,7 +96,8 @@ def write_synthetic(path: Path, *, seed: int = 0) -> None:
         path: the .npz file to write.
         seed: seed of the generator.
     """
-    motions = synthetic_motions(seed=seed)
+    expect_ending("path", path, ".npz")
+    motions = synthetic_motions(seed=whole("seed", seed))
     write_h36m(path, motions)
     print(f"{path}: {len(motions)} clips by {len({m.subject for m in motions})} subjects")
 

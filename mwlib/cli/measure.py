@@ -38,6 +38,7 @@ def grid_table(**choice_of: Any) -> None:
     """Write the table of a grid, computing the rows that are missing."""
     chosen = options.choice_of(**choice_of)
     asked, given, kind = chosen.grid, [*chosen.changes], system_named(chosen.grid.system)
+    chosen.out.mkdir(parents=True, exist_ok=True)  # what cannot be written is told before hours of work
     found = measure(asked, chosen.cfg, progress=True, given=given)
     tables = {
         "": lines(found, kind.METRICS, errors=True),
@@ -70,6 +71,7 @@ def ship(name: str, *, out: Path = Path("build/models")) -> None:
         out: gets a folder of that name.
     """
     title, cfg = shipped.recipe(name)
+    (out / name).mkdir(parents=True, exist_ok=True)
     shipped.ship(cfg, out / name, title, f"mwlib ship {name}", progress=True)
     print((out / name / shipped.CARD).read_text(encoding="utf-8"), end="")
 

@@ -25,6 +25,16 @@ def meaning(
     return {"unit": unit, "up": up, "file_fps": file_fps, "skeleton": skeleton}
 
 
+def expect_ending(name: str, file: Path, *endings: str) -> None:
+    """Refuse the name of a file to be written that would not say what is in it.
+
+    Raises:
+        ValueError: it ends otherwise.
+    """
+    if file.suffix.lower() not in endings:
+        raise ValueError(f"{name} is {file}; expected a name that ends in {' or '.join(endings)}")
+
+
 class Chosen(NamedTuple):
     """A grid, the preset that its rows change, what else is changed in it, and where results go."""
 

@@ -15,6 +15,7 @@ from tqdm import tqdm
 from mwlib import plots
 from mwlib.body.fitting import FitError
 from mwlib.body.motion import Motion
+from mwlib.cli.options import expect_ending
 from mwlib.data import load_motions
 from mwlib.data.collections import acknowledgement
 from mwlib.data.formats.bvh_writing import write_bvh
@@ -23,7 +24,9 @@ from mwlib.experiments import sampling
 from mwlib.experiments.results import of_older_code
 from mwlib.files import write_atomic, write_together
 from mwlib.networks.text import words_of
+from mwlib.plots.loops import FORMATS
 from mwlib.prediction.predictor import Predictor, predicted_motions
+from mwlib.settings import whole
 from mwlib.synthetic.sentences import RECIPES, examples
 from mwlib.synthetic.sentences_typed import PERSONS, SYNONYMS
 from mwlib.text_to_motion.model import TextToMotion
@@ -39,6 +42,7 @@ def predict(*, out: Path = Path("predictions.npz"), **continued: Any) -> None:
     Args:
         out: the file.
     """
+    expect_ending("out", out, ".npz")
     predictor, sampled = _continued(**continued)
     found = sampled(False)
     bodies, history = predictor.bodies, predictor.representation.history
@@ -102,6 +106,8 @@ def loop(
         width: pixels.
         out: .webp, .gif, .png, or .mp4 where ffmpeg is installed.
     """
+    whole("width", width, 16, 10_000)
+    expect_ending("out", out, *FORMATS)
     predictor, motions = _predictor(run, samples), load_motions(source, **meaning)
     named = [motion for motion in motions if clip in ("", motion.name)]
     if not named:
@@ -259,7 +265,7 @@ def _continued(
         seed: of the sampling.
         clips: only the first so many clips; 0 stands for all.
     """
-    predictor, motions = _predictor(run, samples), load_motions(source, **meaning)[: clips or None]
+    predictor, motions = _predictor(run, samples), load_motions(source, **meaning)[: whole("clips", clips) or None]
     shown = sys.stderr.isatty()
     return predictor, lambda own_rig: dict(
         zip(_names(motions), predicted_motions(predictor, motions, samples, seed, shown, own_rig), strict=True)

@@ -173,7 +173,7 @@ def run_notebook(
         ParameterError: a name is unknown or a value is of the wrong type.
         NotDone: the notebook did not get to its end; the folder then holds no `metrics.json`, or one that says so.
     """
-    if timeout <= 0:
+    if not timeout > 0:
         raise ValueError(f"timeout is {timeout}; expected more than 0 seconds")
     tree = read_notebook(notebook)
     values = resolve(read_parameters(tree), given)

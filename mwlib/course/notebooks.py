@@ -10,12 +10,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import yaml
-
 from mwlib.files import write_atomic
 from mwlib.hashing import sha256
 from mwlib.paths import course_folder
-from mwlib.settings import near
+from mwlib.settings import near, read_yaml
 
 ROOT = course_folder()  # of the folder that the process was started in
 NOTEBOOKS = ROOT / "notebooks"
@@ -187,7 +185,7 @@ def from_text(offered: Mapping[str, Parameter], assignments: Sequence[str]) -> d
     otherwise a Python literal.
 
     Raises:
-        ParameterError: a word has no ``=``, its name is unknown, or its text is not a literal.
+        ParameterError: a word has no ``=``, its name is unknown or was given before, or its text is not a literal.
     """
     given = {}
     for word in assignments:
@@ -195,6 +193,8 @@ def from_text(offered: Mapping[str, Parameter], assignments: Sequence[str]) -> d
         if not equals or name not in offered:
             meant = near(name, offered)
             raise ParameterError(f"unknown parameter in {word!r}{meant}; expected name=value with one of\n{_listing(offered)}")
+        if name in given:
+            raise ParameterError(f"{word!r}: {name} is given twice; expected each parameter once")
         given[name] = text if offered[name].kind == "str" else _literal(offered[name], text)
     return given
 
@@ -204,12 +204,12 @@ def read_values(file: Path) -> dict[str, Any]:
 
     Raises:
         FileNotFoundError: there is no such file.
-        ParameterError: it is not YAML, or not a mapping.
+        ParameterError: it is not YAML, has a name twice, or is not a mapping.
     """
     try:
-        tree = yaml.safe_load(file.read_text(encoding="utf-8"))
-    except (yaml.YAMLError, UnicodeDecodeError) as error:
-        raise ParameterError(f"{file} is not YAML: {' '.join(str(error).split())}") from None
+        tree = read_yaml(file)
+    except ValueError as error:
+        raise ParameterError(str(error)) from None
     if not isinstance(tree, dict | None) or not all(isinstance(name, str) for name in tree or {}):
         raise ParameterError(f"{file} holds {str(tree)[:40]!r}; expected a mapping of parameters, e.g. preset: tiny")
     return tree or {}

@@ -20,7 +20,7 @@ from mwlib.data.check_captioned import CaptionedFolder, captioned_folder, is_cap
 from mwlib.data.collections import COLLECTIONS, h36m, named_source
 from mwlib.data.collections.record import Protocol
 from mwlib.data.doubts import MOST_NAMES, begin_with_a_jump, doubted, other_axis, rows_without_files, some, told_alone
-from mwlib.data.load import caller_says, find_source, motion_files, readings, unread_entries
+from mwlib.data.load import caller_says, expect_source, find_source, motion_files, readings, unread_entries
 from mwlib.data.meaning import ADULT, UNITS, UPRIGHT, Reading, Stated, adults, clips_row, height, standing
 from mwlib.data.mirroring import unmirrored
 from mwlib.data.untrusted import MotionFormatError, bare_suffix
@@ -294,6 +294,7 @@ def _captions(source: str | Path) -> CaptionedFolder | None:
 
 def _read(source: str | Path, **stated) -> tuple[list[Clip], list[str], list[str]]:
     """Every clip, the errors of the files that have none, and what is said of rows of a clips.csv without files."""
+    expect_source(source)
     given = caller_says(**stated)
     source, _ = named_source(source)
     if source == "synthetic":

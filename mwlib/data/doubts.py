@@ -27,7 +27,7 @@ def doubted(clips: Sequence[tuple[str, Reading]]) -> list[str]:
     Args:
         clips: names, such as the files', and what was read.
     """
-    return [text for kind in (_up_doubts, _rate_doubts) for text in kind(clips)]
+    return [text for kind in (_up_doubts, _rate_doubts, _people_doubts) for text in kind(clips)]
 
 
 def begin_with_a_jump(clips: Sequence[tuple[str, Reading]]) -> list[str]:
@@ -91,6 +91,17 @@ def _rate_doubts(clips: Sequence[tuple[str, Reading]]) -> list[str]:
     names = [f"{name} ({reading.fps.value:g} Hz)" for name, reading in clips if recorded_slower(reading)]
     remedy = "say fps 60 in clips.csv, or file_fps=60"
     return [f"CMU recorded them at 60 Hz, and their files say otherwise: {some(names)}; {remedy}"] if names else []
+
+
+def _people_doubts(clips: Sequence[tuple[str, Reading]]) -> list[str]:
+    """Subjects that differ in capitals, signs or zeros in front: one person may then be in training and test."""
+    spellings: dict[str, dict[str, None]] = {}
+    for _, reading in clips:
+        plain = re.sub(r"(?<!\d)0+(?=\d)", "", re.sub(r"[\W_]+", " ", reading.motion.subject.casefold()).strip())
+        spellings.setdefault(plain, {})[reading.motion.subject] = None
+    alike = [" and ".join(map(repr, names)) for names in spellings.values() if len(names) > 1]
+    remedy = "give one person one name in the column subject of clips.csv, and two people names that differ more"
+    return [f"subjects of like names are taken for several people: {some(alike)}; {remedy}"] if alike else []
 
 
 def recorded_slower(reading: Reading) -> bool:

@@ -81,8 +81,7 @@ def load_motions(
         ValueError: an argument makes no sense, or no way to `skeleton` is known.
     """
     _check_rate("fps", fps)
-    if not isinstance(source, str | Path):
-        raise ValueError(f"source is {shown(source)}; expected a path, 'synthetic' or one of {', '.join(NAMED_SOURCES)}")
+    expect_source(source)
     source, own_fps = named_source(source)
     fps = fps or own_fps
     given = caller_says(unit, up, file_fps, skeleton)
@@ -90,6 +89,16 @@ def load_motions(
     motions = _synthetic() if source == "synthetic" else _read(find_source(source), given, strict)
     motions = motions if wanted is None else [m.retarget(wanted) for m in motions]
     return motions if fps is None else [m.resample(fps) for m in motions]
+
+
+def expect_source(source: object) -> None:
+    """Refuse what names no motions; an empty text, which is also the path of the working folder, was meant for none.
+
+    Raises:
+        ValueError: it is neither a path nor a name.
+    """
+    if not isinstance(source, str | Path) or source == "":
+        raise ValueError(f"source is {shown(source)}; expected a path, 'synthetic' or one of {', '.join(NAMED_SOURCES)}")
 
 
 def caller_says(
@@ -104,11 +113,10 @@ def caller_says(
         ValueError: an unknown unit, axis or skeleton, or no rate.
     """
     _check_rate("file_fps", file_fps)
-    if isinstance(skeleton, str):
-        if skeleton not in SKELETONS:
-            raise ValueError(f"skeleton is {skeleton!r}; expected one of {', '.join(sorted(SKELETONS))}")
-        skeleton = SKELETONS[skeleton]
-    if up is not None and up not in AXES:
+    skeleton = SKELETONS.get(skeleton, skeleton) if isinstance(skeleton, str) else skeleton
+    if not isinstance(skeleton, Skeleton | None):
+        raise ValueError(f"skeleton is {shown(skeleton)}; expected a Skeleton or one of {', '.join(sorted(SKELETONS))}")
+    if up is not None and (not isinstance(up, str) or up not in AXES):
         raise ValueError(f"up is {up!r}; expected {' or '.join(AXES)}")
     metres = None if unit is None else metres_per_unit(unit)
     return {"unit": metres, "up": up, "fps": file_fps, "fallback_skeleton": skeleton}

@@ -3,6 +3,7 @@
 import csv
 import posixpath
 import re
+import unicodedata
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -79,10 +80,10 @@ def metres_per_unit(unit: float | str) -> float:
     Raises:
         ValueError: an unknown name, or not a positive number of sensible size.
     """
-    if unit in UNITS:
+    if isinstance(unit, str) and unit in UNITS:
         return UNITS[unit]
     try:
-        metres = float(unit)
+        metres = 0.0 if isinstance(unit, bool) else float(unit)
     except (TypeError, ValueError):
         metres = 0.0
     if not 0 < metres <= LONGEST_UNIT:
@@ -410,7 +411,7 @@ def _key(parts: tuple[str, ...]) -> str:
 def _clips(table: Path, *_state: int) -> dict[str, dict[str, str]]:
     """Rows of one clips.csv by file; its time and size make an edited file be read again."""
     try:
-        reader = csv.reader(read_text(table, SMALL_TEXT).splitlines())
+        reader = csv.reader(read_text(table, SMALL_TEXT).splitlines(), strict=True)
         columns = _header(next((cells for cells in reader if any(cells)), []), table)
         lines = [(reader.line_num, cells) for cells in islice(reader, MOST_ROWS + 1)]
     except csv.Error as error:
@@ -420,7 +421,7 @@ def _clips(table: Path, *_state: int) -> dict[str, dict[str, str]]:
     rows: dict[str, dict[str, str]] = {}
     first: dict[str, int] = {}
     for line, cells in lines:
-        cells = [" ".join(cell.split()) for cell in cells]
+        cells = [" ".join(_visible(cell).split()) for cell in cells]
         if not any(cells):
             continue
         row = dict(zip(columns, cells + [""] * (len(columns) - len(cells)), strict=False))
@@ -430,6 +431,12 @@ def _clips(table: Path, *_state: int) -> dict[str, dict[str, str]]:
             raise MotionFormatError(table, f"line {line}", f"{row['file']}, as in line {first[key]}", "one row for each file")
         first[key], rows[key] = line, row
     return rows
+
+
+def _visible(cell: str) -> str:
+    """A text in the one spelling of all that look alike, as René has two; without marks of no width."""
+    whole = unicodedata.normalize("NFC", cell)
+    return "".join(c for c in whole if unicodedata.category(c) != "Cf")
 
 
 def _header(cells: list[str], table: Path) -> list[str]:

@@ -274,7 +274,7 @@ def number(word: str, file: Path, place: str) -> float:
         MotionFormatError: it is none.
     """
     try:
-        value = float(word) if len(word) <= LONGEST_WORD else math.nan
+        value = float(word) if len(word) <= LONGEST_WORD and word.isascii() and "_" not in word else math.nan
     except ValueError:
         value = math.nan
     if not abs(value) <= LARGEST:

@@ -105,8 +105,8 @@ def read_grids(path: Path | None = None) -> dict[str, Grid]:
     Raises:
         FileNotFoundError: there is no such file.
         ValueError: the file holds no grids, a key twice or an unknown one; a grid, row or budget lacks a field, or one holds
-            what it must not; two rows share a name; budgets do not rise; the paper's number is of no metric of the system; or a
-            change, of a row or a budget, is not a valid setting. The message names the file, the line and the place.
+            what it must not; two rows share a name or all settings; budgets do not rise; the paper's number is of no metric of
+            the system; or a change, of a row or a budget, is not a valid setting. The message names file, line and place.
     """
     path = grids_file() if path is None else Path(path)
     tree = read_yaml(path)
@@ -157,13 +157,21 @@ def _within(low: float, *types: type) -> Callable[[Any], bool]:
     return lambda value: _is(*types)(value) and low < value < float("inf")
 
 
+def _is_line(text: str) -> bool:
+    """Whether a text can stand in a cell of a table, where nobody sees blanks around it."""
+    return text.isprintable() and text == text.strip() != ""
+
+
 # What a field of the file may hold; the first entry of a pair is what a message calls it.
+MOST_SEEDS = 1000  # of a row: own choice, far more than anybody waits for
 MAPPING, LIST, TEXT = ("a mapping", _is(dict, type(None))), ("a list", _is(list)), ("a text", _is(str))
 TRUTH, NUMBER = ("true or false", _is(bool)), ("a finite number", _within(float("-inf"), int, float))
-POSITIVE, COUNT = ("a number above 0, finite", _within(0, int, float)), ("a whole number from 1", _within(0, int))
+POSITIVE = ("a number above 0, finite", _within(0, int, float))
+COUNT = (f"a whole number from 1 to {MOST_SEEDS}", lambda value: _within(0, int)(value) and value <= MOST_SEEDS)
 GRID = {"title": TEXT, "rows": LIST, "system": TEXT, "paper": TEXT, "notebook": TEXT, "trains": TRUTH,
         "unmeasured": LIST, "base": MAPPING, "budgets": LIST, "reference": TEXT}  # fmt: skip
-ROW = {"name": ("a name", _is(str, int, float)), "set": MAPPING, "paper": MAPPING,
+NAMES = "a name, in one line without blanks around it", lambda value: _is(str, int, float)(value) and _is_line(str(value))
+ROW = {"name": NAMES, "set": MAPPING, "paper": MAPPING,
        "seeds": (COUNT[0], lambda value: value is None or COUNT[1](value))}  # fmt: skip
 BUDGET = {"until": POSITIVE, "seeds": COUNT, "share": POSITIVE, "set": MAPPING, "trains": TRUTH}
 
@@ -177,18 +185,21 @@ def _grid(where: _Place, name: str, body: Any) -> Grid:
     except ValueError as error:
         raise ValueError(f"{where.of(body, 'system')}: {error}") from None
     metrics = [*kind.METRICS, *getattr(kind, "DETAILS", {}), *map(str, body.get("unmeasured", ()))]
-    plain, base = kind.Config(), body.get("base") or {}
+    plain, base, counted = kind.Config(), body.get("base") or {}, ("sampling_seed", "seed")[: 1 + bool(body.get("trains"))]
     rows = [_row(where.of(body, "rows", f"row {n}"), row, metrics) for n, row in enumerate(body["rows"], 1)]
     if not rows or len({row.name for row in rows}) < len(rows):
         raise ValueError(f"{where}: {'two rows have the same name' if rows else 'there are no rows'}; expected different ones")
-    for row, read in zip(rows, body["rows"], strict=True):
-        _fit(where.of(read, words=f"row {row.name!r}"), plain, base, read.get("set") or {})
+    for n, (row, read) in enumerate(zip(rows, body["rows"], strict=True)):
+        place = where.of(read, words=f"row {row.name!r}")
+        _fit(place, plain, counted, base, read.get("set") or {})
+        if twin := next((other.name for other in rows[:n] if other.changes == row.changes), None):
+            raise ValueError(f"{place}: the same settings as {twin!r}; expected rows that differ")
     budgets: list[Budget] = []
     for number, read in enumerate(body.get("budgets", ()), 1):
         place = where.of(body, "budgets").of(read, words=f"budget {number}")
         budgets.append(_budget(place, read, budgets))
         row = next((row for row in rows if not {*row.changes} & {*budgets[-1].changes}), rows[0])
-        _fit(place, plain, read.get("set") or {}, base, row.changes)  # in the order of `changes`
+        _fit(place, plain, counted, read.get("set") or {}, base, row.changes)  # in the order of `changes`
     grid = Grid(
         name, body.get("system", "prediction"), body["title"], body.get("paper", ""), body.get("notebook", ""),
         bool(body.get("trains")), dict(base), tuple(rows), tuple(budgets), body.get("reference") or rows[0].name,
@@ -224,8 +235,13 @@ def _budget(where: _Place, body: Any, before: Sequence[Budget]) -> Budget:
     return Budget(body["until"], body["seeds"], body.get("share", 1.0), dict(body.get("set") or {}), body.get("trains"))
 
 
-def _fit(where: _Place, plain: Settings, *parts: Mapping[str, Any]) -> None:
+def _fit(where: _Place, plain: Settings, counted: Collection[str], *parts: Mapping[str, Any]) -> None:
     """Refuse settings that the configuration does not take, the last of each name; the line is that of the one it names."""
+    for part in parts:
+        for name in part:
+            if name in counted or not isinstance(name, str):
+                expected = "seeds, which says how many are drawn" if name in counted else "names of settings"
+                raise ValueError(f"{where.of(part, name)}: set has {name!r}; expected {expected}")
     try:
         plain.override(**{name: value for part in parts for name, value in part.items()})
     except (TypeError, ValueError) as error:
@@ -287,8 +303,12 @@ def changes(grid: Grid, row: Row, cfg: Settings, given: Collection[str] = ()) ->
 def _shortened(cfg: Settings, share: float) -> dict[str, Any]:
     """Everything in a training that is counted in steps, cut to a share."""
     settings = cfg.get_group("training")
-    lengths = {name: round(share * getattr(settings, name)) for name in ("train_steps", "lr_period", "warmup", "ema_start")}
-    return {**lengths, "lr_milestones": [round(share * m) for m in settings.lr_milestones]}
+
+    def cut(steps: int) -> int:
+        return max(round(share * steps), min(steps, 1))
+
+    lengths = {name: cut(getattr(settings, name)) for name in ("train_steps", "lr_period", "warmup", "ema_start")}
+    return {**lengths, "lr_milestones": [*map(cut, settings.lr_milestones)]}
 
 
 def row_config(grid: Grid, row: Row, cfg: Settings, seed: int = 0, given: Collection[str] = ()) -> Settings:

@@ -134,7 +134,7 @@ class ModelConfig:
 class ObjectiveConfig:
     """What the network is asked for in training."""
 
-    drop_condition: Advanced[Share] = 0.2  # how often the condition is left out, for classifier-free guidance
+    drop_condition: Advanced[BelowOne] = 0.2  # how often the condition is left out, for classifier-free guidance
     drop_per: Literal["sample", "batch"] = "sample"  # one coin each, or one for all
     loss_weight: Literal["uniform", "metric"] = "uniform"  # "metric" weighs scaled coefficients by their variance in metres
     level_weight: Literal["uniform", "snr"] = "uniform"  # of noise levels; "snr": by signal over noise, see SNR_BOUNDS
@@ -237,6 +237,8 @@ class Config(Settings):
              "wmsg is 'every_step' with phase codes; expected 'off' or 'y0_hat': the autoencoder would take the noise away"),
             (m.transform == "time_wavelet" and m.omit >= m.level,
              f"omit is {m.omit} of level {m.level}; expected fewer than the levels"),
+            ("wavelet" in m.transform and m.level >= frames.bit_length(),  # more are of the borders only, and fill any memory
+             f"level is {m.level} of {frames} frames; expected at most {frames.bit_length() - 1}"),
             (m.transform == "dct" and m.dct_rows > frames,
              f"dct_rows is {m.dct_rows}; expected at most history + future ({frames})"),
         )  # fmt: skip

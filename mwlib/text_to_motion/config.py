@@ -82,7 +82,7 @@ class ModelConfig:
     attention_dropout: BelowOne = 0.1  # of MDM, on attention weights; on the CPU anything but 0 is slow
     frames_per_token: Count = 1  # of MDM; more is quicker
     mask_frames: bool = True  # of both: hide padding from valid frames; as first published they see it, noise and all
-    multipliers: Advanced[tuple[int, ...]] = (2, 2, 2, 2)  # of the U-Net, one for each level
+    multipliers: Advanced[tuple[Count, ...]] = (2, 2, 2, 2)  # of the U-Net, one for each level
     text: Literal["words", "ngrams", "clip"] = "words"  # a small transformer, hashed parts of words, or CLIP from a file
     text_width: Count = 512  # of "words" and "ngrams"
     text_layers: Natural = 2  # of "words" and "ngrams"

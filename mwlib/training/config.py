@@ -2,9 +2,11 @@
 
 import math
 from dataclasses import dataclass
-from typing import Literal
+from typing import Annotated, Literal
 
-from mwlib.settings import Advanced, Count, Natural, NotNegative, Positive, Share
+from annotated_types import Interval
+
+from mwlib.settings import Advanced, BelowOne, Count, Natural, NotNegative, Positive
 
 
 @dataclass(frozen=True)
@@ -12,15 +14,15 @@ class TrainingConfig:
     """The optimisation."""
 
     train_steps: Count = 390_500  # batches
-    batch: Count = 64  # items in each, over all processes
+    batch: Annotated[int, Interval(ge=1, le=65_536)] = 64  # items in each, over all processes
     lr: Positive = 1e-4  # learning rate
     weight_decay: NotNegative = 0.01  # of AdamW
     lr_schedule: Literal["constant", "multistep", "cosine_restarts", "cosine"] = "multistep"  # see learning_rate
-    lr_milestones: tuple[int, ...] = (93_720, 140_580, 187_440, 234_300)  # steps after which "multistep" multiplies by lr_gamma
+    lr_milestones: tuple[Count, ...] = (93_720, 140_580, 187_440, 234_300)  # steps after which "multistep" multiplies by lr_gamma
     lr_gamma: Positive = 0.2  # that factor; of "cosine_restarts", the factor from peak to peak
     lr_period: Advanced[Count] = 15_620  # steps between cosine restarts
     warmup: Natural = 0  # steps of linear warm-up
-    ema: Share = 0.995  # decay of the moving average of the weights
+    ema: BelowOne = 0.995  # decay of the moving average of the weights
     ema_start: Natural = 2000  # copy the weights until this step
     clip_gradient: NotNegative = 0.0  # largest norm of the gradient; 0 = no limit
     mixed_precision: Advanced[Literal["no", "fp16", "bf16"]] = "no"  # of the network's products

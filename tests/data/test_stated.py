@@ -63,9 +63,21 @@ def test_a_row_that_makes_no_sense_is_refused(tmp_path, row):
 
 def test_arguments_that_make_no_sense_are_refused(tmp_path):
     (tmp_path / "a.bvh").write_text(BVH)
-    for argument in ({"up": "x"}, {"unit": "furlong"}, {"file_fps": 0.0}, {"file_fps": float("nan")}):
+    for argument in (
+        {"up": ["y"]},
+        {"unit": []},
+        {"unit": True},
+        {"skeleton": 5},
+        {"skeleton": ["H36M17"]},
+        {"up": "x"},
+        {"unit": "furlong"},
+        {"file_fps": 0.0},
+        {"file_fps": float("nan")},
+    ):
         with pytest.raises(ValueError, match=f"{next(iter(argument))} is .*; expected"):
             load_motions(tmp_path / "a.bvh", **argument)
+    with pytest.raises(ValueError, match="source is ''; expected a path"):
+        load_motions("")
 
 
 def test_human36m_in_millimetres_is_refused_with_the_likely_unit(tmp_path):

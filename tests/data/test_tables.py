@@ -8,7 +8,7 @@ import pytest
 
 from mwlib import load_motions
 from mwlib.cli import main
-from mwlib.data.untrusted import BrokenFilesWarning, MotionFormatError
+from mwlib.data.untrusted import BrokenFilesWarning, DoubtfulDataWarning, MotionFormatError
 from tests.sample_motions import BVH
 
 
@@ -34,6 +34,7 @@ REFUSED = [
     ("file,fps\na.bvh,120\n\n./a.bvh.xz,30\n", r"line 4: found ./a.bvh.xz, as in line 2; expected one row for each file"),
     ("file,fps\nsub/c.bvh,120\nsub\\c.bvh,30\n", r"line 3: found sub.c.bvh, as in line 2"),
     ("file,fps\n,120\n", r"line 2: found no file; expected a file in every row"),
+    ('file,fps\n"a.bvh,120\nb.bvh,120\n', r"table: found unexpected end of data; expected comma-separated values"),
     ("file,action\na.bvh,jump, forward\n", r"line 2: found 3 cells; expected 2 cells; a text with a comma stands in quotes"),
 ]
 
@@ -65,6 +66,24 @@ def test_blanks_change_nothing_and_make_nobody_another_person(folder, table):
 def test_a_name_of_two_words_keeps_one_blank(folder):
     (folder / "clips.csv").write_text("file,subject\na.bvh,Ann  B\nb.bvh, Ann B\nsub/c.bvh,Ann\u00a0B\n", encoding="utf-8")
     assert {m.subject for m in load_motions(folder)} == {"Ann B"}
+
+
+def test_what_looks_alike_is_one_person_and_what_nearly_does_is_doubted(folder, capsys):
+    table = "file,subject\na.bvh,Rene\u0301\nb.bvh,Ren\u00e9\nsub/c.bvh,Ren\u200b\u00e9\n"
+    (folder / "clips.csv").write_text(table, encoding="utf-8")
+    assert {m.subject for m in load_motions(folder)} == {"Ren\u00e9"} and main(["check-data", str(folder)]) == 0
+    (folder / "clips.csv").write_text("file,subject\na.bvh,Anna 1\nb.bvh,anna_01\nsub/c.bvh,Anna 10\n")
+    with pytest.warns(DoubtfulDataWarning, match="several people: 'Anna 1' and 'anna_01'; give one person one name"):
+        load_motions(folder)
+    capsys.readouterr()
+    assert main(["check-data", str(folder)]) == 1 and "'Anna 1' and 'anna_01'" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("word", ["1_20", "\u0661\u0662\u0660", "0x78", "120 Hz", "inf"])
+def test_a_rate_is_written_in_plain_digits(folder, word):
+    (folder / "clips.csv").write_text(f"file,fps\na.bvh,{word}\n", encoding="utf-8")
+    with pytest.raises(MotionFormatError, match=r"row of a.bvh: found .*; expected a finite number"):
+        load_motions(folder / "a.bvh")
 
 
 def test_rows_that_match_no_file_are_told(folder, capsys):

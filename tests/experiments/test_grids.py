@@ -14,7 +14,7 @@ from mwlib import plots
 from mwlib.cli import main
 from mwlib.course.notebooks import course
 from mwlib.experiments import committed, committed_pairs, lines, measure, read_grids, tables
-from mwlib.experiments.grids import changes, row_config
+from mwlib.experiments.grids import Budget, Grid, Row, changes, row_config
 from mwlib.experiments.runs import Run
 from mwlib.experiments.systems import system
 from mwlib.paths import course_folder
@@ -93,6 +93,14 @@ BUDGETS = "    budgets:\n      - {{ seeds: 1, {} }}\n"
         (", paper: { ade: .nan }", "", "line 5: a, row 1: ade of the paper is nan; expected a finite number"),
         (", paper: { ade: true }", "", "line 5: a, row 1: ade of the paper is True; expected a finite number"),
         (", seeds: 0", "", "line 5: a, row 1: seeds is 0; expected a whole number from 1"),
+        (", seeds: 1001", "", "line 5: a, row 1: seeds is 1001; expected a whole number from 1 to 1000"),
+        (", set: { sampling_seed: 5 }", "", "row 'one': set has 'sampling_seed'; expected seeds, which says how many are drawn"),
+        (", set: { seed: 5 }", "    trains: true\n", "line 5: a, row 'one': set has 'seed'; expected seeds, which"),
+        ("", BUDGETS.format("until: 3, set: { sampling_seed: 1 }"), "line 7: a, budget 1: set has 'sampling_seed'; expected"),
+        (", set: { 1: 2 }", "", "line 5: a, row 'one': set has 1; expected names of settings"),
+        (" }\n      - { name: ' one'", "", "line 6: a, row 2: name is ' one'; expected a name, in one line without blanks"),
+        (' }\n      - { name: "o\\ne"', "", "line 6: a, row 2: name is 'o\\ne'; expected a name, in one line"),
+        (" }\n      - { name: two, set: {}", "", "line 6: a, row 'two': the same settings as 'one'; expected rows that differ"),
         (", sets: {}", "", "line 5: a, row 1 has ['name', 'sets']; expected ['name'], and any of"),
         (", set: { wavlet: haar }", "", "line 5: a, row 'one': unknown setting 'wavlet'; did you mean 'wavelet'?"),
         ("", "    base:\n      lr: 0.1\n      level: two\n", "line 8: a, row 'one': level is 'two'; expected a whole number"),
@@ -104,6 +112,7 @@ BUDGETS = "    budgets:\n      - {{ seeds: 1, {} }}\n"
         ("", BUDGETS.format("until: .nan"), "line 7: a, budget 1: until is nan; expected a number above 0, finite"),
         ("", BUDGETS.format("until: .inf"), "line 7: a, budget 1: until is inf; expected a number above 0, finite"),
         ("", BUDGETS.format("until: 3, share: -1.0"), "line 7: a, budget 1: share is -1.0; expected a number above 0, finite"),
+        ("", BUDGETS.format("until: 3, share: 0.0"), "line 7: a, budget 1: share is 0.0; expected a number above 0, finite"),
         ("", BUDGETS.format("until: 3, share: 0"), "line 7: a, budget 1: share is 0; expected a number above 0, finite"),
         ("", "    budgets: [{ until: 3, seeds: -1 }]\n", "line 6: a, budget 1: seeds is -1; expected a whole number from 1"),
         (
@@ -111,7 +120,7 @@ BUDGETS = "    budgets:\n      - {{ seeds: 1, {} }}\n"
             BUDGETS.format("until: 3, set: { tranesteps: 3 }"),
             "line 7: a, budget 1: unknown setting 'tranesteps'; did you mean",
         ),
-        ("", BUDGETS.format("until: 3, set: { batch: 0 }"), "line 7: a, budget 1: batch is 0; expected at least 1"),
+        ("", BUDGETS.format("until: 3, set: { batch: 0 }"), "line 7: a, budget 1: batch is 0; expected 1 to 65536"),
         (
             "",
             BUDGETS.format("until: 5000") + "      - { until: 5000, seeds: 1 }\n",
@@ -296,3 +305,10 @@ def test_a_budget_may_say_that_every_seed_is_a_training(tmp_path):
     file.write_text(file.read_text(encoding="utf-8").replace("trains: true", "trains: often"), encoding="utf-8")
     with pytest.raises(ValueError, match="trains is 'often'; expected true or false"):
         read_grids(file)
+
+
+def test_a_training_that_is_cut_short_keeps_a_step():
+    cfg = system("prediction").Config.preset("tiny")
+    budget = Budget(1e9, 1, share=1e-9)
+    grid = Grid("a", "prediction", "t", "", "", False, {}, (Row("one", {}, {}),), (budget,))
+    assert row_config(grid, grid.rows[0], cfg).get("train_steps") == 1

@@ -1,6 +1,7 @@
 """Arrays of one's own: .npy and .npz with joint positions, and the skeleton file beside them."""
 
 import json
+from collections import Counter
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -91,14 +92,14 @@ def read_skeleton_file(file: Path) -> Layout:
         MotionFormatError: not JSON, an unknown key, a field of the wrong kind, or a skeleton that is no tree.
     """
     try:
-        tree = json.loads(read_text(file, SMALL_TEXT))
+        tree = json.loads(read_text(file, SMALL_TEXT), object_pairs_hook=_once)
     except (ValueError, RecursionError) as error:
         if isinstance(error, MotionFormatError):
             raise
-        raise MotionFormatError(file, "text", str(error)[:80], "JSON") from error
+        raise MotionFormatError(file, "text", str(error)[:80], "JSON with each key once") from error
     if isinstance(tree, dict):
         check_names(tree, KEYS, "key", file, "top")
-    if not isinstance(tree, dict) or not isinstance(tree.get("name"), str):
+    if not isinstance(tree, dict) or not isinstance(tree.get("name"), str) or not tree["name"].strip():
         raise MotionFormatError(file, "top", "no name", "an object with a name")
     label(tree["name"], file, "name")
     if "joints" in tree or tree["name"] not in SKELETONS:
@@ -106,6 +107,13 @@ def read_skeleton_file(file: Path) -> Layout:
     else:
         tree["skeleton"] = tree["name"]
     return layout_of(tree, file, BESIDE)
+
+
+def _once(pairs: list[tuple[str, object]]) -> dict:
+    """An object, each of whose keys stands once."""
+    if twice := [key for key, count in Counter(key for key, _ in pairs).items() if count > 1]:
+        raise ValueError(f"key {twice[0]!r} twice")
+    return dict(pairs)
 
 
 def _skeleton(tree: dict, file: Path) -> Skeleton:
@@ -119,7 +127,8 @@ def _skeleton(tree: dict, file: Path) -> Skeleton:
             file, "joints, parents", found, f"a list of two or more names up to {MOST_JOINTS}, a list of indices"
         )
     for name in names:
-        label(name, file, "joints")
+        if label(name, file, "joints").strip() != name or not name:
+            raise MotionFormatError(file, "joints", repr(name), "names without blanks around them")
     parts = tree.get("parts", {})
     if not isinstance(parts, dict):
         raise MotionFormatError(file, "parts", repr(parts)[:60], "an object")
@@ -155,7 +164,7 @@ def layout_of(said: dict, file: Path, source: str) -> Layout:
     if unit is not None:
         try:
             unit = metres_per_unit(unit)
-        except (ValueError, TypeError) as error:
+        except ValueError as error:
             raise MotionFormatError(file, "unit", repr(unit)[:40], str(error).split("expected ")[-1]) from error
     fps = said.get("fps")
     if fps is not None:

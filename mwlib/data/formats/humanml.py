@@ -5,6 +5,7 @@ whose rules on lengths and time stamps are kept.
 """
 
 import math
+import posixpath
 import warnings
 from collections import Counter
 from collections.abc import Container, Iterable, Iterator, Mapping, Sequence
@@ -372,9 +373,11 @@ def _fill(lists: dict[str, list[str]], path: Path) -> Iterator[MotionFormatError
         file = path / f"{split}.txt"
         for line, row in enumerate(read_text(file, SMALL_TEXT).splitlines(), 1):
             for name in row.split():
-                if (size := len(name.encode())) > LONGEST_NAME:  # no file has such a name
-                    found = f"{name[:20]!r} and so on, {size} bytes"
-                    yield MotionFormatError(file, f"line {line}", found, f"the name of a clip, at most {LONGEST_NAME} bytes")
+                size = len(name.encode())
+                if size > LONGEST_NAME or posixpath.normpath(name) != name or name[0] in "/." or "\\" in name:
+                    found = f"{name[:20]!r} and so on, {size} bytes" if size > LONGEST_NAME else repr(name)
+                    expected = f"the name of a clip, at most {LONGEST_NAME} bytes, below the folder"
+                    yield MotionFormatError(file, f"line {line}", found, expected)
                     continue
                 whose, where = owner.setdefault(name.removeprefix("M"), (split, f"as {name} in {file.name}, line {line}"))
                 if name in lines:

@@ -135,6 +135,14 @@ def test_an_array_that_does_not_fit_is_refused(tmp_path, array, message):
         ({"joints": ["\ud800", "left", "right", "top"]}, "joints: found .* a name"),
         ({"name": "x" * 300}, "name: found .*at most 200 characters"),
         ({"joints": ["j"] * 501}, "names up to 500"),
+        ({"joints": ["middle", "left", "right", "left"]}, "skeleton: found .*joint 'left' twice"),
+        ({"joints": ["middle", "left", "right", " left"]}, "joints: found ' left'; expected names without blanks"),
+        ({"joints": ["", "left", "right", "top"]}, "joints: found ''; expected names"),
+        ({"left": [1], "right": [1]}, "joint of a side 1 twice; expected each once"),
+        ({"left": [1, 1], "right": [2, 3]}, "joint of a side 1 twice"),
+        ({"parts": {"arms": [1, 1]}}, "arms 1 twice"),
+        ({"unit": True}, "unit: found True; expected metres"),
+        ({"name": " "}, "an object with a name"),
     ],
 )
 def test_a_skeleton_file_that_makes_no_sense_is_refused(tmp_path, change, message):
@@ -145,7 +153,7 @@ def test_a_skeleton_file_that_makes_no_sense_is_refused(tmp_path, change, messag
     assert "skeleton.json" in str(caught.value)
 
 
-@pytest.mark.parametrize("text", ["", "{", "[" * 100_000, "[]", '"H36M17"'])
+@pytest.mark.parametrize("text", ['{"name": "H36M17", "fps": 30, "fps": 60}', "", "{", "[" * 100_000, "[]", '"H36M17"'])
 def test_a_skeleton_file_is_a_json_object(tmp_path, text):
     (tmp_path / "skeleton.json").write_text(text)
     np.save(tmp_path / "a.npy", POSITIONS)

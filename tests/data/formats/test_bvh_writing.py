@@ -215,7 +215,6 @@ def point(name: str, parents=(-1, 0)) -> Skeleton:
         ({"skeleton": point("two  spaces")}, "named 'two  spaces'"),
         ({"skeleton": point("brace {")}, "named 'brace {'"),
         ({"skeleton": point("line\nend")}, r"named 'line\\nend'"),
-        ({"skeleton": point("a")}, "two joints are named 'a'"),
         ({"positions": np.full((4, 2, 3), np.nan)}, "a in frame 0 is not finite"),
         ({"positions": np.full((4, 2, 3), 1e6)}, "a number of the motion is 1e[+]08 in the file"),
     ],

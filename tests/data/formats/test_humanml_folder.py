@@ -157,6 +157,14 @@ LISTS = [
         "000003",
         ["train.txt, line 2: found '77777777777777777777' and so on, 201 bytes; expected the name"],
     ),
+    *(
+        (
+            f"000001\n{name}",
+            "000003",
+            [f"train.txt, line 2: found {name!r}; expected the name of a clip, at most 200 bytes, below"],
+        )
+        for name in ("./000001", "a//b", "../new_joint_vecs/000001", "/etc/passwd", "a\\b", "a/../b")
+    ),
     ("M000001", "000001", [f"test.txt, line 1: found 000001, as M000001 in train.txt, line 1; {SHARED}"]),
     (
         "000001\nM000001\n000003\n000003",

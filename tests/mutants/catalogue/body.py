@@ -79,6 +79,10 @@ MUTANTS = [
          "body/test_rotation.py::test_quaternions_of_matrices_at_half_turns"),
     ),
     *of(
+        "body/skeleton.py", "data/formats/test_arrays.py",
+        ("two-joints-of-one-name", "for n, each in enumerate(one) if each in one[:n]]", "for each in one[:0]]"),
+    ),
+    *of(
         "body/skeleton.py", "body/test_correspondence.py",
         ("collars-at-the-shoulders", "thorax:left_clavicle:0.4", "thorax:left_clavicle:0.9"),
     ),

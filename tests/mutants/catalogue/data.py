@@ -57,7 +57,11 @@ MUTANTS = [
         ("columns-of-any-name", "check_names(columns, COLUMNS", "check_names((), COLUMNS"),
         ("the-last-of-two-columns-wins", "for name, count in Counter(columns).items() if count > 1", "for name in columns[:0]"),
         ("the-last-of-two-rows-wins", "if key in first:", "if key in ():"),
-        ("blanks-make-a-person", '[" ".join(cell.split()) for cell in cells]\n        if', "[*cells]\n        if"),
+        ("blanks-make-a-person", '[" ".join(_visible(cell).split()) for', "[_visible(cell) for"),
+        ("true-is-a-metre", "0.0 if isinstance(unit, bool) else float(unit)", "float(unit)", "data/formats/test_arrays.py"),
+        ("two-spellings-are-two-people", 'unicodedata.normalize("NFC", cell)', "cell"),
+        ("marks-of-no-width-make-a-person", '"".join(c for c in whole if unicodedata.category(c) != "Cf")', "whole"),
+        ("quotes-without-an-end", ".splitlines(), strict=True)", ".splitlines())"),
         ("blanks-make-a-column", 'columns = [" ".join(cell.split()) for cell in cells]', "columns = [*cells]"),
         ("cells-without-a-column-are-dropped", "if any(more):", "if more and False:"),
         ("two-ways-to-one-file", "if len(listed) > 1:", "if len(listed) > 2:"),
@@ -66,6 +70,9 @@ MUTANTS = [
     *of(
         "data/doubts.py", "data/test_tables.py",
         ("rows-too-deep-are-not-told", "len(inside) <= LEVELS_UP and", "len(inside) and"),
+        ("capitals-make-a-person", "reading.motion.subject.casefold()", "reading.motion.subject"),
+        ("zeros-in-front-make-a-person", 'r"(?<!\\d)0+(?=\\d)"', 'r"^$"'),
+        ("ten-is-one", 'r"(?<!\\d)0+(?=\\d)"', '"0+"'),
     ),
     *of(
         "data/doubts.py", "data/test_doubts.py",
@@ -102,7 +109,9 @@ MUTANTS = [
     ),
     *of(
         "data/formats/humanml.py", "data/formats/test_humanml_folder.py",
-        ("names-that-no-file-has", "if (size := len(name.encode())) > LONGEST_NAME:", "if (size := 0):"),
+        ("names-that-no-file-has", "if size > LONGEST_NAME or", "if"),
+        ("a-path-to-a-clip-is-another-clip", "posixpath.normpath(name) != name or", ""),
+        ("clips-from-anywhere", 'or name[0] in "/." or', "or"),
         ("a-clip-twice-in-a-list", "if name in lines:\n", "if False:\n"),
         ("a-mirror-image-is-another-clip", 'owner.setdefault(name.removeprefix("M"),', "owner.setdefault(name,"),
         ("lists-may-share-clips", "elif whose != split:", "elif False:"),

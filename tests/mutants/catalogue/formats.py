@@ -45,7 +45,6 @@ MUTANTS = [
         "data/formats/bvh_writing.py", "data/formats/test_bvh_writing.py",
         ("channels-that-say-too-little", "if 2 * astray.max() > ALIKE:", "if False:"),
         ("end-sites-left-out", "if joint not in has_children:", "if False:"),
-        ("names-that-cannot-be-read", "if joints.count(name) > 1:", "if False:"),
     ),
     *of(
         "data/formats/asf_amc.py", "data/formats/test_amc.py",
@@ -80,6 +79,8 @@ MUTANTS = [
          "data/test_stated.py", "data/formats/test_arrays.py"),
         ("joint-indices-of-nobody", "all(type(i) is int and 0 <= i < len(names) for i in row)",
          "all(type(i) is int for i in row)"),
+        ("the-last-of-two-keys-of-json-counts", "if count > 1]", "if count > 2]"),
+        ("joints-with-blanks", ".strip() != name or not name:", "== 0:"),
         ("rates-of-any-kind", "if not isinstance(fps, str | int | float):", "if False:"),
     ),
     *of(

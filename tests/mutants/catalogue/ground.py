@@ -9,6 +9,7 @@ MUTANTS = [
     ),
     *of(
         "settings.py", "test_settings.py",
+        ("the-last-of-two-words-counts", "if name.strip() in changes:", "if False:"),
         ("newer-fields-always-in-the-hash", "if name not in newer or value != newer[name]", "if True"),
         ("newer-fields-never-in-the-hash", "if name not in newer or value != newer[name]", "if name not in newer"),
         ("the-last-of-two-keys-counts", "            if name in first:\n", "            if False:\n"),
