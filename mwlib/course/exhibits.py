@@ -100,7 +100,7 @@ def write_index(build: Path, notebooks: Sequence[Path], manifest: Path = MANIFES
             title, anchor = f"{item}: {first_sentence(row.caption)}", f"{row.notebook}-{row.stem}"
             contents.append(f"* [{title}](#{anchor})")
             rest = " ".join(row.caption.split()).removeprefix(first_sentence(row.caption)).strip(". ")
-            parts += [f'### <a id="{anchor}"></a>{title}', *([rest + "."] if rest else []), _built(row, found)]
+            parts += [f'<h3 id="{anchor}">{escape(title)}</h3>', *([rest + "."] if rest else []), _built(row, found)]
     parts[2:2] = ["\n".join(contents)] if rows else []
     listed = {(row.notebook, row.stem) for row in rows}
     if unlisted := {key: text for key, text in found.items() if key not in listed}:
