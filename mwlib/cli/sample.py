@@ -20,7 +20,7 @@ from mwlib.data import load_motions
 from mwlib.data.collections import acknowledgement
 from mwlib.data.formats.bvh_writing import write_bvh
 from mwlib.data.formats.glb_writing import write_glb
-from mwlib.experiments import sampling
+from mwlib.experiments import exported, sampling
 from mwlib.experiments.results import of_older_code
 from mwlib.files import write_atomic, write_together
 from mwlib.networks.text import words_of
@@ -30,6 +30,7 @@ from mwlib.settings import whole
 from mwlib.synthetic.sentences import RECIPES, examples
 from mwlib.synthetic.sentences_typed import PERSONS, SYNONYMS
 from mwlib.text_to_motion.model import TextToMotion
+from mwlib.training import TrainedModel
 from mwlib.version import __version__
 
 
@@ -78,6 +79,21 @@ def export_bvh(*, format: Literal["bvh", "glb"] = "bvh", out: Path = Path("build
     if errors:
         mean, largest = 1000 * np.mean([e.mean for e in errors]), 1000 * max(e.max for e in errors)
         print(f"{out}: {len(errors)} files; joints are {mean:.1f} mm from the predicted ones, {largest:.0f} mm at most")
+
+
+def export_onnx(run: str, *, out: Path | None = None) -> None:
+    """Write a trained network as an ONNX file, for other programs and for the browser.
+
+    Beside it stands a JSON file with what its sampling needs besides: the noise schedule, the transform as matrices, scales or
+    statistics, the skeleton, and the words. docs/howto/onnx.md says how they go together. Needs the packages onnx and onnxscript.
+
+    Args:
+        run: folder of a finished run, or the name of a model that comes with the package.
+        out: the file (default: build/onnx/NAME.onnx).
+    """
+    model = sampling.model_of(run, TrainedModel, "prediction or text_to_motion")
+    network, about = exported.export_onnx(model, out or Path("build/onnx") / f"{Path(run).name}.onnx")
+    print(f"{network}: {network.stat().st_size} bytes, beside it {about.name}")
 
 
 def loop(

@@ -23,7 +23,8 @@ from mwlib.files import write_atomic
 
 TEXTS = ("REPRODUCTION.md", "RESULTS.md", "CONTRIBUTING.md", "notebooks/glossary.md")
 DETAILS = "results"  # folder of one page a system
-SOURCES = ("index.md", "chapters.md", "claims.md", "any-motions.md", "howto", "_static")  # of docs/
+SOURCES = ("index.md", "chapters.md", "claims.md", "any-motions.md", "howto", "live", "_static")  # of docs/
+PLAYED = {"01": "wavelet", "05": "number", "07": "futures", "13": "sentences"}  # chapter -> its page of docs/live
 EXAMPLES = {"howto/curves_system.py": "tests/experiments/curves_system.py"}  # shown on a page, and tested where it lies
 PROMPTS = {"solution": "solution", "guard": "check of the numbers above"}
 ANCHOR = re.compile(r'^(#+) <a id="([\w-]+)"></a>', re.M)
@@ -165,6 +166,8 @@ def site_copy(notebook: NotebookNode, name: str, launch: str = "") -> NotebookNo
     opens = f" open it in {launch}," if launch else ""
     here = f"Download it {{download}}`as it is here <executed/{name}>`,{without}"
     text = f"*This page is a notebook. {here}{opens} or run `make lab`.*"
+    if (page := PLAYED.get(name.partition("_")[0])) is not None:
+        text += f"\n\n*Play with it in your browser: [{page}](../live/{page}.md).*"
     copy.cells.insert(1, nbformat.v4.new_markdown_cell(text))
     copy.metadata = NotebookNode({key: value for key, value in notebook.metadata.items() if key != "mwlib"})
     return copy

@@ -125,7 +125,10 @@ class _WordEncoder(TextEncoder):
         Raises:
             ValueError: a single string instead of several, or none.
         """
-        numbers = self.numbers(texts).to(next(self.parameters()).device)
+        return self.encode_numbers(self.numbers(texts).to(next(self.parameters()).device))
+
+    def encode_numbers(self, numbers: Int[Tensor, "B L"]) -> EncodedText:
+        """The same of sentences whose words have been looked up, as `numbers` gives them."""
         mask, x = numbers != 0, self._embed(numbers)
         x = self.dropout(x + sinusoids(torch.arange(x.shape[1], device=x.device), self.width).to(x))
         tokens = self.encoder(x, mask)

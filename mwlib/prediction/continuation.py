@@ -49,7 +49,7 @@ class Continuation:
         d = np.sqrt(weight)[:, None] * np.diff(np.eye(frames), n=3, axis=0)
         (ah, af), (dh, df) = (np.split(m, [history], axis=1) for m in (a, d))
         solved = np.linalg.solve(af.T @ af + df.T @ df, np.concatenate([af.T, -(af.T @ ah + df.T @ dh)], axis=1))
-        self._of_coefficients, self._of_history = (Constant(m) for m in np.split(solved, [len(a)], axis=1))
+        self.of_coefficients, self.of_history = (Constant(m) for m in np.split(solved, [len(a)], axis=1))
 
     def __call__(
         self,
@@ -68,4 +68,4 @@ class Continuation:
         if isinstance(origin, Tensor):
             origin = origin.expand(*origin.shape[:-2], self.frames, -1)
             c = c + (origin if self._rows is None else self._rows.like(c) @ origin)
-        return self._of_coefficients.like(c) @ c + self._of_history.like(c) @ x_history
+        return self.of_coefficients.like(c) @ c + self.of_history.like(c) @ x_history

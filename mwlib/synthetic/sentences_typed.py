@@ -11,7 +11,7 @@ from __future__ import annotations
 import re
 import unicodedata
 from functools import cache
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from mwlib.networks.text import words_of
 from mwlib.synthetic.sentences import PAIRS, vocabulary
@@ -61,6 +61,15 @@ DENIALS = ("not", "never", "no", "nobody", "nothing", "without", "neither", "nor
 STILL = re.compile(r"\b(?:(?:does|do|did|is|are|was|were) not|(?:does|do|did|is|are|was|were)n't) (?:move|moving|moved)\b")
 GOING = (*(ACTIONS["walk"] + " " + ACTIONS["run"]).split(), "walking", "running", "jogging")
 HOW = "(?:slowly|unhurriedly|quickly|briskly|rapidly|fast)"
+# Turns of speech -> the grammar's, unless the sentence has these letters: sides, a hand that is raised, how fast, where to.
+PHRASES = (
+    (r"(?<!the )\b(left|right) (hand|arm|foot|leg|fist|shoulder)\b", r"the \1 \2", ""),
+    (r"\b(?:raises|lifts) (?=(?:the left|the right|both) (?:hand|arm))", "reaches up with ", "wav"),
+    (r"\bslow\b(?! pace| speed)", "slowly", ""),
+    (r"(?<!runs )(?<!ing )\bfast\b(?! pace| speed)", "quickly", ""),
+    (rf"\b((?:{'|'.join(GOING)})(?: {HOW})?)(?= and\b| then\b|$)", r"\1 forward", ""),
+    (r"(?<!and )\b(turns|rotates) (?:to the )?(left|right)(?= and| then|$)", r"\1 ninety degrees to the \2", ""),
+)
 MOST = 2  # actions of a sentence
 
 
@@ -165,14 +174,11 @@ def _may_begin(before: str) -> bool:
 
 
 def _phrases(text: str) -> str:
-    """Turns of speech as the grammar has them: sides, a hand that is raised, how fast, and where to."""
-    text = re.sub(r"(?<!the )\b(left|right) (hand|arm|foot|leg|fist|shoulder)\b", r"the \1 \2", text)
-    if "wav" not in text:
-        text = re.sub(r"\b(?:raises|lifts) (?=(?:the left|the right|both) (?:hand|arm))", "reaches up with ", text)
-    text = re.sub(r"\bslow\b(?! pace| speed)", "slowly", text)
-    text = re.sub(r"(?<!runs )(?<!ing )\bfast\b(?! pace| speed)", "quickly", text)
-    text = re.sub(rf"\b((?:{'|'.join(GOING)})(?: {HOW})?)(?= and\b| then\b|$)", r"\1 forward", text)
-    return re.sub(r"(?<!and )\b(turns|rotates) (?:to the )?(left|right)(?= and| then|$)", r"\1 ninety degrees to the \2", text)
+    """Turns of speech as the grammar has them."""
+    for typed, said, unless in PHRASES:
+        if not unless or unless not in text:
+            text = re.sub(typed, said, text)
+    return text
 
 
 def _actions(text: str) -> tuple[str, ...]:
@@ -193,3 +199,12 @@ def _named() -> dict[str, str]:
     told = {word: action for word, action in rows} | {_base(word): action for word, action in rows if _base(word) in known}
     ing = {form: told[said] for form, said in forms().items() if form.endswith("ing") and form in known and said in told}
     return told | ing | {word: action for action, words in NOUNS.items() for word in words.split()}
+
+
+def tables() -> dict[str, Any]:
+    """All that `as_learnt` looks up, as JSON values, for a program in another language that reads sentences, too."""
+    return {
+        "words": [*vocabulary()], "forms": forms(), "synonyms": SYNONYMS, "persons": PERSONS, "pronouns": [*PRONOUNS],
+        "joined": [*JOINED], "articles": [*ARTICLES], "being": [*BEING], "denials": [*DENIALS], "still": STILL.pattern,
+        "phrases": [*map(list, PHRASES)], "named": _named(), "pairs": [*map(list, PAIRS)], "most": MOST,
+    }  # fmt: skip

@@ -6,25 +6,12 @@ the site's own files fails.
 
 from __future__ import annotations
 
-import os
 import re
-import shutil
-from collections.abc import Iterator
-from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
-from pathlib import Path
-from threading import Thread
 
 import pytest
-from playwright.sync_api import Browser, Page, sync_playwright
 
-SITE = Path(__file__).parents[2] / "build" / "site"
-BROWSERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome", "microsoft-edge")
-HELP = (
-    "no browser found: install Chromium (Debian: apt-get install chromium) or Chrome, or run `playwright install chromium`, "
-    "or name one in MWLIB_BROWSER"
-)
-QUIET = ["--no-sandbox", "--disable-gpu", "--disable-background-networking", "--disable-component-update", "--no-first-run"]
-SIZES = {"desk": (1280, 900), "phone": (390, 844)}
+from tests.site.conftest import SITE
+
 NAMES = sorted(file.relative_to(SITE).as_posix() for file in SITE.rglob("*.html"))
 
 # What a reader sees, without code: there `$` and backslashes are themselves. Text of a formula for screen readers is none either.
@@ -47,54 +34,6 @@ WIDE = """() => {
 PICTURES = """() => [...document.images].filter(i => !i.closest('.sidebar-logo-container'))
   .map(i => [i.getAttribute('src').slice(0, 80), i.alt.trim(), i.complete && i.naturalWidth > 0])"""
 RAW = re.compile(r"\$[^$\n]{1,80}\$|\$\$|\\(?:frac|sum|begin|mathbf|alpha|left|text)\b")
-
-
-@pytest.fixture(scope="module")
-def browser() -> Iterator[Browser]:
-    """A browser with no network: all that it can reach is this machine."""
-    found = os.environ.get("MWLIB_BROWSER") or next(filter(None, map(shutil.which, BROWSERS)), None)
-    with sync_playwright() as play:
-        if found is None and not Path(play.chromium.executable_path).exists():
-            pytest.fail(HELP)
-        opened = play.chromium.launch(executable_path=found, args=QUIET)
-        yield opened
-        opened.close()
-
-
-@pytest.fixture(scope="module")
-def address() -> Iterator[str]:
-    """Where the site is served: search reads its index by http only."""
-
-    class Silent(SimpleHTTPRequestHandler):
-        def __init__(self, *words):
-            super().__init__(*words, directory=str(SITE))
-
-        def log_message(self, *words):
-            pass
-
-    with ThreadingHTTPServer(("127.0.0.1", 0), Silent) as server:
-        Thread(target=server.serve_forever, daemon=True).start()
-        yield f"http://127.0.0.1:{server.server_port}/"
-        server.shutdown()
-
-
-@pytest.fixture(scope="module", params=SIZES)
-def page(browser, address, request) -> Iterator[Page]:
-    """One window, of either size; `troubles` collects what goes wrong in it."""
-    wide, high = SIZES[request.param]
-    opened = browser.new_page(viewport={"width": wide, "height": high}, is_mobile=request.param == "phone")
-    opened.set_default_timeout(120_000)  # a busy machine is slow to open the longest chapter
-    opened.troubles = []
-    opened.on("console", lambda message: opened.troubles.append(message.text) if message.type in ("error", "warning") else None)
-    opened.on("pageerror", lambda error: opened.troubles.append(str(error)))
-    opened.on(
-        "request", lambda asked: asked.url.startswith((address, "data:")) or opened.troubles.append(f"asks for {asked.url}")
-    )
-    opened.on(
-        "response", lambda answer: answer.ok or answer.status == 304 or opened.troubles.append(f"{answer.status} {answer.url}")
-    )
-    yield opened
-    opened.close()
 
 
 def test_the_site_is_built():

@@ -209,7 +209,7 @@ class Player {
     this.panels.forEach(({ bodies }, i) => {
       const { x, y, w, h } = this.cells[i];
       const back = make("div", this.backs, { class: "panel", style: `left:${x}px;top:${y}px;width:${w}px;height:${h}px` });
-      make("div", back, { class: "label" }, bodies.map((body) => body.name).join(" · "));
+      make("div", back, { class: "label" }, bodies.map((body) => body.name).filter(Boolean).join(" · "));
     });
   }
   front() {

@@ -1,0 +1,24 @@
+// A network in a thread of its own. Pages on a plain server may not share memory between threads, so each has its own copy.
+import * as ort from "onnxruntime-web/wasm";
+
+let session;
+
+async function answer({ wasm, network, feeds }) {
+  if (network) {
+    Object.assign(ort.env.wasm, { numThreads: 1, wasmBinary: wasm });
+    ort.env.logLevel = "error";
+    session = await ort.InferenceSession.create(network, { executionProviders: ["wasm"] });
+    return undefined;
+  }
+  const tensors = Object.entries(feeds).map(([name, [type, values, shape]]) => [name, new ort.Tensor(type, values, shape)]);
+  const { output } = await session.run(Object.fromEntries(tensors));
+  return Float32Array.from(output.data);
+}
+
+onmessage = async ({ data }) => {
+  try {
+    postMessage({ id: data.id, value: await answer(data) });
+  } catch (error) {
+    postMessage({ id: data.id, error: String(error?.message ?? error) });
+  }
+};

@@ -1,0 +1,230 @@
+"""Trained networks as ONNX files, and beside each one all that its sampling needs besides, as JSON."""
+
+from __future__ import annotations
+
+import importlib
+import json
+import logging
+import warnings
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from jaxtyping import Float, Int
+from torch import Tensor, nn
+
+from mwlib.files import write_together
+from mwlib.networks.mdm import MDM
+from mwlib.networks.text import EncodedText, WordTransformer
+from mwlib.prediction.continuation import Continuation
+from mwlib.prediction.predictor import Predictor
+from mwlib.settings import shown
+from mwlib.synthetic.sentences_typed import tables
+from mwlib.text_to_motion.model import TextToMotion
+from mwlib.text_to_motion.motions import CONTACT_WEIGHT, HEIGHT_WEIGHT, STEP_WEIGHT
+from mwlib.training import TrainedModel
+
+NEEDED = ("onnx", "onnxscript")
+INSTALL = "install both with: pip install onnx onnxscript"
+OPSET = 18
+FREE = torch.export.Dim.DYNAMIC
+
+
+class _OfCoefficients(nn.Module):
+    """A network of prediction, its condition embedded inside; items with `told` 0 are not told it."""
+
+    def __init__(self, model: Predictor) -> None:
+        super().__init__()
+        self.net = model.net
+
+    def forward(
+        self,
+        y_t: Float[Tensor, "B rows columns"],
+        t: Int[Tensor, " 1"],
+        condition: Float[Tensor, "1 rows columns"],
+        told: Float[Tensor, " B"],
+    ) -> Float[Tensor, "B rows columns"]:
+        """The network's output."""
+        return self.net.evaluate(y_t, t, self.net.embed_condition(condition) * told[:, None])[0]
+
+
+class _OfSentences(nn.Module):
+    """A denoiser of one sentence, its encoder inside, for motions of one length; items with `told` 0 are not told it."""
+
+    def __init__(self, model: TextToMotion) -> None:
+        super().__init__()
+        self.text, self.body = model.net.text, model.net.body
+
+    def forward(
+        self, y_t: Float[Tensor, "B T D"], t: Int[Tensor, " 1"], words: Int[Tensor, "1 L"], told: Float[Tensor, " B"]
+    ) -> Float[Tensor, "B T D"]:
+        """The clean motion, normalised."""
+        said = EncodedText(*(part.expand(y_t.shape[0], *part.shape[1:]) for part in self.text.encode_numbers(words)))
+        valid = torch.ones_like(y_t[..., 0], dtype=torch.bool)
+        return self.body(y_t, t.expand(y_t.shape[0]), valid, said, told == 0)
+
+
+def export_onnx(model: TrainedModel, file: Path) -> list[Path]:
+    """Write a trained network as an ONNX file, and beside it a JSON file of what its sampling needs besides.
+
+    Both networks take noised items ``y_t`` (B, ...), one diffusion index ``t`` (1,), what they are conditioned on, and ``told``
+    (B,): 1 for an item that is told it, 0 for one that is not. That is all of classifier-free guidance. The condition of
+    prediction is ``condition`` (1, rows, columns), that of sentences ``words`` (1, L), numbers of the start and the words. They
+    give ``output``: what the network predicts (the setting `prediction`; sentences: y0). B, and of sentences L and T, are free.
+
+    Weights stay as they are. Those that half precision holds exactly, as in the shipped models, are stored so.
+
+    Args:
+        model: of prediction, or of text to motion with the network "mdm" and the text encoder "words".
+        file: gets the network; JSON stands beside it under the same name.
+
+    Returns:
+        The two files.
+
+    Raises:
+        ImportError: a package is missing; the message says how to install it.
+        ValueError: a model of another system or kind, or a file that does not end in .onnx.
+    """
+    if file.suffix != ".onnx":
+        raise ValueError(f"file is {str(file)!r}; expected a name that ends in .onnx")
+    module, inputs, free = _traceable(model)
+    network, about = _halved(_exported(module, inputs, free)), {**described(model), "inputs": [*inputs]}
+    said = json.dumps(about, separators=(",", ":"))
+    files = {file: network, file.with_suffix(".json"): said}
+    write_together(files)
+    return [*files]
+
+
+def _traceable(model: TrainedModel) -> tuple[nn.Module, dict[str, Tensor], tuple[Any, ...]]:
+    """A module of tensors alone, inputs to follow it with, and which of their axes are free."""
+    device = model.device
+    t, told = torch.tensor([1], device=device), torch.ones(2, device=device)
+    if isinstance(model, Predictor):
+        y = torch.zeros(2, *model.transform.shape, device=device)
+        return _OfCoefficients(model), {"y_t": y, "t": t, "condition": y[:1], "told": told}, ({0: FREE}, None, None, {0: FREE})
+    if not isinstance(model, TextToMotion):
+        raise ValueError(f"model is {shown(model)}; expected one of prediction or text_to_motion")
+    text, body, m = model.net.text, model.net.body, model.cfg.model
+    if not (isinstance(text, WordTransformer) and isinstance(body, MDM)):
+        raise ValueError(f"the model has network={m.network} and text={m.text}; expected network=mdm and text=words")
+    y = torch.zeros(2, model.lengths[0], model.layout.width, device=device)
+    words = text.numbers([" ".join(text.vocabulary[:2])]).to(device)
+    axes = {0: FREE, 1: FREE}, None, {1: FREE}, {0: FREE}
+    return _OfSentences(model), {"y_t": y, "t": t, "words": words, "told": told}, axes
+
+
+def _exported(module: nn.Module, inputs: Mapping[str, Tensor], free: tuple[Any, ...]) -> Any:
+    """The module as an ONNX model: of torch's exporter, without its talk."""
+    for name in NEEDED:
+        try:
+            importlib.import_module(name)
+        except ModuleNotFoundError as error:
+            raise ImportError(f"the package {name} is missing, which writes ONNX; {INSTALL}") from error
+    talks = {name: logging.getLogger(name).level for name in ("torch.onnx", *NEEDED, "onnx_ir")}
+    for name in talks:
+        logging.getLogger(name).setLevel(logging.ERROR)
+    try:
+        with warnings.catch_warnings(), torch.no_grad():
+            warnings.simplefilter("ignore")  # on torch's own future
+            graph = torch.export.export(module.eval(), tuple(inputs.values()), dynamic_shapes=free, strict=True)
+            program = torch.onnx.export(
+                graph, dynamo=True, verbose=False, opset_version=OPSET, input_names=[*inputs], output_names=["output"]
+            )
+    finally:
+        for name, level in talks.items():
+            logging.getLogger(name).setLevel(level)
+    assert program is not None  # as dynamo is asked for
+    return program.model_proto
+
+
+def _halved(network: Any) -> bytes:
+    """The model with those weights in half precision that it holds exactly; they are cast when the model is opened."""
+    onnx, graph = importlib.import_module("onnx"), network.graph
+    casts = []
+    for weight in graph.initializer:
+        values = onnx.numpy_helper.to_array(weight)
+        with np.errstate(over="ignore"):
+            half = values.astype(np.float16)
+        if values.dtype != np.float32 or values.size < 64 or not np.array_equal(half.astype(np.float32), values):
+            continue
+        name = weight.name
+        weight.CopyFrom(onnx.numpy_helper.from_array(half, f"{name}.half"))
+        casts.append(onnx.helper.make_node("Cast", [f"{name}.half"], [name], to=onnx.TensorProto.FLOAT))
+    nodes = [*casts, *graph.node]
+    del graph.node[:], graph.value_info[:]
+    for part in (network, graph, *nodes):  # where each line of torch came from is of no use to a reader of the file
+        del part.metadata_props[:]
+    graph.node.extend(nodes)
+    onnx.checker.check_model(network)
+    return network.SerializeToString()
+
+
+def described(model: TrainedModel) -> dict[str, Any]:
+    """What the sampling of an exported network needs besides, in JSON values.
+
+    Lists are rows of matrices. Of prediction: how histories become conditions and coefficients futures, if the transform is one
+    matrix along time; else `matrices` is null. Of sentences: words, statistics of the features, how they become joints, and how
+    a typed sentence is put into the words of the grammar, if the model has learnt it.
+
+    Raises:
+        ValueError: a model of another system.
+    """
+    schedule = {"alpha_bar": getattr(model, "alpha_bar", torch.zeros(0)).tolist()}
+    if isinstance(model, Predictor):
+        return schedule | _of_prediction(model)
+    if isinstance(model, TextToMotion):
+        return schedule | _of_text(model)
+    raise ValueError(f"model is {shown(model)}; expected one of prediction or text_to_motion")
+
+
+def _of_prediction(model: Predictor) -> dict[str, Any]:
+    seen, bodies, s = model.representation, model.bodies, model.sampling
+    scales = {"mean": seen.motion.mean, "deviation": seen.motion.deviation}
+    scales |= {"condition_mean": seen.condition.mean, "condition_deviation": seen.condition.deviation}
+    return {
+        "system": "prediction", "prediction": model.cfg.diffusion.prediction, "shape": [*model.transform.shape],
+        "history": seen.history, "frames": seen.frames, "fps": bodies.fps, "up": bodies.up, "relative": seen.relative,
+        "facing": seen.facing is not None, "skeleton": _of_skeleton(bodies.skeleton),
+        "sampling": {
+            "steps": s.ddim_steps, "spacing": s.spacing, "temperature": s.temperature, "guidance": s.guidance_weight,
+            "form": s.guidance_form, "decoding": s.decoding, "bones": s.bones,
+        },
+        "matrices": _matrices(model), "scales": {name: _numbers(scale) for name, scale in scales.items()},
+    }  # fmt: skip
+
+
+def _matrices(model: Predictor) -> dict[str, Any] | None:
+    """Analysis (all, T), and of the continuation what acts on coefficients (F, all) and on the history (F, H)."""
+    rows = model.transform.time_rows()
+    if rows is None:
+        return None
+    ahead = Continuation(model.transform, model.representation.history, model.representation.frames, model.bodies.fps)
+    return {
+        "analysis": _numbers(rows), "of_coefficients": _numbers(ahead.of_coefficients.array),
+        "of_history": _numbers(ahead.of_history.array),
+    }  # fmt: skip
+
+
+def _of_text(model: TextToMotion) -> dict[str, Any]:
+    layout, s, words = model.layout, model.sampling, model.net.text.vocabulary
+    return {
+        "system": "text_to_motion", "fps": layout.fps, "metres_per_unit": layout.metres_per_unit, "lengths": [*model.lengths],
+        "frames_per_token": model.cfg.model.frames_per_token, "mask_frames": model.cfg.model.mask_frames,
+        "skeleton": _of_skeleton(layout.skeleton), "contact_joints": [*layout.contact_joints],
+        "blocks": {name: [block.start, block.stop] for name, block in layout.blocks.items()},
+        "weights": {"step": STEP_WEIGHT, "contact": CONTACT_WEIGHT, "height": HEIGHT_WEIGHT},
+        "mean": _numbers(model.statistics.mean.numpy()), "deviation": _numbers(model.statistics.deviation.numpy()),
+        "sampling": {"sampler": s.sampler, "steps": s.sampling_steps or model.cfg.forward.steps, "guidance": s.guidance},
+        "words": [*words], "typed": tables() if model.cfg.data.data == "people" else None,
+    }  # fmt: skip
+
+
+def _of_skeleton(skeleton: Any) -> dict[str, Any]:
+    return {name: [*getattr(skeleton, name)] for name in ("joints", "parents", "left", "right")}
+
+
+def _numbers(array: np.ndarray) -> list[Any]:
+    """An array as numbers that float32 tells apart, in as few digits."""
+    return json.loads(json.dumps(np.asarray(array, np.float32).astype(str).tolist()).replace('"', ""))

@@ -1,0 +1,202 @@
+"""The live pages calculate what Python calculates, on the same noise; they can be used by keyboard, and load little."""
+
+from __future__ import annotations
+
+from contextlib import nullcontext
+
+import numpy as np
+import pytest
+import pywt
+import torch
+
+import mwlib as mw
+from mwlib.course.live import STEPS, WAVELETS
+from mwlib.diffusion import alpha_bar, ddim, ddim_indices, eps_of, posterior_mean
+from mwlib.synthetic.acts import captioned_positions
+from mwlib.synthetic.sentences import examples
+from mwlib.synthetic.sentences_typed import as_learnt
+from mwlib.text_to_motion.motions import fused_joints
+from tests.site.conftest import SITE
+
+MOST_BYTES = 15_000_000
+NEAR = 1e-4
+SIZES = """() => [...performance.getEntriesByType('resource'), ...performance.getEntriesByType('navigation')]
+  .reduce((sum, entry) => sum + entry.transferSize, 0)"""
+FUTURES = """async ([people, window, asked, noise]) => {
+  const host = document.querySelector('#live-futures'), form = host.querySelector('form');
+  form.elements.people.value = people;
+  form.elements.people.dispatchEvent(new Event('change'));
+  form.elements.window.value = window;
+  const chosen = host.live.chosen(), found = await host.live.sample(chosen, asked, () => Float32Array.from(noise));
+  return { x: [...chosen.x], model: chosen.model, futures: found.futures.map((one) => [...one]), errors: found.errors };
+}"""
+SENTENCES = """async ([text, asked, noise]) => {
+  const { sample } = document.querySelector('#live-sentences').live;
+  let at = 0;
+  const found = await sample(text, asked, () => Float32Array.from(noise[at++]));
+  return { features: found.features.map((one) => [...one]), joints: found.joints.map((one) => [...one]) };
+}"""
+READ = """async (texts) => {
+  const { reader } = await document.querySelector('#live-sentences').live.tables();
+  return texts.map((text) => {
+    try { const { text: said, actions, isLearnt } = reader.read(text); return [said, actions, isLearnt]; } catch { return null; }
+  });
+}"""
+TYPED = (
+    """
+walk forward|He walked slow, then he's turning left!|she jumps 3 times|jogging fast
+a man is slowly walking and then waves|raise your right hand|lifts both arms|they don't run|nobody moves
+a person does not move|walk, run and jump and kick|wave|stop|der Mann läuft|ein Mensch tanzt Tango|идёт человек
+the lady picks up something|I'm sitting down|turn right and walk|rotate to the left|walks backwards quickly
+punch 2 times with the left fist|a guy hops upwards|two steps|anticlockwise circle|someone’s jumping
+constructor valueOf|walk in a circle
+""".strip()
+    .replace("\n", "|")
+    .split("|")
+)
+
+
+@pytest.fixture(scope="module")
+def opened(browser, address):
+    """Opens a live page; says what went wrong."""
+    page = browser.new_page()
+    page.set_default_timeout(180_000)
+    yield lambda name: page.goto(f"{address}live/{name}.html") and page
+    page.close()
+
+
+@pytest.mark.parametrize(("people", "window", "guidance"), [(0, 0, 0.0), (0, 4, 1.5), (1, 1, 0.0)])
+def test_futures_are_pythons(opened, people, window, guidance):
+    page, generator = opened("futures"), torch.Generator().manual_seed(people)
+    noise = torch.randn(3, 16, 192, generator=generator)
+    asked = {"samples": 3, "steps": 8, "guidance": guidance, "temperature": 1.1}
+    found = page.evaluate(FUTURES, [str(people), str(window), asked, noise.flatten().tolist()])
+    model = mw.load_run(found["model"]).with_sampling(ddim_steps=8, guidance_weight=guidance, temperature=1.1, tabg_scale=0.0)
+    x = torch.tensor(found["x"]).float().reshape(1, 125, 48)
+    with torch.inference_mode():
+        *_, last = model._steps(x[:, :25], lambda: noise[None])
+        expected = model.decode(last.y, x[:, :25])
+    assert np.abs(np.array(found["futures"]).reshape(3, 100, 48) - expected[0].numpy()).max() < NEAR
+    assert min(found["errors"]) == pytest.approx(float(mw.metrics.ade(expected, x[:, 25:])), abs=NEAR)
+
+
+def test_sentences_are_pythons(opened):
+    page, model, text = opened("sentences"), mw.load_run("sentences"), "a person walks in a circle to the left xyz"
+    noise = torch.randn(5, 2, 48, 263, generator=torch.Generator().manual_seed(0))
+    asked = {"samples": 2, "seconds": 2.4, "steps": 5, "guidance": 2.5}
+    found = page.evaluate(SENTENCES, [text, asked, noise.flatten(1).tolist()])
+    draws = iter(noise)
+    with torch.inference_mode():
+        denoise = model._denoise([text] * 2, torch.ones(2, 48, dtype=torch.bool))
+        steps = ddim_indices(len(model.alpha_bar), 5, "trailing")
+        *_, last = posterior_mean(denoise, next(draws), model.alpha_bar, steps, noise=lambda: next(draws))
+        raw = model.statistics.denormalise(last.y)
+    assert np.abs(np.array(found["features"]).reshape(2, 48, 263) - raw.numpy()).max() < NEAR
+    joints = torch.stack([fused_joints(one.double(), model.layout) for one in raw])
+    assert np.abs(np.array(found["joints"]).reshape(2, 48, 22, 3) - joints.numpy()).max() < 10 * NEAR  # of a path of metres
+
+
+def test_sentences_are_read_as_python_reads_them(opened):
+    made = [caption for clip in captioned_positions(clips=20) for caption in clip.captions]
+    texts = [*examples().values(), *made, *TYPED]
+
+    def read(text):
+        try:
+            said = as_learnt(text)
+        except ValueError:
+            return None
+        return [said.text, [*said.actions], said.is_learnt]
+
+    assert opened("sentences").evaluate(READ, texts) == [read(text) for text in texts]
+
+
+def test_the_wavelet_transform_is_pywavelets(opened):
+    page, x = opened("wavelet"), np.random.default_rng(0).normal(size=37)
+    ask = "([x, asked]) => document.querySelector('#live-wavelet').live.transformed(x, asked, new Set())"
+    for wavelet in WAVELETS:
+        for mode, level in (("zero", 1), ("zero", 3), ("symmetric", 2), ("symmetric", 4)):
+            found = page.evaluate(ask, [x.tolist(), {"wavelet": wavelet, "mode": mode, "level": level, "share": 100}])
+            with pytest.warns(UserWarning) if level > pywt.dwt_max_level(37, wavelet) else nullcontext():
+                expected = pywt.wavedec(x, wavelet, mode, level)
+            assert all(np.allclose(one, other, atol=1e-9) for one, other in zip(found["bands"], expected, strict=True))
+            assert np.allclose(found["back"], x, atol=1e-9)
+
+
+@pytest.mark.parametrize(("sampler", "schedule", "steps"), [("ddim", "cosine", 16), ("ddpm", "linear", 50), ("eq6", "sqrt", 100)])
+def test_paths_of_one_number_are_pythons(opened, sampler, schedule, steps):
+    noise = torch.randn(steps + 1, 20, dtype=torch.float64, generator=torch.Generator().manual_seed(0))
+    ask = """async ([asked, noise]) => {
+      let at = 0;
+      const draw = () => Float64Array.from(noise[at++]), start = draw();
+      return [...(await document.querySelector('#live-number').live.walked(asked, start, draw)).states.at(-1)];
+    }"""
+    asked = {"sampler": sampler, "schedule": schedule, "steps": steps, "left": 0.65}
+    found = opened("number").evaluate(ask, [asked, noise.tolist()])
+    a, centres, weights, draws = alpha_bar(schedule, STEPS), torch.tensor([-1.0, 0.8]), torch.tensor([0.35, 0.65]), iter(noise)
+
+    def denoise(y, t):
+        variance, away = a[t] * 0.15**2 + 1 - a[t], y[:, None] - a[t].sqrt() * centres
+        likely = torch.softmax(weights.log() - away**2 / (2 * variance), dim=-1)
+        return eps_of(y, (likely * (centres + a[t].sqrt() * 0.15**2 / variance * away)).sum(-1), a[t])
+
+    indices, start = ddim_indices(STEPS, steps, "trailing"), next(draws)
+    run = ddim(denoise, start, a, indices) if sampler == "ddim" else posterior_mean(
+        denoise, start, a, indices, noise=(lambda: next(draws)) if sampler == "ddpm" else None
+    )  # fmt: skip
+    *_, last = run
+    assert np.abs(np.array(found) - last.y.numpy()).max() < 1e-3  # schedules come with six digits
+
+
+@pytest.mark.parametrize("name", ["futures", "sentences"])
+def test_a_page_draws_when_asked_by_keyboard(page, address, name, record_property):
+    page.troubles.clear()
+    page.goto(f"{address}live/{name}.html")
+    page.locator("[name=samples]").fill("20" if name == "futures" else "2")
+    page.locator("[name=samples]").press("Enter")
+    output = page.locator("output.said").last
+    page.wait_for_function("node => / in [0-9.]+ s/.test(node.textContent)", arg=output.element_handle())
+    page.locator("form button").press("Enter")
+    page.wait_for_function("node => /noise 2/.test(node.textContent)", arg=output.element_handle())
+    record_property("said", output.text_content())
+    print(name, page.viewport_size, output.text_content(), f"{page.evaluate(SIZES) / 1e6:.2f} MB")
+    assert page.locator(".stage canvas").count() == 1 and page.evaluate(SIZES) < MOST_BYTES
+    assert page.troubles == []
+    unnamed = page.evaluate("[...document.querySelectorAll('.live :is(input, select)')].filter(f => !f.labels?.length).length")
+    assert unnamed == 0
+
+
+def test_unknown_words_are_marked_while_typing(page, address):
+    page.goto(f"{address}live/sentences.html")
+    page.locator("[name=text]").fill("a person walks zanily forward")
+    page.wait_for_selector("#live-read mark")
+    assert page.locator("#live-read mark").all_text_contents() == ["zanily"]
+    page.locator("[name=text]").fill("nobody walks")
+    page.wait_for_selector("#live-read.warned")
+    assert "no denial" in page.locator("#live-read").text_content()
+
+
+def test_a_signal_is_drawn_by_pointer_and_keys(page, address):
+    page.goto(f"{address}live/wavelet.html")
+    svg = page.locator(".live .signal")
+    svg.scroll_into_view_if_needed()
+    box, before = svg.bounding_box(), svg.inner_html()
+    page.mouse.move(box["x"] + 50, box["y"] + 30)
+    page.mouse.down()
+    page.mouse.move(box["x"] + 120, box["y"] + 150, steps=4)
+    page.mouse.up()
+    drawn = svg.inner_html()
+    assert drawn != before
+    svg.press("ArrowUp")
+    assert svg.inner_html() != drawn and "sample" in svg.get_attribute("aria-valuetext")
+    page.locator(".band input").last.uncheck()
+    assert "off by nothing" not in page.locator("output.said").text_content()
+
+
+@pytest.mark.parametrize("name", ["wavelet", "number"])
+def test_a_page_without_a_model_opens_from_a_file(browser, name):
+    page, errors = browser.new_page(), []
+    page.on("pageerror", lambda error: errors.append(str(error)))
+    page.goto((SITE / "live" / f"{name}.html").as_uri())
+    page.wait_for_function("document.querySelector('output.said').textContent.length > 40")
+    assert errors == []
+    page.close()
