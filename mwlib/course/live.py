@@ -1,4 +1,4 @@
-"""What the site's live pages are given: exported networks, observed windows, wavelet filters, schedules, empty players."""
+"""Data of the site's live pages: exported networks, observed windows, wavelet filters, schedules, empty players."""
 
 from __future__ import annotations
 

@@ -11,7 +11,7 @@ import torch
 
 import mwlib as mw
 from mwlib.course.live import STEPS, WAVELETS
-from mwlib.diffusion import alpha_bar, ddim, ddim_indices, eps_of, posterior_mean
+from mwlib.diffusion import WindowNoise, alpha_bar, ddim, ddim_indices, eps_of, posterior_mean
 from mwlib.synthetic.acts import captioned_positions
 from mwlib.synthetic.sentences import examples
 from mwlib.synthetic.sentences_typed import as_learnt
@@ -56,6 +56,17 @@ constructor valueOf|walk in a circle
 )
 
 
+class Given(WindowNoise):
+    """The one draw that the page was given."""
+
+    def __init__(self, noise: torch.Tensor) -> None:
+        super().__init__(0, [0], tuple(noise.shape))
+        self.noise = noise[None]
+
+    def __call__(self) -> torch.Tensor:
+        return self.noise
+
+
 @pytest.fixture(scope="module")
 def opened(browser, address):
     """Opens a live page; says what went wrong."""
@@ -74,7 +85,7 @@ def test_futures_are_pythons(opened, people, window, guidance):
     model = mw.load_run(found["model"]).with_sampling(ddim_steps=8, guidance_weight=guidance, temperature=1.1, tabg_scale=0.0)
     x = torch.tensor(found["x"]).float().reshape(1, 125, 48)
     with torch.inference_mode():
-        *_, last = model._steps(x[:, :25], lambda: noise[None])
+        *_, last = model._steps(x[:, :25], Given(noise))
         expected = model.decode(last.y, x[:, :25])
     assert np.abs(np.array(found["futures"]).reshape(3, 100, 48) - expected[0].numpy()).max() < NEAR
     assert min(found["errors"]) == pytest.approx(float(mw.metrics.ade(expected, x[:, 25:])), abs=NEAR)
