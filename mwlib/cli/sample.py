@@ -1,4 +1,4 @@
-"""Commands that sample: predict, export-bvh, loop, inbetween, generate."""
+"""Commands that sample: predict, export-bvh, export-onnx, loop, inbetween, generate."""
 
 import io
 import json
