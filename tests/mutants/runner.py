@@ -30,7 +30,9 @@ COPIED = ("mwlib", "tests", "figures", "notebooks", "docs", "results", "Snakefil
 TESTS_FAILED = 1  # pytest's exit code; others mean that no test was run
 KEPT = Path("build") / "mutants"
 KILLED, SURVIVED, GONE, BROKEN = "killed", "SURVIVED", "NO LONGER APPLIES", "TESTS DO NOT RUN"
-PATIENCE = 60.0  # seconds for one mutant, beside ten times what its tests take without it: then they hang
+PATIENCE = (
+    60.0  # seconds for one mutant, beside ten times what its tests take without it: a mutant that makes them hang is killed
+)
 TOGETHER = 20  # files of tests in one process
 TOOK = "seconds.json"  # what each test of a process took, in a copy
 
@@ -106,7 +108,7 @@ def attempt(mutant: Mutant, folder: Path, known: Mapping[str, float]) -> str:
     file.write_text(whole.replace(mutant.old, mutant.new), encoding="utf-8")
     os.utime(file, (1, 1))  # Python takes a file of the same length and second for the one whose bytecode it has
     try:
-        return {0: SURVIVED, TESTS_FAILED: KILLED}.get(run_tests(folder, mutant.tests, known), BROKEN)
+        return {0: SURVIVED, TESTS_FAILED: KILLED, None: KILLED}.get(run_tests(folder, mutant.tests, known), BROKEN)
     finally:
         file.write_text(whole, encoding="utf-8")
 

@@ -46,7 +46,8 @@ MUTANTS = [
     *of(
         "course/exhibits.py", "course/test_site.py::test_committed_results_come_first",
         ("committed-results-are-not-shown", "if row.committed:", "if not row.committed:"),
-        ("index-of-bare-numbers", "[{first_sentence(caption)}](", "[{title}](", "course/test_site.py::test_the_index_says_what_each_exhibit_is"),
+        ("index-of-bare-numbers", "[{first_sentence(caption)}](", "[{title}](",
+         "course/test_site.py::test_the_index_says_what_each_exhibit_is"),
         ("exhibits-out-of-order", "return kind, int(number), row.notebook", "return kind, -int(number), row.notebook",
          "course/test_site.py::test_every_exhibit_of_the_paper_is_there_in_its_order"),
         ("markdown-is-not-escaped", r'r"\\\1"', r'r"\1"',
