@@ -4,6 +4,7 @@ Source: VideoPose3D, `positions_3d`: subject -> action -> (frames, joints, 3), m
 sequences as in DLow and HumanMAC.
 """
 
+import io
 import re
 from collections.abc import Sequence
 from pathlib import Path
@@ -18,6 +19,7 @@ from mwlib.data.collections.h36m import HUMANEVA15
 from mwlib.data.formats.pickles import unpickle
 from mwlib.data.meaning import FORMAT, Hints, Reading, Stated
 from mwlib.data.untrusted import MotionFormatError, array_header, bounded, label
+from mwlib.files import write_atomic
 
 FPS = {17: 50.0, 15: 60.0}
 PARENTS_32 = [int(p) for p in "-1 0 1 2 3 4 0 6 7 8 9 0 11 12 13 14 12 16 17 18 19 20 19 22 12 24 25 26 27 28 27 30".split()]
@@ -95,8 +97,9 @@ def write_h36m(path: str | Path, motions: Sequence[Motion]) -> None:
         if (motion.subject, name) in CORRUPT:
             raise ValueError(f"{motion.subject} {name} is a sequence that readers drop; expected another name")
         actions[name] = _32_joints(motion.positions)
-    with Path(path).open("wb") as stream:
-        np.savez_compressed(stream, positions_3d=np.array(tree, dtype=object))
+    stream = io.BytesIO()
+    np.savez_compressed(stream, positions_3d=np.array(tree, dtype=object))
+    write_atomic(Path(path), stream.getvalue())
 
 
 def _32_joints(positions: Float[np.ndarray, "T 17 3"]) -> Float[np.ndarray, "T 32 3"]:

@@ -125,3 +125,15 @@ def test_an_unpickled_entry_is_expected(tmp_path):
     np.savez(tmp_path / "h.npz", positions_3d=np.zeros((4, 17, 3)))
     with pytest.raises(MotionFormatError, match="one pickled dictionary"):
         load_motions(tmp_path / "h.npz")
+
+
+def test_a_full_disk_leaves_no_half_file(tmp_path, monkeypatch, rng):
+    def full(*_):
+        raise OSError(28, "No space left on device")
+
+    motion, file = Motion(clip(rng, 17), 50.0, H36M17, "S1", "Walking"), tmp_path / "w.npz"
+    file.write_bytes(b"old")
+    monkeypatch.setattr("mwlib.files._write", full)
+    with pytest.raises(OSError, match=f"No space left on device: '{file}'"):
+        write_h36m(file, [motion])
+    assert [*tmp_path.iterdir()] == [file] and file.read_bytes() == b"old"
