@@ -38,7 +38,8 @@ async function sample({ model: name, x, history }, { samples, steps, guidance, t
   const began = performance.now(), [rows, columns] = model.shape, { alpha_bar: alphaBar, sampling } = model;
   const condition = { condition: ["float32", model.condition(seen), [1, rows, columns]] };
   const denoise = network.denoiser(model, model.shape, condition, guidance, sampling.form);
-  const start = (noise ?? gaussian(seed, samples * rows * columns))().map((value) => temperature * value);
+  // double precision: where sampling begins, 1 / sqrt(alpha_bar) multiplies rounding by thousands
+  const start = Float64Array.from((noise ?? gaussian(seed, samples * rows * columns))(), (value) => temperature * value);
   let last, count = 0;
   for await (last of ddim(denoise, start, alphaBar, ddimIndices(alphaBar.length, steps, sampling.spacing))) told(++count / steps);
   const futures = model.futures(last.y, seen);

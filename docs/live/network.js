@@ -59,7 +59,7 @@ export class Network {
     const parts = this.threads.map((thread, i) => {
       const [from, to] = [i * share, Math.min((i + 1) * share, items)];
       const feeds = {
-        y_t: ["float32", y.slice(from * size, to * size), [to - from, ...shape]], t: ["int64", BigInt64Array.of(BigInt(t)), [1]],
+        y_t: ["float32", Float32Array.from(y.subarray(from * size, to * size)), [to - from, ...shape]], t: ["int64", BigInt64Array.of(BigInt(t)), [1]],
         told: ["float32", told.slice(from, to), [to - from]], ...condition,
       };
       return to > from ? thread.ask({ feeds }) : new Float32Array();
@@ -76,7 +76,7 @@ export class Network {
     return async (y, t) => {
       const items = y.length / shape.reduce((x, z) => x * z, 1), ones = new Float32Array(items).fill(1);
       if (w === neutral) return eps(await this.output(y, shape, t, condition, ones), y, t);
-      const both = new Float32Array(2 * y.length), told = new Float32Array(2 * items);
+      const both = new Float64Array(2 * y.length), told = new Float32Array(2 * items);
       both.set(y), both.set(y, y.length), told.set(ones);
       const said = await this.output(both, shape, t, condition, told);
       return classifierFree(eps(said.slice(0, y.length), y, t), eps(said.slice(y.length), y, t), w, form);

@@ -1,5 +1,5 @@
 // Reverse processes in the papers' notation, as in mwlib/diffusion/samplers.py. They know nothing of networks, bodies or words.
-// y is a Float32Array; denoise(y_t, t) promises eps; alphaBar is the schedule, indices fall.
+// y is an array of floats; denoise(y_t, t) promises eps; alphaBar is the schedule, indices fall.
 
 /** n numbers c * y + d * z. */
 const mixed = (c, y, d, z) => y.map((value, i) => c * value + d * z[i]);
