@@ -1,6 +1,7 @@
 """Motions between keyframes and from sentences, by a model that is named."""
 
 import difflib
+import logging
 import warnings
 from collections.abc import Sequence
 from pathlib import Path
@@ -15,6 +16,7 @@ from mwlib.synthetic.sentences_typed import as_learnt
 from mwlib.text_to_motion.model import WHERE_WORDS, TextToMotion
 from mwlib.text_to_motion.motions import motion_of
 
+log = logging.getLogger(__name__)
 INBETWEENING_MODEL, SENTENCE_MODEL = "inbetween", "sentences"  # the models that come with the package
 MOST = 1000  # samples of a sentence: the next sentence's motions have noise of their own
 MOST_TOLD = 5  # unknown words in a warning
@@ -54,8 +56,13 @@ def inbetween(
     align: bool = False,
     own_rig: bool = False,
     join: bool = False,
+    feet: bool = True,
 ) -> list[Motion]:
     """Motions that leave one pose and arrive at another.
+
+    Give `start` and `end` two frames or more: then their velocities are known, and the motion leaves and arrives with them. From
+    two single poses the model that comes with the package is no nearer to what people did than a straight line; a logged message
+    says so.
 
     Args:
         start: its last frame is the first keyframe; or, with numbers for `end`, the motion whose frames they are.
@@ -69,6 +76,7 @@ def inbetween(
         own_rig: give them on the body of `start` as its file has it: all joints, bones and channels, at its rate. Joints that the
             model does not know are interpolated; keyframes are as they were.
         join: the same, with all frames of `start` before and all of `start` or `end` behind.
+        feet: hold feet that stand where they are, and above the lowest of the frames given; of models of places.
 
     Returns:
         `samples` motions of `frames` + 2 frames at the model's rate, the keyframes among them; and before these the past, of a
@@ -81,12 +89,15 @@ def inbetween(
             keyframes do not fit the model; a rig is asked for and there is none.
 
     >>> walk = mw.load_motions("synthetic", fps=30.0)[0]
-    >>> [motion] = inbetween(walk.cut(0, 1), walk.cut(31, 32), frames=30)
-    >>> motion.positions.shape, motion.fps, np.allclose(motion.positions[0], walk.positions[0], atol=1e-5)
+    >>> [motion] = inbetween(walk.cut(0, 2), walk.cut(32, 34), frames=30)
+    >>> motion.positions.shape, motion.fps, np.allclose(motion.positions[0], walk.positions[1], atol=1e-5)
     ((32, 17, 3), 30.0, True)
     """
+    model = model_of(run, Bridge, "in-betweening")
+    if model.cfg.model.hide and isinstance(end, Motion) and len(start) * len(end) == 1:
+        log.warning("two single poses say nothing of velocity: expect no more than of a straight line; give two frames each")
     return filled(
-        model_of(run, Bridge, "in-betweening"),
+        model,
         start,
         end,
         frames,
@@ -96,6 +107,7 @@ def inbetween(
         align=align,
         own_rig=own_rig,
         join=join,
+        feet=feet,
     )
 
 

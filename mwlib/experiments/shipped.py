@@ -8,7 +8,7 @@ from typing import Any
 
 from mwlib.data.collections import acknowledgement
 from mwlib.experiments.results import of_older_code, read_result
-from mwlib.experiments.runs import get_result, get_run
+from mwlib.experiments.runs import get_model, get_result, get_run
 from mwlib.experiments.systems import system, system_of
 from mwlib.experiments.tables import details
 from mwlib.files import write_together
@@ -76,6 +76,8 @@ def ship(cfg: Settings, folder: Path, title: str, command: str, progress: bool =
     tensors, about = load_tensors(run / MODEL)
     tensors = {name: t.half() if name.startswith("net.") and t.is_floating_point() else t for name, t in tensors.items()}
     metrics: dict[str, Any] = {name: _kept(result) for name, result in found.items()}
+    if more_rows := getattr(kind, "more_rows", None):
+        metrics["more"] = more_rows(get_model(cfg, data), getattr(data, "test"))  # noqa: B009  (of a system with test people)
     metrics["training"] = read_result(run, cfg.training_hash())
     metrics["about"] = {
         "settings": cfg.hash(), "data": list(data.fingerprints()), "mwlib": __version__, "measured on": found["model"]["machine"],
@@ -116,7 +118,8 @@ def card(title: str, command: str, cfg: Settings, metrics: Mapping[str, Any]) ->
     )
     heads = ["metric", "model", *others]
     table = "\n".join([f"| {' | '.join(heads)} |", f"|---|{'---:|' * (len(heads) - 1)}", *rows])
-    parts = [f"# {title}", trained, *_people(cfg), measured, table, again, *acknowledgement(cfg.get("data")).values()]
+    more = getattr(kind, "more_of_card")(metrics["more"]) if metrics.get("more") else []  # noqa: B009
+    parts = [f"# {title}", trained, *_people(cfg), measured, table, *more, again, *acknowledgement(cfg.get("data")).values()]
     return "\n\n".join(parts) + "\n"
 
 

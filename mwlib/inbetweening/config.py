@@ -34,9 +34,13 @@ PRESETS: dict[str, dict[str, Any]] = {
     "laptop": _LAPTOP | dict(
         data="synthetic", fps=30.0, validation_subjects=("P6",), test_subjects=("P7", "P8"),
     ),
-    # The CMU clips on 17 joints, found under MWLIB_DATA; whole people are held out. Any length up to 1.5 s.
+    # The CMU clips on 17 joints, found under MWLIB_DATA; whole people are held out. Any length up to 3 s; a frame beyond each
+    # keyframe tells its velocity, where there is one.
     "cmu": _LAPTOP | dict(
-        data="cmu/asfamc", fps=30.0, between=45, shortest=8, validation_subjects=("1",), test_subjects=("2", "7", "29"),
+        data="cmu/asfamc", fps=30.0, past=2, future=2, between=90, shortest=5, coast=24.0, hide=0.3, departure_scale="window",
+        rows=32, level_weight="unit", width=64, feedforward=128, train_steps=1000, ema=0.99,
+        ema_start=200, checkpoint_every=250,
+        validation_subjects=("1",), test_subjects=("2", "7", "29"),
     ),
     # Ten files of LaFAN1 as they lie under MWLIB_DATA: rotations of its 22 joints. Trained for minutes the model is too free;
     # the temperature was chosen on the validation person, by speed and jerk.
@@ -73,6 +77,7 @@ class TaskConfig:
     """The task: frames that are given, and frames that are asked for."""
 
     past: Count = 1  # frames given before those between; the last of them is the first keyframe
+    future: Count = 1  # frames given after those between; the first of them is the last keyframe
     between: Count = 30  # N, frames between the two keyframes
     shortest: Natural = 0  # any N from here to `between`, which the network then sees; 0 = always `between`
     state: Literal["positions", "rotations"] = "positions"  # of the body: places of joints, or root and six numbers per rotation
@@ -82,8 +87,8 @@ class TaskConfig:
 
     @property
     def frames(self) -> int:
-        """T = past + N + 1, of a window."""
-        return self.past + self.between + 1
+        """T = past + N + future, of a window."""
+        return self.past + self.between + self.future
 
     @property
     def gap(self) -> int:
@@ -93,12 +98,17 @@ class TaskConfig:
     @property
     def fewest(self) -> int:
         """The smallest T that the model is for."""
-        return self.past + (self.shortest or self.between) + 1
+        return self.past + (self.shortest or self.between) + self.future
 
     @property
     def smallest_gap(self) -> int:
         """As `gap`, of the smallest T."""
-        return self.fewest - self.past + 1
+        return (self.shortest or self.between) + 2
+
+    @property
+    def steps(self) -> int:
+        """Steps from frame to frame that are given beyond the keyframes."""
+        return self.past + self.future - 2
 
 
 @dataclass(frozen=True)
@@ -108,11 +118,13 @@ class ModelConfig:
     tokens: Literal["cosines", "sines", "frames"] = "cosines"  # DCT, DST of what vanishes at both ends, or frames ("without DCT")
     rows: Natural = 0  # cosines or sines kept, where there are so many; 0 = all
     target: Literal["motion", "departure"] = "motion"  # what is diffused: the motion, or how it departs from interpolation
-    departure_scale: Literal["longest", "each"] = "longest"  # of departures: that of the longest windows, or of each length
+    # Of departures: that of the longest windows, of each length, or what a second network says of each window
+    departure_scale: Literal["longest", "each", "window"] = "longest"
     condition_on_keyframes: bool = False  # whether the network sees the keyframes, or the sampler alone
     output: Literal["direct", "wiener"] = "direct"  # what `prediction` says; or what the best linear denoiser misses
     more_keyframes: Advanced[Natural] = 0  # with condition_on_keyframes: train on up to so many more, anywhere between
-    coast: NotNegative = 0.0  # frames in which the interpolation forgets the velocity of the past; 0: it is a straight line
+    coast: NotNegative = 0.0  # frames in which the interpolation forgets the velocity at an end; 0: it is a straight line
+    hide: BelowOne = 0.0  # share of training windows that do not show what is beyond an end; then a model can do without
     width: Count = 512  # of the network
     layers: Count = 8  # blocks, an even number
     heads: Count = 8  # of the attention
@@ -165,7 +177,7 @@ class Config(Settings):
     system: ClassVar[str] = "inbetweening"
     presets = PRESETS
     renamed = {"keyframes": "condition_on_keyframes", "sizes": "departure_scale"}
-    newer = {"past": 1, "coast": 0.0, "departure_scale": "longest"}
+    newer = {"past": 1, "future": 1, "coast": 0.0, "hide": 0.0, "departure_scale": "longest"}
     after_training: ClassVar[frozenset[str]] = frozenset(
         {"sampling", "imposing", "test_stride", "test_windows", "checkpoint_every"}
     )
@@ -210,6 +222,11 @@ class Config(Settings):
              f"departure_scale is each, but target is {m.target}; expected departure, whose scale it is"),
             (m.coast and task.past < 2,
              f"coast is {m.coast:g} with past {task.past}; expected a past of 2 or more, which has a velocity"),
+            (m.hide and not task.steps, f"hide is {m.hide:g}, but past and future are 1; expected 2 or more of one"),
+            (m.departure_scale == "window" and (m.tokens, m.output) != ("sines", "wiener"),
+             f"departure_scale is window with {m.tokens} and output {m.output}; expected sines and wiener, whose unit it says"),
+            (m.departure_scale == "window" and (m.more_keyframes or self.imposing.scheme != "none"),
+             "departure_scale is window; expected scheme=none and no more_keyframes: it looks at both ends alone"),
             (s.ddim_steps >= self.diffusion.steps,
              f"ddim_steps is {s.ddim_steps}; expected fewer than steps ({self.diffusion.steps})"),
             *((bool(value) and not m.condition_on_keyframes, f"{what}, {unseen}") for value, what in (
@@ -217,6 +234,7 @@ class Config(Settings):
                 (m.target == "departure", "target is departure"),
                 (task.shortest, f"shortest is {task.shortest}"),
                 (task.past > 1, f"past is {task.past}"),
+                (task.future > 1, f"future is {task.future}"),
             )),
         )  # fmt: skip
         for is_wrong, message in rules:

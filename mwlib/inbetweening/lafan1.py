@@ -23,7 +23,7 @@ from mwlib.inbetweening.baselines import between
 from mwlib.inbetweening.bridge import Bridge
 from mwlib.inbetweening.config import Config
 from mwlib.inbetweening.space import UP, Placement, RotationSpace, Space
-from mwlib.inbetweening.system import Fill, Score, after
+from mwlib.inbetweening.system import Fill, Score, inside
 from mwlib.inbetweening.windows import Clips, PlacedWindows
 
 FPS = 30.0
@@ -198,7 +198,7 @@ def _hidden(windows: PlacedWindows, length: int) -> PlacedWindows:
 
 def baseline(space: Space, pace: str) -> Fill:
     """From the last frame before the transition to the one after it: places linearly, local rotations by `benchmark_slerp`."""
-    return after(PAST - 1, lambda x: between(space, x, pace, benchmark_slerp))
+    return inside(PAST, 1, lambda x: between(space, x, pace, benchmark_slerp))
 
 
 def benchmark_slerp(

@@ -10,6 +10,8 @@ from mwlib.inbetweening.config import ModelConfig
 from mwlib.networks import TransLinear
 
 BESIDE = 3  # numbers of a token beside the interpolation: mask, frequency, length
+SIZES = 64  # width of the network that says how large a window's numbers are
+LARGEST = 4.0  # bound of the logarithm that it says
 
 
 class KeyframeNetwork(nn.Module):
@@ -23,12 +25,12 @@ class KeyframeNetwork(nn.Module):
         model: sizes; whether the network sees the keyframes.
         rows: most tokens.
         channels: numbers per token.
-        past: frames given before those between, see `Representation.conditioning`.
+        steps: how many steps beyond the keyframes it sees, see `Representation.conditioning`.
     """
 
-    def __init__(self, model: ModelConfig, rows: int, channels: int, past: int = 1) -> None:
+    def __init__(self, model: ModelConfig, rows: int, channels: int, steps: int = 0) -> None:
         super().__init__()
-        extra = past * channels + BESIDE if model.condition_on_keyframes else 0
+        extra = (1 + steps) * channels + BESIDE + steps * bool(model.hide) if model.condition_on_keyframes else 0
         self.net = TransLinear(
             rows, channels, model.width, model.layers, model.heads, model.feedforward, model.dropout, model.attention_dropout,
             extra_columns=extra, conditioned=False,
@@ -40,7 +42,7 @@ class KeyframeNetwork(nn.Module):
         t: Int[Tensor, " B"] | int,
         conditioning: Float[Tensor, "B rows conditioning"] | None = None,
     ) -> Float[Tensor, "B rows channels"]:
-        """Its output. Fewer tokens than the most are followed by zeros.
+        """Its output. Fewer tokens than the most are the first of them.
 
         Args:
             y_t: noised tokens.
@@ -48,9 +50,7 @@ class KeyframeNetwork(nn.Module):
             conditioning: see `Representation.conditioning`; a network that was built for it needs it.
         """
         entering = y_t if conditioning is None else torch.cat([y_t, conditioning], dim=-1)
-        missing = self.net.rows - y_t.shape[-2]
-        output, _ = self.net.evaluate(nn.functional.pad(entering, (0, 0, 0, missing)), t, None)
-        return output[:, : y_t.shape[-2]]
+        return self.net.evaluate(entering, t, None)[0]
 
 
 class WienerNetwork(nn.Module):
@@ -95,3 +95,27 @@ class WienerNetwork(nn.Module):
         a = self.alpha_bar[t].reshape(-1, 1, 1)
         s = self.power[: y_t.shape[-2]]
         return a, s, a * s**2 + 1 - a
+
+
+class SizedNetwork(WienerNetwork):
+    """`WienerNetwork` of numbers of unit deviation, and a second network that says how much larger or smaller than usual the
+    numbers of each token are in each window.
+
+    Own choice: people who stand and people who run differ more than gaps of one length do.
+
+    Args:
+        inner, alpha_bar: as of `WienerNetwork`.
+        entering: how many numbers tell of a window, see `Representation.ends`.
+    """
+
+    def __init__(self, inner: KeyframeNetwork, entering: int, alpha_bar: Float[Tensor, " M"]) -> None:
+        rows = inner.net.rows
+        super().__init__(inner, torch.ones(rows, inner.net.columns), alpha_bar)
+        last = nn.Linear(SIZES, rows)
+        nn.init.zeros_(last.weight)
+        nn.init.zeros_(last.bias)
+        self.log_factor = nn.Sequential(nn.Linear(entering, SIZES), nn.SiLU(), last)
+
+    def factor(self, ends: Float[Tensor, "B entering"], rows: int) -> Float[Tensor, "B rows 1"]:
+        """By what the usual sizes of the first tokens are multiplied in each window."""
+        return self.log_factor(ends)[:, :rows, None].clamp(-LARGEST, LARGEST).exp()

@@ -22,9 +22,9 @@ from mwlib.inbetweening.losses import (
     feet,
     smoothness_loss,
 )  # fmt: skip
-from mwlib.inbetweening.network import KeyframeNetwork, WienerNetwork
+from mwlib.inbetweening.network import KeyframeNetwork, SizedNetwork, WienerNetwork
 from mwlib.inbetweening.representation import Representation
-from mwlib.inbetweening.windows import Clips, PlacedWindows, draw_keyframes, make_space
+from mwlib.inbetweening.windows import Clips, PlacedWindows, draw_keyframes, make_space, parted
 from mwlib.training import Objective, seeded
 
 FITTED_ON = 4000  # windows
@@ -73,7 +73,7 @@ class InbetweeningObjective(Objective):
         else:
             with seeded(cfg.training.seed, 0) as generator:
                 seen = self.clips.draw(FITTED_ON, self.task.frames, generator, self.task.past)
-            self.representation = Representation.fit(cfg.model, task.gap, seen.x, task.past, task.smallest_gap)
+            self.representation = Representation.fit(cfg.model, task.gap, seen.x, task.past, task.smallest_gap, task.future)
             angles = bone_angles(self.space.positions(seen.x, seen.offsets)[:, ::4], self.space.bodies.skeleton)
             self.limits = torch.quantile(angles.flatten(0, 1)[:200_000], LIMIT, dim=0)
         with seeded(cfg.training.seed, 0):
@@ -86,48 +86,66 @@ class InbetweeningObjective(Objective):
             self.held_out.to(device)
 
     def draw(self, batch: int, generator: torch.Generator) -> Batch:
-        """Windows of one length and their keyframes."""
+        """Windows of one length and their keyframes; what some of them do not show beyond these is NaN."""
         frames = int(torch.randint(self.task.fewest, self.task.frames + 1, (1,), generator=generator))
-        mask = draw_keyframes(batch, frames, self.cfg.model.more_keyframes, generator, self.task.past)
-        return Batch(self.clips.draw(batch, frames, generator, self.task.past), mask.to(self.clips.flat.device))
+        return self._shown(self.clips, batch, frames, generator, self.cfg.model.more_keyframes)
+
+    def _shown(self, clips: Clips, batch: int, frames: int, generator: torch.Generator, more: int = 0) -> Batch:
+        past, future, hide = self.task.past, self.task.future, self.cfg.model.hide
+        mask = draw_keyframes(batch, frames, more, generator, past, future)
+        windows = clips.draw(batch, frames, generator, past)
+        if hide:
+            hidden = torch.zeros(batch, frames, dtype=torch.bool)
+            for part in (slice(0, past - 1), slice(frames - future + 1, frames)):
+                hidden[:, part] = torch.rand(batch, 1, generator=generator) < hide
+            windows = windows._replace(x=windows.x.masked_fill(hidden.to(windows.x.device)[..., None], torch.nan))
+        return Batch(windows, mask.to(clips.flat.device))
 
     def loss(self, network: nn.Module, batch: Batch, generator: torch.Generator) -> Float[Tensor, ""]:
         """L = L_noise + lambda_d L_div + lambda_s L_smooth + lambda_l L_len + lambda_a L_ang + the contacts; t in 1..M-1."""
-        lead = self.task.past - 1
-        before, x, mask = batch.windows.x[:, :lead], batch.windows.x[:, lead:], batch.mask[:, lead:]
+        before, x, after = parted(batch.windows.x, self.task.past, self.task.future)
+        mask = batch.mask[:, self.task.past - 1 :][:, : x.shape[1]]
         options, seen = self.cfg.objective, None
         draws = options.draws if options.diversity_weight else 1
-        line = self.representation.interpolation(x, before, mask)
-        tf = self.representation.transform(x.shape[-2])
-        y = tf(self.representation.modelled(x, line))
+        line = self.representation.interpolation(x, before, mask, after)
+        room, tf = self.representation.room(x, before, after), self.representation.transform(x.shape[-2])
+        y = tf(self.representation.modelled(x, line, room))
+        sizes, of_sizes = y.new_ones(len(y), 1, 1), y.new_zeros(())
+        if isinstance(network, SizedNetwork):
+            sizes = self.representation.usual(x.shape[-2]).to(y)
+            factor = network.factor(self.representation.ends(line, before, after), y.shape[-2])
+            of_sizes = (0.5 * (y / (sizes * factor)).square() + factor.log()).mean()  # minus the log of the normal density
+            sizes = sizes * factor.detach()
+        y = y / sizes
         t = torch.randint(1, len(self.alpha_bar), (len(y),), generator=generator)
         a = self.alpha_bar[t].repeat_interleave(draws)  # float64, on the CPU: not every device has that precision
         y, steps = (v.repeat_interleave(draws, dim=0) for v in (y, t.to(y.device)))
         eps = torch.randn(y.shape, generator=generator).to(y.device)
         y_t = noised(y, eps, a)
         if self.cfg.model.condition_on_keyframes:
-            seen = self.representation.conditioning(line, before, mask).repeat_interleave(draws, dim=0)
+            seen = self.representation.conditioning(line, before, mask, after).repeat_interleave(draws, dim=0)
         output = network(y_t, steps, seen)
         error = output - network_target(self.cfg.diffusion.prediction, y, eps, a)
         if options.level_weight == "unit":
             error = error / self.network.share(y_t, steps)  # pyright: ignore[reportCallIssue]  (Config.check: it is Wiener's)
         error = error.square().mean((-2, -1))
-        total = (error if self.level is None else error * self.level.to(y.device)[steps]).mean()
+        total = of_sizes + (error if self.level is None else error * self.level.to(y.device)[steps]).mean()
         if any(getattr(options, name) for name in ON_BODIES):
             y0_hat = y0_hat_of(y_t, to_eps(self.cfg.diffusion.prediction, output, y_t, a), a)
-            total = total + self._of_bodies(tf.inverse(y0_hat), batch.windows._replace(x=x), line, t, draws)
+            z = tf.inverse(y0_hat.unflatten(0, (-1, draws)) * sizes[:, None])
+            guessed = self.representation.states(z, line[:, None], room[:, None])  # (B, M, T, C)
+            total = total + self._of_bodies(guessed, batch.windows._replace(x=x), t)
         return total
 
-    def _of_bodies(self, z: Tensor, windows: PlacedWindows, line: Tensor, t: Int[Tensor, " B"], draws: int) -> Float[Tensor, ""]:
+    def _of_bodies(self, x: Float[Tensor, "B M T C"], windows: PlacedWindows, t: Int[Tensor, " B"]) -> Float[Tensor, ""]:
         """The losses on clean estimates, metres, times alpha_bar: an error in eps is divided by it in the estimate."""
         o, skeleton = self.cfg.objective, self.space.bodies.skeleton
-        x = self.representation.states(z.unflatten(0, (-1, draws)), line[:, None])  # (B, M, T, C)
         places = self.space.positions(x, windows.offsets[:, None])
         is_compared = o.smoothness == "velocity"
         frames = slice(None if is_compared or o.contact_weight else 1)  # of the truth, as many as are looked at
         truth = self.space.positions(windows.x[:, frames], windows.offsets)[:, None]
         flat = places.flatten(-2)
-        total = x.new_zeros(len(x), draws)
+        total = x.new_zeros(x.shape[:2])
         if o.smoothness_weight:
             like = truth.expand_as(places).flatten(-2) if is_compared else None
             total = total + o.smoothness_weight * smoothness_loss(flat, like, o.smoothness)
@@ -146,9 +164,8 @@ class InbetweeningObjective(Objective):
         """Loss on windows of people held out."""
         if self.held_out is None:
             return None
-        parts = [self.held_out.draw(256, self.task.frames, generator, self.task.past) for _ in range(2)]
-        mask = draw_keyframes(256, self.task.frames, 0, generator, self.task.past).to(self.held_out.flat.device)
-        return float(torch.stack([self.loss(network, Batch(part, mask), generator) for part in parts]).mean())
+        parts = [self._shown(self.held_out, 256, self.task.frames, generator) for _ in range(2)]
+        return float(torch.stack([self.loss(network, part, generator) for part in parts]).mean())
 
     def learnt(self) -> dict[str, Tensor]:
         """Statistics of the windows, and the limits of the angles."""
@@ -161,7 +178,12 @@ class InbetweeningObjective(Objective):
 
 def make_network(cfg: Config, representation: Representation) -> KeyframeNetwork | WienerNetwork:
     """The untrained network that a configuration names, for what is diffused."""
-    inner = KeyframeNetwork(cfg.model, *representation.transform(representation.frames).shape, cfg.task.past)
+    inner = KeyframeNetwork(cfg.model, *representation.transform(representation.frames).shape, cfg.task.steps)
     if cfg.model.output == "direct":
         return inner
-    return WienerNetwork(inner, representation.power, alpha_bar(cfg.diffusion.schedule, cfg.diffusion.steps))
+    levels = alpha_bar(cfg.diffusion.schedule, cfg.diffusion.steps)
+    if cfg.model.departure_scale != "window":
+        return WienerNetwork(inner, representation.power, levels)
+    channels = representation.power.shape[-1]
+    entering = (2 + cfg.task.steps) * channels + cfg.task.steps * bool(cfg.model.hide) + 1
+    return SizedNetwork(inner, entering, levels)

@@ -16,10 +16,11 @@ from mwlib.data.windows import prepare
 from mwlib.inbetweening.baselines import GaussianBetween, between
 from mwlib.inbetweening.bridge import Bridge
 from mwlib.inbetweening.config import Config
+from mwlib.inbetweening.gaps import card_of_gaps, rows_by_gap
 from mwlib.inbetweening.losses import bone_lengths, feet, floor_of
 from mwlib.inbetweening.objective import InbetweeningObjective
 from mwlib.inbetweening.space import Space
-from mwlib.inbetweening.windows import Clips, PlacedWindows, given, make_space, ready
+from mwlib.inbetweening.windows import Clips, PlacedWindows, given, make_space, parted, ready
 from mwlib.metrics import (
     NPSS,
     Column,
@@ -65,6 +66,7 @@ STATISTICS_STRIDE = 20  # frames between the windows behind the deviations of L2
 CHUNK = 32  # windows scored together
 
 make_objective, open_model = InbetweeningObjective, Bridge.from_tensors
+more_rows, more_of_card = rows_by_gap, card_of_gaps  # what the card of a shipped model says beside the tables
 
 Fill = Callable[[PlacedWindows, list[int]], Tensor]  # windows, their numbers -> states (n, S, T, C)
 
@@ -84,22 +86,27 @@ def load_data(cfg: Config, loaded: Sequence[Motion] | None = None) -> Split:
 
 def make_fill(cfg: Config, get_model: Callable[[], Bridge], split: Split, space: Space) -> Fill:
     """The filling that `method` names: a trained model's, asked for only here, or a baseline's, which sees both ends alone."""
-    method, lead = cfg.sampling.method, cfg.task.past - 1
+    method, past, future = cfg.sampling.method, cfg.task.past, cfg.task.future
     if method == "diffusion":
         model = get_model()
         return lambda windows, ids: model.sample(windows.x, window_ids=ids)
     if method == "truth":
         return lambda windows, ids: windows.x[:, None]
     if method != "gaussian":
-        return after(lead, lambda x: between(space, x, method))
-    seen = Clips(split.train, space).windows(cfg.task.frames, STATISTICS_STRIDE, cfg.task.past)
-    gaussian = GaussianBetween(seen.x[:, lead:])
-    return after(lead, lambda x: torch.where(given(x.shape[-2])[:, None], x, space.valid(gaussian(x))))
+        return inside(past, future, lambda x: between(space, x, method))
+    seen = Clips(split.train, space).windows(cfg.task.frames, STATISTICS_STRIDE, past)
+    gaussian = GaussianBetween(parted(seen.x, past, future)[1])
+    return inside(past, future, lambda x: torch.where(given(x.shape[-2])[:, None], x, space.valid(gaussian(x))))
 
 
-def after(lead: int, fill: Callable[[Tensor], Tensor]) -> Fill:
-    """A filling of the frames after the first `lead`, one sample of each window."""
-    return lambda windows, ids: torch.cat([windows.x[:, :lead], fill(windows.x[:, lead:])], dim=1)[:, None]
+def inside(past: int, future: int, fill: Callable[[Tensor], Tensor]) -> Fill:
+    """A filling of the frames from the first keyframe to the last, one sample of each window."""
+
+    def filling(windows: PlacedWindows, ids: list[int]) -> Tensor:
+        before, x, after = parted(windows.x, past, future)
+        return torch.cat([before, fill(x), after], dim=1)[:, None]
+
+    return filling
 
 
 class Score:
@@ -108,29 +115,31 @@ class Score:
     Args:
         space: what a state means.
         deviation: of each coordinate of the joints over the training windows, for L2P.
-        past: frames given before those between. They are scored as keyframes; all else is of what follows from the last of them.
+        past, future: frames given before and after those between. They are scored as keyframes; all else is of what lies from
+            the last of the past to the first of the future.
     """
 
-    def __init__(self, space: Space, deviation: Float[Tensor, " C"], past: int = 1) -> None:
-        self.space, self.deviation, self.past = space, deviation, past
+    def __init__(self, space: Space, deviation: Float[Tensor, " C"], past: int = 1, future: int = 1) -> None:
+        self.space, self.deviation, self.past, self.future = space, deviation, past, future
         self.skeleton, self.fps = space.bodies.skeleton, space.bodies.fps
         self.feet = feet(self.skeleton)
         self.npss = NPSS()
 
     @classmethod
-    def of(cls, split: Split, space: Space, frames: int, past: int = 1) -> Score:
+    def of(cls, split: Split, space: Space, frames: int, past: int = 1, future: int = 1) -> Score:
         """With the statistics of the training windows, each about the mean of its root on the floor."""
         seen = Clips(split.train, space).windows(frames, STATISTICS_STRIDE, past)
         places = space.positions(seen.x, seen.offsets)
         places[..., :2] -= places[:, :, :1, :2].mean(1, keepdim=True)
-        return cls(space, places.flatten(-2).flatten(0, 1).std(0, correction=0).clamp_min(1e-4), past)
+        return cls(space, places.flatten(-2).flatten(0, 1).std(0, correction=0).clamp_min(1e-4), past, future)
 
     def __call__(self, x: Float[Tensor, "n S T C"], windows: PlacedWindows) -> dict[str, Float[Tensor, " n"]]:
         """Every metric but NPSS, which is summed up over all windows."""
-        lead = self.past - 1
         p, g = (self.joints(states, windows.offsets) for states in (x, windows.x[:, None]))
-        met = keyframe_error(p.flatten(-2), g.flatten(-2), keyframes=(*range(self.past), -1)).amax(1)
-        x, truth, p, g = x[:, :, lead:], windows.x[:, None, lead:], p[:, :, lead:], g[:, :, lead:]
+        keyframes = (*range(self.past), *range(-self.future, 0))
+        met = keyframe_error(p.flatten(-2), g.flatten(-2), keyframes=keyframes).amax(1)
+        x, truth = (parted(states, self.past, self.future)[1] for states in (x, windows.x[:, None]))
+        p, g = (self.joints(states, windows.offsets) for states in (x, truth))
         errors = self.errors(x, truth, windows.offsets, p, g)
         straight = self.joints(between(self.space, truth[:, 0], "interpolation")[:, None], windows.offsets).flatten(-2)[:, 0]
         lengths = bone_lengths(g[:, :, 0], self.skeleton)
@@ -205,9 +214,9 @@ def evaluate(cfg: Config, get_model: Callable[[], Bridge], split: Split, progres
         See `mwlib.metrics.summary`.
     """
     space = make_space(split.train, cfg.task.state)
-    frames, past = cfg.task.frames, cfg.task.past
+    frames, past, future = cfg.task.frames, cfg.task.past, cfg.task.future
     windows = Clips(split.test, space).windows(frames, cfg.task.test_stride, past).thin(cfg.task.test_windows)
-    fill, score = make_fill(cfg, get_model, split, space), Score.of(split, space, frames, past)
+    fill, score = make_fill(cfg, get_model, split, space), Score.of(split, space, frames, past, future)
     parts = []
     for first in tqdm(range(0, len(windows.x), CHUNK), desc=cfg.sampling.method, disable=not progress, leave=False):
         rows = slice(first, first + CHUNK)

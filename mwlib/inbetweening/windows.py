@@ -130,22 +130,30 @@ def mirror_images(motions: Sequence[Motion], space: Space) -> list[Motion]:
     return [m.mirror() for m in motions]
 
 
-def given(frames: int, past: int = 1) -> Bool[Tensor, " T"]:
-    """The task: the first `past` frames and the last are given. With one of them it is the paper's."""
+def given(frames: int, past: int = 1, future: int = 1) -> Bool[Tensor, " T"]:
+    """The task: the first `past` frames and the last `future` are given. With one of each it is the paper's."""
     mask = torch.zeros(frames, dtype=torch.bool)
     mask[:past] = True
-    mask[-1] = True
+    mask[-future:] = True
     return mask
 
 
-def draw_keyframes(batch: int, frames: int, most: int, generator: torch.Generator, past: int = 1) -> Bool[Tensor, "B T"]:
+def parted(x: Float[Tensor, "*lead T C"], past: int, future: int) -> tuple[Tensor, Tensor, Tensor]:
+    """What is before the first keyframe, from it to the last one, and after that."""
+    first, last = past - 1, x.shape[-2] - future + 1
+    return x[..., :first, :], x[..., first:last, :], x[..., last:, :]
+
+
+def draw_keyframes(
+    batch: int, frames: int, most: int, generator: torch.Generator, past: int = 1, future: int = 1
+) -> Bool[Tensor, "B T"]:
     """Masks of what is `given`, and in half of the windows of up to `most` random frames more from keyframe to keyframe."""
-    mask = given(frames, past).repeat(batch, 1)
+    mask = given(frames, past, future).repeat(batch, 1)
     if most:
-        gap = frames - past + 1
+        gap = frames - past - future + 2
         count = torch.randint(1, most + 1, (batch, 1), generator=generator)
         count = count * (torch.rand(batch, 1, generator=generator) < 0.5)
-        mask[:, past - 1 :] |= torch.rand(batch, gap, generator=generator).argsort(dim=1).argsort(dim=1) < count
+        mask[:, past - 1 : past - 1 + gap] |= torch.rand(batch, gap, generator=generator).argsort(dim=1).argsort(dim=1) < count
     return mask
 
 
@@ -168,22 +176,36 @@ def interpolated(x: Float[Tensor, "*lead T C"], mask: Bool[Tensor, "*#lead T"]) 
 
 
 def coasting(
-    x: Float[Tensor, "*lead T C"], before: Float[Tensor, "*lead P C"], mask: Bool[Tensor, "*#lead T"], frames: float
+    x: Float[Tensor, "*lead T C"],
+    before: Float[Tensor, "*lead P C"],
+    mask: Bool[Tensor, "*#lead T"],
+    frames: float,
+    after: Float[Tensor, "*lead Q C"] | None = None,
 ) -> Float[Tensor, "*lead T C"]:
-    """`interpolated`, that leaves the first keyframe with the velocity that the body has there.
+    """`interpolated`, that leaves the first keyframe with the velocity that the body has there, and arrives so at the last.
 
-    Frame k departs from the straight line by (v - v_line) k exp(-k / frames) (1 - k / K), K the next keyframe, v the last step
-    of the past. Source: own choice, by measurement: on LaFAN1 its places are nearer to the truth than the line's.
+    Frame k departs from the straight line by (v - v_line) k exp(-(k / frames)^p) (1 - k / K)^p, K the next keyframe, v the last
+    step of the past, p = 1. With frames after the last keyframe p = 2, as in Hermite's cubic, and the same holds backwards from
+    there. Source: own choice, by measurement: the places are nearer to the truth than the line's.
 
     Args:
         x: states; those that are not keyframes are not looked at.
-        before: the frames before them, at least one.
+        before: the frames before them, at least one. Where they are not known (NaN), the line stays as it is.
         mask: True at keyframes, the first and the last among them.
         frames: in which the velocity is forgotten.
+        after: the frames after them; None or none of them: nothing is known of the velocity there.
     """
     line = interpolated(x, mask)
-    more = line[..., :1, :] - before[..., -1:, :] - line.diff(dim=-2)[..., :1, :]
-    k = torch.arange(x.shape[-2], device=mask.device)
+    if after is None or not after.shape[-2]:
+        return line + _coast(line, before[..., -1:, :], mask, frames, 1)
+    there = _coast(line.flip(-2), after[..., :1, :], mask.flip(-1), frames, 2).flip(-2)
+    return line + _coast(line, before[..., -1:, :], mask, frames, 2) + there
+
+
+def _coast(line: Tensor, previous: Tensor, mask: Tensor, frames: float, power: int) -> Tensor:
+    """What a velocity adds to a line, see `coasting`."""
+    more = (line[..., :1, :] - previous - line.diff(dim=-2)[..., :1, :]).nan_to_num()
+    k = torch.arange(line.shape[-2], device=mask.device)
     until = torch.where(mask & (k > 0), k, len(k)).amin(-1, keepdim=True)
-    k, until = k.to(x), until.to(x)
-    return line + more * (k * torch.exp(-k / frames) * (1 - k / until).clamp_min(0))[..., None]
+    k, until = k.to(line), until.to(line)
+    return more * (k * torch.exp(-((k / frames) ** power)) * (1 - k / until).clamp_min(0) ** power)[..., None]

@@ -173,12 +173,14 @@ class TransLinear(nn.Module):
     ) -> tuple[Float[Tensor, "B rows columns"], Tensor | None]:
         """Forward pass with the condition embedded already (zeros = unconditional), and extra columns beside the coefficients.
 
+        Fewer rows than the network's own are its first.
+
         Attention (attention_rows, 2, heads, rows, rows) of the middle two blocks is worked out for the first
         `attention_rows` items only; everywhere else fused attention keeps it implicit.
         """
         emb = self.embed_time(t)
         emb = (emb if added is None else emb + added).expand(len(y_t), -1)
-        h = self.enter(y_t) + self.position
+        h = self.enter(y_t) + self.position[: y_t.shape[-2]]
         half, skips, maps = len(self.blocks) // 2, [], []
         for i, block in enumerate(self.blocks):
             if i < half:

@@ -33,6 +33,10 @@ SMALL = dict(
 )  # fmt: skip
 PAPER = dict(target="motion", condition_on_keyframes=False, prediction="eps", level_weight="uniform", scheme="replacement")
 
+WINDOW = dict(
+    past=2, future=2, coast=3.0, hide=0.4, departure_scale="window", tokens="sines", output="wiener", level_weight="unit",
+)  # fmt: skip
+
 
 def small(**changes) -> Config:
     """The tiny preset, made smaller; everything that the tests depend on is said here."""
@@ -111,7 +115,7 @@ def untrained(**changes) -> Bridge:
     space = make_space(data_of(cfg).train, cfg.task.state)
     task = cfg.task
     x = Clips(data_of(cfg).train, space).windows(task.frames, 3, task.past).x
-    representation = Representation.fit(cfg.model, task.gap, x, task.past, task.smallest_gap)
+    representation = Representation.fit(cfg.model, task.gap, x, task.past, task.smallest_gap, task.future)
     return Bridge(shaken(make_network(cfg, representation)), representation, space, cfg)
 
 

@@ -15,12 +15,12 @@ from mwlib.inbetweening import bridge as module
 from mwlib.inbetweening.bridge import Bridge, filled, tempered
 from mwlib.inbetweening.windows import given
 from tests.body.sample import animators_motion, apart
-from tests.inbetweening.sample import PAPER, data_of, untrained, windows_for
+from tests.inbetweening.sample import PAPER, WINDOW, data_of, untrained, windows_for
 
 KINDS = {
     "conditioned": {}, "paper": PAPER, "wiener": dict(output="wiener", tokens="sines", level_weight="unit"),
     "frames": dict(tokens="frames"), "rotations": dict(state="rotations"), "few": dict(PAPER, rows=4),
-    "past": dict(past=4, coast=3.0, tokens="sines", output="wiener"),
+    "past": dict(past=4, coast=3.0, tokens="sines", output="wiener"), "window": WINDOW,
 }  # fmt: skip
 each_kind = pytest.mark.parametrize("changes", KINDS.values(), ids=KINDS)
 SCHEMES = {
@@ -32,11 +32,11 @@ SCHEMES = {
 @each_kind
 def test_keyframes_are_there_to_the_bit_and_nothing_else_is_looked_at(changes):
     bridge = untrained(**changes)
-    x, past = windows_for(bridge).x[:3], bridge.cfg.task.past
-    found, mask = bridge.sample(x), given(past + 7, past)
-    assert found.shape == (3, 2, past + 7, x.shape[-1]) and found.isfinite().all()
-    assert torch.equal(found[:, :, mask], x[:, None, mask].expand(3, 2, past + 1, -1))
-    assert (found[:, 0, past:-1] - found[:, 1, past:-1]).abs().amax((-2, -1)).min() > 1e-3
+    x, past, future = windows_for(bridge).x[:3], bridge.cfg.task.past, bridge.cfg.task.future
+    found, mask = bridge.sample(x), given(past + 6 + future, past, future)
+    assert found.shape == (3, 2, past + 6 + future, x.shape[-1]) and found.isfinite().all()
+    assert torch.equal(found[:, :, mask], x[:, None, mask].expand(3, 2, past + future, -1))
+    assert (found[:, 0, past:-future] - found[:, 1, past:-future]).abs().amax((-2, -1)).min() > 1e-3
     blind = torch.where(mask[:, None], x, torch.nan)
     assert torch.equal(bridge.sample(blind), found)
     torch.testing.assert_close(bridge.space.valid(found), found, atol=1e-4, rtol=1e-4)
@@ -392,3 +392,47 @@ def test_two_bodies_and_a_rig_that_is_not_there_are_refused():
     for asked in ("own_rig", "join"):
         with pytest.raises(ValueError, match="animated has positions only; expected rotations"):
             filled(bridge, replace(start, rig=None), [3, 10], samples=1, **{asked: True})
+
+
+def test_where_velocities_are_known_samples_have_them_and_elsewhere_not():
+    """However far they are from each other in the middle: the first step is the last one of the past, to second order."""
+    bridge = untrained(**WINDOW, between=40, fps=10.0)
+    x = windows_for(bridge).x[:2]
+    blind = x.clone()
+    blind[:, [0, -1]] = torch.nan
+    known, unknown = bridge.sample(x), bridge.sample(blind)
+    for one, other in ((known[:, 0], known[:, 1]), (known[:, 0].flip(1), known[:, 1].flip(1))):
+        apart = (one - other).abs().mean((0, 2))
+        assert apart[:2].max() == 0 and apart[2] < 0.15 * apart[10:30].mean()
+    assert unknown.isfinite().all() and torch.equal(unknown[:, :, 0], unknown[:, :, 1])
+    assert (unknown - known)[:, :, 2:-2].abs().max() > 1e-3
+
+
+def test_a_model_that_may_do_without_gives_motions_from_keyframe_to_keyframe():
+    bridge, motion = untrained(**WINDOW), data_of(untrained().cfg).test[0].turn(0.9)
+    by_numbers = filled(bridge, motion, [6, 13], samples=1, seed=3)[0]
+    by_poses = filled(bridge, motion.cut(0, 7), motion.cut(13, 20), 6, samples=1, seed=3)[0]
+    alone = filled(bridge, motion.cut(6, 7), motion.cut(13, 14), 6, samples=1, seed=3)[0]
+    at_the_ends = filled(bridge, motion.cut(6, 14), [0, 7], samples=1, seed=3)[0]
+    np.testing.assert_allclose(by_poses.positions, by_numbers.positions, atol=1e-4)
+    np.testing.assert_allclose(alone.positions, at_the_ends.positions, atol=1e-4)
+    for made in (by_numbers, alone):
+        np.testing.assert_allclose(made.positions[[0, -1]], motion.positions[[6, 13]], atol=1e-5)
+    assert len(alone) == 8 and np.abs(alone.positions - by_numbers.positions).max() > 1e-3
+
+
+def test_feet_that_stand_are_held_and_keyframes_met():
+    bridge, motion = untrained(**WINDOW), data_of(untrained().cfg).test[0]
+    free, held = (filled(bridge, motion, [6, 13], samples=1, seed=3, feet=feet)[0] for feet in (False, True))
+    np.testing.assert_allclose(held.positions[[0, -1]], motion.positions[[6, 13]], atol=1e-5)
+    below = [motion.skeleton.joints.index(f"{side}_foot") for side in ("right", "left")]
+    others = [j for j, name in enumerate(motion.skeleton.joints) if not name.endswith(("knee", "foot"))]
+    np.testing.assert_array_equal(held.positions[:, others], free.positions[:, others])
+    floor = min(motion.positions[:7, below, 2].min(), motion.positions[13:, below, 2].min())
+    assert held.positions[1:-1, below, 2].min() > floor - 0.02
+
+
+def test_a_future_that_is_too_short_is_refused():
+    bridge, motion = untrained(future=2), data_of(untrained().cfg).test[0]
+    with pytest.raises(ValueError, match="1 frames at 10 Hz from the last keyframe; expected at least 2, the future"):
+        filled(bridge, motion.cut(0, 7), motion.cut(13, 14))

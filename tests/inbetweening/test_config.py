@@ -28,12 +28,12 @@ def test_frames_count_the_keyframes():
 
 def test_settings_that_came_later_leave_the_hashes_of_old_results_alone():
     """Those of the results and models that were made without them."""
-    cfg = Config.preset("cmu")
-    assert (cfg.hash(), cfg.training_hash()) == ("307dfbe1", "86a01e22")
+    cfg = Config.preset("laptop")
+    assert (cfg.hash(), cfg.training_hash()) == ("8fd043dd", "001306ba")
     assert "past: 1\n" in cfg.to_yaml() and Config.from_yaml(cfg.to_yaml().replace("  past: 1\n", "")) == cfg
-    later = dict(past=2, coast=1.0, departure_scale="each")
+    later = dict(past=2, future=2, coast=1.0, hide=0.1, departure_scale="each")
     assert {*later} == {*Config.newer}
-    seen = cfg.override(past=3)
+    seen = cfg.override(past=3, future=3)
     for name, value in later.items():
         assert seen.hash() != seen.override(**{name: value}).hash(), name
         assert seen.training_hash() != seen.override(**{name: value}).training_hash(), name
@@ -95,6 +95,13 @@ def test_other_data_have_other_people():
         (dict(PAPER, past=3), "past is 3, " + UNSEEN),
         (dict(coast=2.0), "coast is 2 with past 1; expected a past of 2 or more"),
         (dict(past=0), "past is 0"),
+        (dict(PAPER, future=2), "future is 2, " + UNSEEN),
+        (dict(hide=0.3), "hide is 0.3, but past and future are 1; expected 2 or more of one"),
+        (dict(departure_scale="window"), "departure_scale is window with cosines and output direct; expected sines and wiener"),
+        (
+            dict(departure_scale="window", tokens="sines", output="wiener", more_keyframes=1),
+            "departure_scale is window; expected scheme=none and no more_keyframes",
+        ),
         (dict(departure_scale="each", target="motion"), "departure_scale is each, but target is motion; expected departure"),
         (dict(rows=9, past=3), "rows is 9; expected at most 8, as many cosines as there are"),
         (dict(PAPER, shortest=3), "shortest is 3, " + UNSEEN),

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import pytest
 import torch
-from torch.nn import functional as F
 
 from mwlib.diffusion import alpha_bar, ddim, ddim_indices, noised, to_eps
-from mwlib.inbetweening.network import BESIDE, KeyframeNetwork, WienerNetwork
+from mwlib.inbetweening.network import BESIDE, LARGEST, KeyframeNetwork, SizedNetwork, WienerNetwork
 from tests.inbetweening.sample import PAPER, shaken, small
 
 A_BAR = alpha_bar("cosine", 1000)
@@ -19,15 +18,17 @@ def network(**changes) -> KeyframeNetwork:
 
 @pytest.mark.parametrize("rows", [8, 5, 1])
 @pytest.mark.parametrize("changes, beside", [(PAPER, 0), ({}, 5 + BESIDE)], ids=["paper", "conditioned"])
-def test_outputs_have_the_shape_of_inputs_and_shorter_ones_are_padded(changes, beside, rows, generator):
+def test_outputs_have_the_shape_of_inputs_and_fewer_tokens_are_the_first(changes, beside, rows, generator):
     net = network(**changes)
     y = torch.randn(3, rows, 5, generator=generator)
     seen = torch.randn(3, rows, beside, generator=generator) if beside else None
     t = torch.tensor([1, 20, 49])
     found = net(y, t, seen)
     assert found.shape == y.shape
-    whole = F.pad(y if seen is None else torch.cat([y, seen], dim=-1), (0, 0, 0, 8 - rows))
-    torch.testing.assert_close(found, net.net.evaluate(whole, t, None)[0][:, :rows])
+    fewer = shaken(KeyframeNetwork(small(**changes).model, rows, 5), 0.3).eval()
+    weights = net.state_dict() | {"net.position": net.net.position[:rows]}
+    fewer.load_state_dict(weights)
+    torch.testing.assert_close(found, fewer(y, t, seen))
     one = net(y[1:2], 20, None if seen is None else seen[1:2])
     torch.testing.assert_close(found[1:2], one, atol=1e-4, rtol=1e-4)
     assert net.net.condition is None
@@ -99,3 +100,13 @@ def test_shorter_motions_have_the_deviations_of_the_first_tokens(generator):
     y_t, t = torch.randn(2, 5, 3, generator=generator), torch.tensor([3, 900])
     torch.testing.assert_close(whole(y_t, t), first(y_t, t), atol=0, rtol=0)
     assert [*whole.state_dict()] == []  # the statistics are what the representation learnt
+
+
+def test_sizes_begin_as_usual_and_are_bounded(generator):
+    net = SizedNetwork(network(), 4, A_BAR)
+    ends = 3 * torch.randn(3, 4, generator=generator)
+    assert torch.equal(net.factor(ends, 5), torch.ones(3, 5, 1))
+    shaken(net.log_factor, 1.0)
+    found = net.factor(ends, 5)
+    assert found.unique().numel() > 4 and found.log().abs().max() <= LARGEST + 1e-5
+    torch.testing.assert_close(net.factor(ends, 8)[:, :5], found)

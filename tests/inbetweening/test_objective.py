@@ -15,7 +15,7 @@ from mwlib.inbetweening.objective import Batch, InbetweeningObjective
 from mwlib.inbetweening.space import PositionSpace, space_from_json
 from mwlib.training import CHECKPOINT, MODEL, train
 from mwlib.training.checkpoint import load_tensors
-from tests.inbetweening.sample import PAPER, data_of, objective, people, shaken, small
+from tests.inbetweening.sample import PAPER, WINDOW, data_of, objective, people, shaken, small
 
 KINDS = {
     "conditioned": {},
@@ -23,6 +23,7 @@ KINDS = {
     "wiener": dict(output="wiener", level_weight="unit", tokens="sines", between=6, shortest=4, more_keyframes=1),
     "frames": dict(tokens="frames", prediction="v"),
     "rotations": dict(state="rotations", mirror=True),
+    "window": dict(WINDOW, shortest=4),
     "past": dict(past=4, coast=3.0, departure_scale="each", tokens="sines", output="wiener", shortest=4, more_keyframes=1),
 }
 each_kind = pytest.mark.parametrize("changes", KINDS.values(), ids=KINDS)
@@ -53,14 +54,19 @@ def test_it_learns(changes):
 
 @each_kind
 def test_batches_are_windows_of_one_length_with_their_keyframes(changes):
-    made, lengths, more = objective(**changes), set(), set()
+    made, lengths, more, shares = objective(**changes), set(), set(), []
     for seed in range(30):
         windows, mask = made.draw(4, torch.Generator().manual_seed(seed))
-        past = made.task.past
-        assert windows.x.shape[:2] == mask.shape and mask[:, :past].all() and mask[:, -1].all()
+        past, future = made.task.past, made.task.future
+        assert windows.x.shape[:2] == mask.shape and mask[:, :past].all() and mask[:, -future:].all()
         assert windows.x[:, past - 1, :2].abs().max() < 1e-6  # as seen from there
-        lengths.add(windows.x.shape[1] - past + 1)
-        more |= set(mask[:, past:-1].sum(1).tolist())
+        lengths.add(windows.x.shape[1] - past - future + 2)
+        more |= set(mask[:, past:-future].sum(1).tolist())
+        hidden = windows.x.isnan().all(-1)
+        assert not hidden[:, past - 1 : windows.x.shape[1] - future + 1].any() and not windows.x[~hidden].isnan().any()
+        shares.append(hidden.sum(1))
+    shares = torch.cat(shares)
+    assert {*shares.tolist()} == ({0, 1, 2} if made.cfg.model.hide else {0})
     assert lengths == set(range(changes.get("shortest", 6) + 2, 9))
     assert more == set(range(changes.get("more_keyframes", 0) + 1))
 
@@ -139,7 +145,7 @@ def test_the_estimate_of_one_clip_is_compared_with_its_own_noise_draws():
     assert float(made.loss(Zero(), everywhere, torch.Generator().manual_seed(0))) == pytest.approx(0, abs=1e-6)
 
 
-@pytest.mark.parametrize("kind", ["conditioned", "wiener", "rotations", "past"])
+@pytest.mark.parametrize("kind", ["conditioned", "wiener", "rotations", "past", "window"])
 def test_resuming_is_as_if_never_stopped_to_the_bit(kind, tmp_path):
     cfg = small(**KINDS[kind], length_weight=0.1, train_steps=6, checkpoint_every=3)
     for folder, stop in ((tmp_path / "whole", 99), (tmp_path / "stopped", 4)):
@@ -209,3 +215,16 @@ def test_the_limits_are_those_of_the_training_people():
     angles = bone_angles(made.space.positions(windows.x, windows.offsets), made.space.bodies.skeleton).flatten(0, 1)
     beyond = (angles > made.limits).double().mean(0)
     assert 0 < float(beyond.mean()) < 0.03
+
+
+def test_the_sizes_that_are_learnt_are_those_of_the_windows():
+    """Windows ten times as large as usual: the factor that costs least is ten."""
+    made = objective(**WINDOW, between=6)
+    made.representation.power = made.representation.power / 10
+    last = made.network.log_factor[-1]
+    given = batch(made, 64)
+    costs = []
+    for factor in (1.0, 5.0, 10.0, 20.0):
+        torch.nn.init.constant_(last.bias, math.log(factor))
+        costs.append(float(loss(made, given)))
+    assert min(costs) == costs[2]

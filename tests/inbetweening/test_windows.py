@@ -11,7 +11,17 @@ import torch
 
 from mwlib.data.collections.lafan1 import LAFAN1
 from mwlib.inbetweening.space import Placement, PositionSpace, RotationSpace
-from mwlib.inbetweening.windows import Clips, coasting, draw_keyframes, given, interpolated, make_space, mirror_images, ready
+from mwlib.inbetweening.windows import (
+    Clips,
+    coasting,
+    draw_keyframes,
+    given,
+    interpolated,
+    make_space,
+    mirror_images,
+    parted,
+    ready,
+)
 from tests.inbetweening.sample import dancers, lafan_motion, people
 
 LENGTHS = (20, 9, 8, 31, 3)
@@ -212,3 +222,18 @@ def test_interpolation_keeps_keyframes_to_the_bit_and_looks_at_nothing_else(gene
     found = interpolated(blind, mask)
     assert found.isfinite().all() and torch.equal(found[:, mask], x[:, mask])
     assert torch.equal(found[:, 0], x[:, 1]) and torch.equal(found[:, 8], x[:, 7])
+
+
+def test_with_a_future_the_line_arrives_as_it_leaves(generator):
+    """Hermite's cubic, where nothing is forgotten; and time reversed it is the same."""
+    motion = torch.linspace(0, 1, 12)[:, None] ** torch.tensor([1.0, 2.0, 3.0])  # cubics are their own Hermite curve
+    before, x, after = parted(motion, 2, 2)
+    mask = given(len(x))
+    steep = coasting(x, before, mask, 1e6, after)
+    line = interpolated(x, mask)
+    assert (steep - x).abs().max() < 0.25 * (line - x).abs().max()
+    assert torch.equal(steep[[0, -1]], x[[0, -1]])
+    back = coasting(x.flip(0), after.flip(0), mask, 9.0, before.flip(0)).flip(0)
+    torch.testing.assert_close(coasting(x, before, mask, 9.0, after), back)
+    unknown = torch.full_like(before, torch.nan)
+    torch.testing.assert_close(coasting(x, unknown, mask, 9.0, unknown), line)

@@ -1,0 +1,66 @@
+"""The in-betweening model that comes with the package, beside slerp and truth, at gaps of 5 to 90 frames, on people it never saw.
+
+Needs CMU's, Bandai-Namco's and LaFAN1's files under MWLIB_DATA:
+python benchmarks/inbetweening_gaps.py figures
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+
+import numpy as np
+import torch
+from jaxtyping import Float
+
+import mwlib as mw
+from mwlib.body.joining import rig_of
+from mwlib.body.motion import Motion
+from mwlib.body.skeleton import H36M17
+from mwlib.data.collections import acknowledgement
+from mwlib.files import write_together
+from mwlib.inbetweening.bridge import Bridge
+from mwlib.inbetweening.gaps import by_gap, table
+
+SETS = {  # folder of the figures -> data, and who is tested; nobody: everybody
+    "cmu": ("cmu/asfamc", ("2", "7", "29")),
+    "bandai_namco": ("bandai_namco", ()),
+    "lafan1": ("lafan1", ()),
+}
+WINDOWS = 40  # of each gap
+
+
+def slerped(motions: list[Motion]):
+    """Slerp of each joint's rotation and the root on a straight line, of the files' own rigs, as places of 17 joints."""
+
+    def straight(clip: int, first: int, last: int) -> Float[np.ndarray, "T joints 3"]:
+        motion = motions[clip]
+        share = np.linspace(0, 1, last - first + 1)
+        rig = rig_of(motion).between(np.full(len(share), first), np.full(len(share), last), share)
+        between = Motion(rig.positions().astype(np.float32), motion.fps, motion.skeleton, up=motion.up)
+        return between.retarget(H36M17).positions
+
+    return straight
+
+
+def main() -> None:
+    """Write a table for each set, and print it."""
+    torch.set_num_threads(1)
+    out, model = Path(sys.argv[1]), mw.load_run("inbetween")
+    assert isinstance(model, Bridge)
+    for name, (source, people) in SETS.items():
+        motions = [m.with_up("z") for m in mw.load_motions(source, fps=30.0) if not people or m.subject in people]
+        motions = [m for m in motions if len(m) > 9]
+        prepared = model.space.bodies.prepare(motions)
+        rows = []
+        for known in (True, False):
+            found = by_gap(model, prepared, known, WINDOWS, slerped(motions))
+            rows += [{"velocities": "known" if known else "not known", **row} for row in found]
+            print(f"{name}, velocities {'known' if known else 'not known'}\n{table(found)}", flush=True)
+        about = {"rows": rows, "data": source, "samples": 10, **acknowledgement(source)}
+        write_together({out / name / "inbetweening_gaps.json": json.dumps(about, indent=1)})
+
+
+if __name__ == "__main__":
+    main()

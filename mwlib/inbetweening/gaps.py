@@ -1,0 +1,172 @@
+"""A trained model beside interpolation and truth, at gaps of several lengths."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from mwlib.body.motion import Motion
+from mwlib.body.standing import legs, standing
+from mwlib.inbetweening.bridge import Bridge
+from mwlib.inbetweening.losses import STANDING, feet, floor_of
+from mwlib.inbetweening.windows import Clips, interpolated, parted
+from mwlib.metrics import Column, foot_contacts, summary
+
+GAPS = 5, 10, 15, 30, 45, 60, 90  # frames between two keyframes
+STRIDE = 15  # frames between the starts of windows, which are then thinned
+COLUMNS = {
+    "straight": Column("interpolation (mm)", "lower", 1000.0),
+    "mean": Column("mean of ten (mm)", "lower", 1000.0),
+    "single": Column("a sample (mm)", "lower", 1000.0),
+    "best": Column("best of ten (mm)", "lower", 1000.0),
+    "spread": Column("spread (mm)", scale=1000.0),
+    "jerk": Column("jerk (m/s³)"),
+    "true_jerk": Column("truth's"),
+    "speed": Column("speed (m/s)"),
+    "true_speed": Column("truth's"),
+    "jump": Column("jump of velocity (m/s)", "lower"),
+    "true_jump": Column("truth's"),
+    "slide": Column("feet where the truth's stand (m/s)", "lower"),
+    "straight_slide": Column("interpolation's"),
+    "true_slide": Column("truth's"),
+    "sunk": Column("below the floor (cm)", "lower", 100.0),
+}
+Straight = Callable[[int, int, int], Float[np.ndarray, "T joints 3"]]  # clip, first and last keyframe -> motion between them
+
+
+def by_gap(
+    bridge: Bridge, motions: Sequence[Motion], is_beyond_known: bool, most: int = 60, straight: Straight | None = None
+) -> list[dict[str, Any]]:
+    """Scores of a model at each of the `GAPS` that it is for, ten samples of each window, feet held as `filled` holds them.
+
+    Args:
+        bridge: a model of places, with one frame given beyond each keyframe (past and future 2).
+        motions: clips as it takes them (`Bodies.prepare`).
+        is_beyond_known: whether these frames are given, so that velocities are known; else they are hidden from the model.
+        most: windows of each gap.
+        straight: an interpolation to compare with; None: places on straight lines.
+
+    Returns:
+        A row for each gap: "gap" and what `mwlib.metrics.summary` gives, clustered by clip; metres. "ratio" of "mean", "single"
+        and "best" to the interpolation's error has the paired difference's error.
+    """
+    clips, rows = Clips([m for m in motions if len(m) > min(GAPS) + 4], bridge.space), []
+    for gap in GAPS:
+        if not bridge.cfg.task.shortest <= gap <= bridge.cfg.task.between or int(clips.lengths.max()) <= gap + 4:
+            continue
+        windows = clips.windows(gap + 4, STRIDE, 2).thin(most)
+        truth = bridge.space.placed(windows.x, windows.placement)
+        shown = windows.x.clone()
+        if not is_beyond_known:
+            shown[:, [0, -1]] = torch.nan
+        x = bridge.sample(shown, samples=10)
+        places = bridge.space.positions(bridge.space.placed(x, _each(windows.placement, 10)), windows.offsets[:, None])
+        true = bridge.space.positions(truth, windows.offsets)
+        places = torch.stack([_held(bridge, p, g) for p, g in zip(places[:, :, 1:-1], true, strict=True)])
+        inner = parted(true.flatten(-2), 2, 2)[1]
+        ends = torch.zeros(gap + 2, dtype=torch.bool)
+        ends[[0, -1]] = True
+        line = interpolated(inner, ends).unflatten(-1, (-1, 3))
+        if straight is not None:
+            cut = zip(windows.clip.tolist(), windows.start.tolist(), strict=True)
+            line = torch.from_numpy(np.stack([straight(c, s + 1, s + gap + 2) for c, s in cut])).to(line)
+        rows.append({"gap": gap, **summary(scores(places, true, line, bridge), windows.clip.tolist())})
+    return rows
+
+
+def _each(placement: Any, samples: int) -> Any:
+    return type(placement)(*(part[:, None].expand(-1, samples, *part.shape[1:]) for part in placement))
+
+
+def _held(bridge: Bridge, places: Float[Tensor, "S T J 3"], truth: Float[Tensor, "_T J 3"]) -> Float[Tensor, "S T J 3"]:
+    """Samples with feet that stand; the floor is at the lowest foot of the four frames given."""
+    bodies = bridge.space.bodies
+    below = [foot for _, _, foot in legs(bodies.skeleton)]
+    floor = float(truth[[0, 1, -2, -1]][:, below, 2].min())
+    held = [standing(Motion(p.numpy(), bodies.fps, bodies.skeleton, up=bodies.up), floor).positions for p in places]
+    return torch.from_numpy(np.stack(held))
+
+
+def scores(
+    p: Float[Tensor, "n S T J 3"], truth: Float[Tensor, "n _T J 3"], line: Float[Tensor, "n T J 3"], bridge: Bridge
+) -> dict[str, Float[Tensor, " n"]]:
+    """Errors over the frames between, and what each window is like; see `COLUMNS`.
+
+    Args:
+        p: samples from keyframe to keyframe, metres.
+        truth: the same with one frame more at both ends.
+        line: interpolation.
+        bridge: says the frame rate and which joints are feet.
+    """
+    fps, below = bridge.space.bodies.fps, feet(bridge.space.bodies.skeleton)
+    g, floor = truth[:, 1:-1], floor_of(truth, below)
+    stand = foot_contacts(g, below, fps, floor=floor, fastest=STANDING).double()
+    each = _error(p, g[:, None])
+
+    def slide(x: Tensor) -> Tensor:
+        moved = x[..., below, :2].diff(dim=-3).norm(dim=-1) * fps
+        return (moved * stand).sum((-2, -1)) / stand.sum((-2, -1))  # NaN where no foot stands
+
+    whole = torch.cat(
+        [truth[:, None, :1].expand(-1, p.shape[1], -1, -1, -1), p, truth[:, None, -1:].expand(-1, p.shape[1], -1, -1, -1)], 2
+    )
+    stand = stand[:, None]
+    return {
+        "straight": _error(line, g), "mean": _error(p.mean(1), g), "single": each.mean(1), "best": each.amin(1),
+        "spread": _error(p, p.mean(1, keepdim=True)).mean(1), "jerk": _jerk(p, fps).mean(1), "true_jerk": _jerk(g, fps),
+        "speed": _speed(p, fps).mean(1), "true_speed": _speed(g, fps), "jump": _jump(whole, fps).mean(1),
+        "true_jump": _jump(truth, fps), "slide": slide(p).mean(1), "straight_slide": slide(line[:, None]).mean(1),
+        "true_slide": slide(g[:, None]).mean(1),
+        "sunk": (floor[:, None, None, None] - p[..., below, 2]).clamp_min(0).amax((-2, -1)).mean(1),
+    }  # fmt: skip
+
+
+def _error(x: Tensor, g: Tensor) -> Tensor:
+    """Mean distance of joints over the frames between keyframes."""
+    return (x - g)[..., 1:-1, :, :].norm(dim=-1).mean((-2, -1))
+
+
+def _speed(x: Tensor, fps: float) -> Tensor:
+    return x.diff(dim=-3).norm(dim=-1).mean((-2, -1)) * fps
+
+
+def _jerk(x: Tensor, fps: float) -> Tensor:
+    return x.diff(n=3, dim=-3).norm(dim=-1).mean((-2, -1)) * fps**3
+
+
+def _jump(x: Tensor, fps: float) -> Tensor:
+    """Change of velocity at the keyframes, the second frame and the last but one."""
+    return x.diff(n=2, dim=-3)[..., [0, -1], :, :].norm(dim=-1).mean((-2, -1)) * fps
+
+
+def table(rows: Sequence[dict[str, Any]]) -> str:
+    """Rows as Markdown: what the mean of ten, a sample and the best of ten are of the interpolation's error, and the rest."""
+    heads = ["frames between", *(column.heading for column in COLUMNS.values())]
+    lines = [f"| {' | '.join(heads)} |", f"|{'---:|' * len(heads)}"]
+    for row in rows:
+        cells = [_said(row, name, column.scale) for name, column in COLUMNS.items()]
+        lines.append(f"| {' | '.join([str(row['gap']), *cells])} |")
+    return "\n".join(lines)
+
+
+def _said(row: dict[str, Any], name: str, scale: float) -> str:
+    share = f" ({row['mean'][name] / row['mean']['straight']:.2f})" if name in ("mean", "single", "best") else ""
+    return f"{scale * row['mean'][name]:.3g}{share}" if name in row["mean"] else "–"
+
+
+def rows_by_gap(bridge: Bridge, motions: Sequence[Motion]) -> dict[str, list[dict[str, Any]]]:
+    """`by_gap`, with velocities given and not, of a model that may do without; nothing of another."""
+    return {word: by_gap(bridge, motions, word == "known") for word in ("known", "not known") if bridge.cfg.model.hide}
+
+
+def card_of_gaps(rows: dict[str, list[dict[str, Any]]]) -> list[str]:
+    """What a card says of them, as Markdown paragraphs."""
+    return [
+        f"At gaps of several lengths, velocities at both keyframes {word}; ±, paired: see `metrics.json`.\n\n{table(found)}"
+        for word, found in rows.items()
+    ]
