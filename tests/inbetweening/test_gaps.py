@@ -12,7 +12,7 @@ from tests.inbetweening.sample import WINDOW, data_of, untrained
 
 def walk(bridge, count: int = 3):
     motion = data_of(bridge.cfg).test[0]
-    return torch.from_numpy(motion.positions)[None, :14].repeat(count, 1, 1, 1)
+    return torch.from_numpy(motion.positions).float()[None, :14].repeat(count, 1, 1, 1)
 
 
 def test_the_truth_has_no_error_and_is_its_own_measure():

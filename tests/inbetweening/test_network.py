@@ -108,5 +108,5 @@ def test_sizes_begin_as_usual_and_are_bounded(generator):
     assert torch.equal(net.factor(ends, 5), torch.ones(3, 5, 1))
     shaken(net.log_factor, 1.0)
     found = net.factor(ends, 5)
-    assert found.unique().numel() > 4 and found.log().abs().max() <= LARGEST + 1e-5
+    assert found.unique().numel() > 2 and found.log().abs().max() <= LARGEST + 1e-5
     torch.testing.assert_close(net.factor(ends, 8)[:, :5], found)
