@@ -18,6 +18,7 @@ from mwlib.text_to_motion.motions import motion_of
 
 log = logging.getLogger(__name__)
 INBETWEENING_MODEL, SENTENCE_MODEL = "inbetween", "sentences"  # the models that come with the package
+FORESEEN = 60  # frames up to which the model that comes with the package is nearer than a straight line, by its card
 MOST = 1000  # samples of a sentence: the next sentence's motions have noise of their own
 MOST_TOLD = 5  # unknown words in a warning
 EXPECTED_ACTIONS = "expected one of those that `mwlib generate --words` lists, or two such as walk and then wave"
@@ -95,7 +96,9 @@ def inbetween(
     """
     model = model_of(run, Bridge, "in-betweening")
     if model.cfg.model.hide and isinstance(end, Motion) and len(start) * len(end) == 1:
-        log.warning("two single poses say nothing of velocity: expect no more than of a straight line; give two frames each")
+        log.warning("two poses say nothing of velocity, and samples are no nearer than a straight line; give two frames each")
+    elif model.cfg.model.hide and (frames or 0) > FORESEEN:
+        log.warning("more than %d frames apart samples are no nearer to what people did than a straight line", FORESEEN)
     return filled(
         model,
         start,

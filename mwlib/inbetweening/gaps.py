@@ -52,7 +52,7 @@ def by_gap(
         straight: an interpolation to compare with; None: places on straight lines.
 
     Returns:
-        A row for each gap: "gap", and "mean", "standard_error" and "windows" of `mwlib.metrics.summary`, clustered by clip, metres.
+        A row for each gap: "gap", and "mean", "standard_error" and "windows" of `summary`, clustered by clip, metres.
         "gain" is by how much the mean of ten is nearer than the interpolation.
     """
     clips, rows = Clips([m for m in motions if len(m) > min(GAPS) + 4], bridge.space), []
@@ -167,7 +167,11 @@ def rows_by_gap(bridge: Bridge, motions: Sequence[Motion]) -> dict[str, list[dic
 
 def card_of_gaps(rows: dict[str, list[dict[str, Any]]]) -> list[str]:
     """What a card says of them, as Markdown paragraphs."""
+    told = (
+        "in brackets the share of the interpolation's error. By how much the mean of ten is nearer, and the standard error of that "
+        "over clips, is `gain` in `metrics.json`."
+    )
     return [
-        f"At gaps of several lengths, velocities at both keyframes {word}, {found[0]['windows']} windows each; in brackets the share of the interpolation's error. By how much the mean of ten is nearer, and the standard error of that over clips, is `gain` in `metrics.json`.\n\n{table(found)}"
+        f"At gaps of several lengths, velocities at both keyframes {word}, {found[0]['windows']} windows each; {told}\n\n{table(found)}"
         for word, found in rows.items()
     ]
