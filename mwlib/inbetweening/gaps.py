@@ -118,7 +118,8 @@ def scores(
     )
     stand = stand[:, None]
     return {
-        "straight": _error(line, g), "gain": _error(line, g) - _error(p.mean(1), g), "mean": _error(p.mean(1), g), "single": each.mean(1), "best": each.amin(1),
+        "straight": _error(line, g), "gain": _error(line, g) - _error(p.mean(1), g), "mean": _error(p.mean(1), g),
+        "single": each.mean(1), "best": each.amin(1),
         "spread": _error(p, p.mean(1, keepdim=True)).mean(1), "jerk": _jerk(p, fps).mean(1), "true_jerk": _jerk(g, fps),
         "speed": _speed(p, fps).mean(1), "true_speed": _speed(g, fps), "jump": _jump(whole, fps).mean(1),
         "true_jump": _jump(truth, fps), "slide": slide(p).mean(1), "straight_slide": slide(line[:, None]).mean(1),
@@ -168,10 +169,11 @@ def rows_by_gap(bridge: Bridge, motions: Sequence[Motion]) -> dict[str, list[dic
 def card_of_gaps(rows: dict[str, list[dict[str, Any]]]) -> list[str]:
     """What a card says of them, as Markdown paragraphs."""
     told = (
-        "in brackets the share of the interpolation's error. By how much the mean of ten is nearer, and the standard error of that "
-        "over clips, is `gain` in `metrics.json`."
+        "in brackets the share of the interpolation's error. By how much the mean of ten is nearer, and the standard error of "
+        "that over clips, is `gain` in `metrics.json`."
     )
     return [
-        f"At gaps of several lengths, velocities at both keyframes {word}, {found[0]['windows']} windows each; {told}\n\n{table(found)}"
+        f"At gaps of several lengths, velocities at both keyframes {word}, {found[0]['windows']} windows each; {told}\n\n"
+        f"{table(found)}"
         for word, found in rows.items()
     ]
