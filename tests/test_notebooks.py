@@ -284,7 +284,7 @@ def test_every_rule_bites(model, tmp_path, breach):
     [
         "assert found < level, 'is the sum right?'",  # a hint for the reader
         "assert abs(found - level) < 1e-6",  # rounding
-        "assert len(found) == 3 and found.sum() == 0",  # a size, and what may follow from the mathematics
+        "assert found.shape == (3, 4) and found.sum() == 0",  # a size, and what may follow from the mathematics
         "found = level\nassert found < level",  # another thing under the same name
         "assert all(found < 3 for found in [level])",
         "assert found == level",
