@@ -51,7 +51,12 @@ def checks(cells: list[NotebookNode], place: int) -> list[int]:
         if (not code and cell.source.startswith("#")) if solution else ("solution" in tags(cell) or len(found) == 3):
             break
         found += [now] if code and cell.source.strip() and "guard" not in tags(cell) else []
-    return [now for now in found if any("assert" in cells[later].source for later in found if later >= now)]
+    kept, wanted = list[int](), set[str]()
+    for now in reversed(found):  # what only draws is left out
+        asked, bound, changed = names(cells[now].source)
+        if "assert" in cells[now].source or wanted & (bound | changed):
+            kept, wanted = [now, *kept], wanted | asked
+    return kept
 
 
 def names(source: str) -> tuple[set[str], set[str], set[str]]:
