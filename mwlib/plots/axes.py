@@ -34,15 +34,16 @@ def panel(height: float, width: float = WIDTH) -> Panel:
     return figure, axes[0, 0]
 
 
-def tiled(count: int, columns: int = 3, *, frame: float, each: float, width: float = WIDTH) -> Panels:
-    """A figure with so many axes on common scales, at most so many in a row; places that are left over stay empty.
+def tiled(count: int, columns: int = 3, *, frame: float, each: float, width: float = WIDTH, shared: bool = True) -> Panels:
+    """A figure with so many axes, at most so many in a row; places that are left over stay empty.
 
     Args:
         frame: inches of height for the legend and the lowest labels; each: for a row.
+        shared: whether all have one scale.
     """
     columns = min(columns, count)
     rows = -(-count // columns)
-    figure, axes = canvas(rows, columns, height=frame + each * rows, sharex=True, sharey=True, width=width)
+    figure, axes = canvas(rows, columns, height=frame + each * rows, sharex=shared, sharey=shared, width=width)
     for ax in axes.flat[count:]:
         ax.set_visible(False)
     return figure, axes

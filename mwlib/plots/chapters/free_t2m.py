@@ -200,7 +200,7 @@ STEPS = LinearSegmentedColormap.from_list("steps", ["#c8ccd2", CYCLE[0]])
 def ways(rows: Mapping[str, Sequence[Motion]]) -> Panels:
     """Ways of the root on the floor, seen from above: a panel for each sentence, a line for each motion.
 
-    All start at the dot and look up the page, so that left is left. The scale is the same in all panels.
+    All start at the dot and look up the page, so that left is left. Each panel has its own scale, of `NARROWEST` metres at least.
 
     Args:
         rows: title -> motions; those with y up and those with z up may be mixed.
@@ -210,10 +210,10 @@ def ways(rows: Mapping[str, Sequence[Motion]]) -> Panels:
     """
     if not rows or not all(rows.values()):
         raise ValueError(f"{len(rows)} rows, some perhaps without a motion; expected at least one motion in each")
-    fig, axes = tiled(len(rows), frame=0.4, each=2.2)
+    fig, axes = tiled(len(rows), frame=0.4, each=2.5, shared=False)
     paths = {title: [_seen_from_above(motion) for motion in motions] for title, motions in rows.items()}
-    reach = max(NARROWEST, 1.08 * max(np.abs(path).max() for several in paths.values() for path in several))
     for ax, (title, several) in zip(axes.flat, paths.items(), strict=False):
+        reach = max(NARROWEST, 1.08 * max(np.abs(path).max() for path in several))
         for number, path in enumerate(several):
             ax.plot(*path.T, color=CYCLE[number % len(CYCLE)], linewidth=1.6)
         ax.plot(0, 0, "o", color="black")
@@ -259,7 +259,7 @@ def emerging_way(
     left, right = axes[0]
     for number, (path, level, limb) in enumerate(zip(paths, levels, limbs, strict=True)):
         colour = STEPS(number / max(len(paths) - 1, 1))
-        left.plot(*array(path).T, color=colour, label=f"noise {level:.2f}")
+        left.plot(*array(path).T, color=colour, label=f"noise {level:.4f}")
         right.plot(np.arange(len(limb)) / fps, array(limb), color=colour)
     left.set(title="way on the floor", xlabel="across (m)", ylabel="ahead (m)")
     left.set_aspect("equal", adjustable="datalim")
