@@ -231,7 +231,6 @@ def completed(line: str) -> list[str]:
     ],
 )  # fmt: skip
 def test_a_shell_that_asks_is_told_what_fits(line, expected):
-    pytest.importorskip("argcomplete")
     assert completed(line) == expected
 
 
