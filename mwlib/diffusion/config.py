@@ -1,9 +1,13 @@
 """Settings of the forward process, and of keyframes as conditions of sampling."""
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import Annotated, Literal
+
+from annotated_types import Interval
 
 from mwlib.settings import Count, NotNegative
+
+Steps = Annotated[int, Interval(ge=1, le=100_000)]  # of noising; own choice: far more than any paper's
 
 
 @dataclass(frozen=True)
@@ -11,7 +15,7 @@ class DiffusionConfig:
     """The forward process and what the network predicts."""
 
     schedule: Literal["linear", "cosine", "sigmoid", "sqrt"] = "cosine"  # of the noise, see `alpha_bar`
-    steps: Count = 1000  # M, noising steps
+    steps: Steps = 1000  # M, noising steps
     prediction: Literal["eps", "y0", "v"] = "eps"  # what the network says: noise, clean coefficients, or both mixed
 
 

@@ -8,6 +8,7 @@ from typing import Annotated, Any, ClassVar, Literal, Self
 from annotated_types import Ge
 
 from mwlib.data.captioned import CaptionsConfig
+from mwlib.diffusion.config import Steps
 from mwlib.diffusion.process import check_indices
 from mwlib.networks.matching import UNIT
 from mwlib.networks.unet1d import check_channels
@@ -95,7 +96,7 @@ class ForwardConfig:
     """The forward process; the network says the clean motion."""
 
     schedule: Literal["linear", "cosine", "sigmoid", "sqrt"] = "cosine"  # of the noise, see `alpha_bar`
-    steps: Count = 50  # M, noising steps
+    steps: Steps = 50  # M, noising steps
     normalisation: Literal["mdm", "stablemofusion"] = "mdm"  # of the features, see `mwlib.data.normalisation`
     statistics: Literal["clips", "files"] = "clips"  # of the features: of the training clips, or Mean.npy and Std.npy of the data
 

@@ -60,6 +60,7 @@ def test_other_data_have_other_people():
         (dict(level=6), "level is 6 of 40 frames; expected at most 5"),
         (dict(transform="time_wavelet", level=99), "level is 99 of 40 frames; expected at most 5"),
         (dict(batch=10**12), "batch is 1000000000000; expected 1 to 65536"),
+        (dict(steps=99999999999999999999999), "steps is 99999999999999999999999; expected 1 to 100000"),
         (dict(ema=1), "ema is 1.0; expected 0 to below 1"),
         (dict(drop_condition=1), "drop_condition is 1.0; expected 0 to below 1"),
         (dict(lr_milestones=[-5]), "lr_milestones is -5; expected at least 1"),
