@@ -221,15 +221,7 @@ def filled(
     if own_rig or join:
         rig_of(start)
     task = bridge.cfg.task
-    if isinstance(end, Motion):
-        backwards = _first_of(_reversed(start), bridge, task.past)
-        (first,), last = (
-            bridge.space.bodies.prepare([backwards]),
-            bridge.space.bodies.prepare([_first_of(end, bridge, task.future)]),
-        )
-        first = _reversed(first)
-    else:
-        first, *last = bridge.space.bodies.prepare([start])
+    first, *last = _given(bridge, start, end)
     for name, m in zip(("start", "end"), (first, *last), strict=False):
         check_people(m.positions[None, :: max(1, len(m) // MOST_LOOKED_AT)], m.skeleton, [name])
     if isinstance(end, Motion):
@@ -238,12 +230,7 @@ def filled(
         like, x, mask = first, *_of_poses(bridge, first, last[0], count)
     else:
         like, x, mask = first, *_of_frames(bridge, first, end, frames)
-    offsets = bridge.space.offsets(like)
-    place = bridge.space.placement(x, offsets, task.past - 1)
-    sampled = bridge.sample(bridge.space.seen_from(x, place)[None], mask, samples, seed, progress=progress)[0]
-    states = [bridge.space.placed(each, place) for each in sampled]
-    known = mask & x.isfinite().all(-1)
-    states = [torch.where(known[:, None], x, each) for each in states]  # turned there and back is not the same to the bit
+    states = _states(bridge, like, x, mask, samples, seed, progress)
     named, lead = replace(like, name=f"{start.name} in between".strip()), 0 if bridge.cfg.model.hide else task.past - 1
     shown = slice(task.past - 1 - lead, len(x) - task.future + 1)
     made = [bridge.space.decode(each[shown], named) for each in states]
@@ -255,6 +242,26 @@ def filled(
         return made
     poses, at = _given_poses(start, end, len(made[0]), bridge, join, lead)
     return [on_rig(each, poses, at) for each in made]
+
+
+def _given(bridge: Bridge, start: Motion, end: Motion | Sequence[int]) -> list[Motion]:
+    """What is given, as the model reads it: one motion and frames of it, or the end of one and the beginning of another."""
+    if not isinstance(end, Motion):
+        return bridge.space.bodies.prepare([start])
+    nearest = _first_of(_reversed(start), bridge, bridge.cfg.task.past), _first_of(end, bridge, bridge.cfg.task.future)
+    (first,), last = (bridge.space.bodies.prepare([motion]) for motion in nearest)
+    return [_reversed(first), *last]
+
+
+def _states(
+    bridge: Bridge, like: Motion, x: Float[Tensor, "T D"], mask: Bool[Tensor, " T"], samples: int, seed: int, progress: bool
+) -> list[Float[Tensor, "T D"]]:
+    """Samples in the world of the given frames, which come back to the bit."""
+    place = bridge.space.placement(x, bridge.space.offsets(like), bridge.cfg.task.past - 1)
+    sampled = bridge.sample(bridge.space.seen_from(x, place)[None], mask, samples, seed, progress=progress)[0]
+    known = mask & x.isfinite().all(-1)
+    # turned there and back is not the same to the bit
+    return [torch.where(known[:, None], x, bridge.space.placed(each, place)) for each in sampled]
 
 
 def _floor(first: Motion, last: Sequence[Motion], end: Motion | Sequence[int]) -> float:

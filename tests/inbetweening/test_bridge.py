@@ -396,24 +396,24 @@ def test_two_bodies_and_a_rig_that_is_not_there_are_refused():
 
 def test_where_velocities_are_known_samples_have_them_and_elsewhere_not():
     """However far they are from each other in the middle: the first step is the last one of the past, to second order."""
-    bridge = untrained(**WINDOW, between=40, fps=10.0)
+    bridge = untrained(**WINDOW, between=20, fps=10.0)
     x = windows_for(bridge).x[:2]
     blind = x.clone()
     blind[:, [0, -1]] = torch.nan
     known, unknown = bridge.sample(x), bridge.sample(blind)
     for one, other in ((known[:, 0], known[:, 1]), (known[:, 0].flip(1), known[:, 1].flip(1))):
         apart = (one - other).abs().mean((0, 2))
-        assert apart[:2].max() == 0 and apart[2] < 0.15 * apart[10:30].mean()
+        assert apart[:2].max() == 0 and apart[2] < 0.3 * apart[7:15].mean()
     assert unknown.isfinite().all() and torch.equal(unknown[:, :, 0], unknown[:, :, 1])
     assert (unknown - known)[:, :, 2:-2].abs().max() > 1e-3
 
 
 def test_a_model_that_may_do_without_gives_motions_from_keyframe_to_keyframe():
     bridge, motion = untrained(**WINDOW), data_of(untrained().cfg).test[0].turn(0.9)
-    by_numbers = filled(bridge, motion, [6, 13], samples=1, seed=3)[0]
-    by_poses = filled(bridge, motion.cut(0, 7), motion.cut(13, 20), 6, samples=1, seed=3)[0]
-    alone = filled(bridge, motion.cut(6, 7), motion.cut(13, 14), 6, samples=1, seed=3)[0]
-    at_the_ends = filled(bridge, motion.cut(6, 14), [0, 7], samples=1, seed=3)[0]
+    by_numbers = filled(bridge, motion, [6, 13], samples=1, seed=3, feet=False)[0]
+    by_poses = filled(bridge, motion.cut(0, 7), motion.cut(13, 20), 6, samples=1, seed=3, feet=False)[0]
+    alone = filled(bridge, motion.cut(6, 7), motion.cut(13, 14), 6, samples=1, seed=3, feet=False)[0]
+    at_the_ends = filled(bridge, motion.cut(6, 14), [0, 7], samples=1, seed=3, feet=False)[0]
     np.testing.assert_allclose(by_poses.positions, by_numbers.positions, atol=1e-4)
     np.testing.assert_allclose(alone.positions, at_the_ends.positions, atol=1e-4)
     for made in (by_numbers, alone):
