@@ -95,7 +95,7 @@ def bent(
     long = np.linalg.norm(way, axis=-1)
     reach = np.clip(
         long, np.abs(thigh - shin) / STRAIGHT, np.maximum(np.linalg.norm(foot - hip, axis=-1), STRAIGHT * (thigh + shin))
-    )
+    ).clip(1e-9)  # a leg without length has a reach, too
     axis = way / long[:, None].clip(1e-9)
     aside_of = np.where(np.linalg.norm(np.cross(axis, knee - hip), axis=-1, keepdims=True) > 1e-6, knee - hip, axis[:, [1, 2, 0]])
     out = aside_of - (aside_of * axis).sum(-1, keepdims=True) * axis

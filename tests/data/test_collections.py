@@ -140,4 +140,4 @@ def test_help_helps(capsys):
     assert all(name in told for name in COLLECTIONS) and "--to TO" in told and "--accept-licence" in told
     with pytest.raises(SystemExit):
         main(["fetch", "nothing"])
-    assert "invalid choice: 'nothing'" in capsys.readouterr().err
+    assert "there is no 'nothing'" in capsys.readouterr().err

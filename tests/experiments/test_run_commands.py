@@ -20,8 +20,8 @@ def run(tmp_path_factory):
     folder = tmp_path_factory.mktemp("runs")
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("MWLIB_RUNS", str(folder))
-        words = [f"--set={name}={value}" for name, value in SMALL.items()]
-        assert main(["train", "--preset", "tiny", *words, "--set=train_steps=2"]) == 0
+        words = [f"--set={name}={value}" for name, value in {**SMALL, "train_steps": 2}.items()]
+        assert main(["train", "--preset", "tiny", *words]) == 0
     (path,) = [path.parent for path in folder.glob("*/model.safetensors")]
     return path
 

@@ -266,7 +266,7 @@ def folder(tmp_path, monkeypatch):
 
 def test_a_missing_library_says_what_to_install(monkeypatch, tmp_path):
     monkeypatch.setitem(sys.modules, "transformers", None)
-    with pytest.raises(ImportError, match=r"transformers, which is not installed; install it with: pip install .*\[clip\]"):
+    with pytest.raises(ImportError, match=r"transformers, which is not installed: pip install 'transformers>="):
         ClipText(tmp_path)
 
 

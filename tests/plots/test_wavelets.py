@@ -115,7 +115,7 @@ def test_a_card_holds_the_filters_and_sub_bands_of_its_basis(wavelet):
     legible(fig)
     assert np.allclose(axes[1, 0].lines[1].get_ydata(), bank.dec_lo) and np.allclose(axes[1, 1].lines[1].get_ydata(), bank.dec_hi)
     assert len(axes[0, 0].lines) == (2 if bank.orthogonal else 3)  # with the line at 0
-    drawn = np.concatenate([ax.images[0].get_array().T for ax in (axes[2, 0], axes[3, 0], axes[2, 1], axes[3, 1])], axis=1)
+    drawn = np.concatenate([ax.images[0].get_array() for ax in (axes[2, 0], axes[3, 0], axes[2, 1], axes[3, 1])], axis=1)
     assert np.allclose(drawn, tf(X.double()))
     assert " × ".join(map(str, tf.shape)) in fig.get_suptitle()
 
