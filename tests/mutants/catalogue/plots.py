@@ -62,7 +62,7 @@ MUTANTS = [
          "plots/test_diffusion.py::test_predicted_curves_line_up_with_the_future"),
     ),
     *of(
-        "plots/axes.py", "plots/test_sentences.py::test_each_sentence_has_a_panel_of_the_same_scale",
+        "plots/axes.py", "plots/test_sentences.py::test_each_sentence_has_a_panel_of_its_own_scale",
         ("columns-without-their-label", "if ax.get_visible() or not lowest", "if True"),
     ),
     *of(
