@@ -40,6 +40,7 @@ def test_a_low_slow_foot_is_held_and_the_rest_goes_over(up):
     assert np.ptp(foot[8:19, 0]) < 1e-5  # held
     np.testing.assert_allclose(foot[8, 0], motion.with_up("z").positions[8:19, 2, 0].mean(), atol=1e-4)
     assert np.abs(np.diff(foot, 2, axis=0)).max() < 0.08  # no jump
+    assert np.abs(np.diff(foot[:8], 2, axis=0)).max() < 0.01  # nor on the way to where it is held
     np.testing.assert_array_equal(made.positions[[0, -1]], motion.with_up("z").positions[[0, -1]])
     np.testing.assert_allclose(bone_lengths(made.positions, LEG), bone_lengths(motion.positions, LEG), atol=1e-5)
 
