@@ -124,5 +124,6 @@ def tree(builds: dict[str, dict[str, Chapter]]) -> dict[str, Any]:
 
 
 def _row(chapter: str, sentence: str, made: dict[str, Claim | None]) -> dict[str, Any]:
-    told = {name: None if claim is None else f"{SIGNS[claim.holds]} {claim.shown()}".strip() for name, claim in made.items()}
-    return {"chapter": chapter.partition("_")[0], "claim": sentence, **told}
+    first = next((claim for name, claim in made.items() if claim is not None and name != EMBEDDED), None)
+    signed = {name: claim and f"{SIGNS[claim.holds]} {claim.like(first).shown()}".strip() for name, claim in made.items()}
+    return {"chapter": chapter.partition("_")[0], "claim": sentence, **signed}

@@ -49,6 +49,11 @@ class Claim(NamedTuple):
         """Whether it holds, with its numbers: ``holds (samples 0.220, truth 0.410)``."""
         return HOLDING[self.holds] + (f" ({self.shown()})" if self.numbers else "")
 
+    def like(self, other: Claim | None) -> Claim:
+        """The same with its numbers in another's order: a stored notebook sorts them by name."""
+        order = () if other is None else other.numbers
+        return self._replace(numbers={name: self.numbers[name] for name in (*order, *self.numbers) if name in self.numbers})
+
 
 class Refused(ValueError):
     """The data lack what the whole chapter needs; Jupyter shows the sentence in place of a traceback."""
@@ -179,7 +184,7 @@ class Page:
         if self._default:
             print(f"{SIGNS[claim.holds]} {sentence}{claim.told().removeprefix(HOLDING[True])}")
         else:
-            there = f"; embedded people: {self._embedded[sentence].told()}" if sentence in self._embedded else ""
+            there = f"; embedded people: {self._embedded[sentence].like(claim).told()}" if sentence in self._embedded else ""
             print(f"{SIGNS[claim.holds]} {sentence}: {claim.told()} here{there}")
 
     def show(
@@ -286,7 +291,7 @@ class Page:
         print(
             f"Of {len(held)} claims {held.count(True)} hold here, {held.count(False)} do not, {held.count(None)} cannot be said."
         )
-        there = {sentence: claim.told() for sentence, claim in self._embedded.items()}
+        there = {sentence: claim.like(self._claims.get(sentence)).told() for sentence, claim in self._embedded.items()}
         here = [f"{SIGNS[claim.holds]} {words}" for claim, words in zip(self._claims.values(), told.values(), strict=True)]
         columns = zip(told, here, strict=True)
         display(results_table([{"claim": n, "here": words, "embedded people": there.get(n)} for n, words in columns]))

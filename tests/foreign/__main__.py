@@ -1,7 +1,8 @@
 """python -m tests.foreign: every chapter on eight small sets and the real ones at hand, and with other parameters.
 
-The small sets and other presets get few steps of training, as they ask whether a chapter gets to its end. Exit status 1 if one
-fails. What was done stays done: a run that was stopped, or given again after a change, runs only what is missing or out of date.
+The small sets and other presets get few steps of training, as they ask whether a chapter gets to its end; what a chapter printed
+stands in its log. Exit status 1 if one fails. What was done stays done: a run that was stopped, or given again after a change,
+runs only what is missing or out of date.
 """
 
 from __future__ import annotations
@@ -19,14 +20,16 @@ from typing import Any
 from tqdm import tqdm
 
 from mwlib.course.claims import Chapter, fates, read_chapter
-from mwlib.course.execute import EXECUTED, NotDone, outdated, run_notebook
-from mwlib.course.notebooks import chapter_number, course, find_notebook, read_notebook, read_parameters, source_hash
-from mwlib.experiments.results import result_of
+from mwlib.course.execute import outdated
+from mwlib.course.notebooks import NOTEBOOKS, chapter_number, course, find_notebook, read_notebook, read_parameters, source_hash
+from mwlib.experiments.results import RESULT, result_of
 from mwlib.experiments.systems import system
 from mwlib.files import write_atomic
 from mwlib.hashing import package_hash
 from mwlib.plots.tables import results_table
+from tests.foreign.playing import leave_result
 from tests.foreign.sets import SETS, make_sets
+from tests.forked import started
 
 REAL = ("cmu/asfamc", "bandai_namco", "lafan1")  # under MWLIB_DATA
 TRAINS = "06"  # the chapter whose model others use
@@ -40,7 +43,9 @@ CHOICES = {
 SEEDS = {"seed_1": 1, "seed_2": 2}
 PRESETS = ("laptop", "laptop_paper")
 QUICK = {"train_steps": 40, "warmup": 10, "samples": 6, "test_windows": 16}  # of small sets and other presets
+LIGHT = {"short_steps": 50, "short_width": 16, "processes": 500, "pairs": 3, "samples": 4}  # parameters of chapters on small sets
 WAYS = (*ENDS, *SEEDS, *PRESETS)
+LOG = "log.txt"
 OTHER = {"11": "inbetweening", "12": "text_to_motion", "13": "text_to_motion"}  # chapters that are not of prediction
 
 
@@ -63,7 +68,8 @@ def changes(notebook: Path, way: str, sets: dict[str, Path], out: Path) -> dict[
     """The parameters of a chapter's run in one column of the table; None where it has none to change."""
     offered = read_parameters(read_notebook(notebook)).values()
     if way in sets:
-        return {"data": str(sets[way])} | ({"preset": quick(notebook, "tiny", out)} if way in SETS else {})
+        light = {one.name: LIGHT[one.name] for one in offered if one.name in LIGHT} | {"preset": quick(notebook, "tiny", out)}
+        return {"data": str(sets[way])} | (light if way in SETS else {})
     if way in ENDS:
         ends = {one.name: one.range or CHOICES.get(one.name) for one in offered if one.name != "seed"}
         kinds = {one.name: type(one.default) for one in offered}
@@ -87,18 +93,18 @@ def run(notebook: Path, given: dict[str, Any] | None, folder: Path) -> Chapter:
     if given is None:
         return Chapter("–", "", {}, ())
     if not is_current(folder, notebook):
-        try:
-            run_notebook(notebook, folder, given, page=False, go_on=True)
-        except NotDone as error:
-            tqdm.write(f"{folder.parent.name}: {error}", file=sys.stderr)
+        folder.mkdir(parents=True, exist_ok=True)
+        for name in (RESULT, LOG):
+            (folder / name).unlink(missing_ok=True)
+        started(leave_result, notebook, given, folder, log=folder / LOG, cwd=NOTEBOOKS).join()
+        if (chapter := read_chapter(folder)).status != "ok":
+            tqdm.write(f"{folder.parent.name}: {notebook.stem}: {chapter.status}: {chapter.reason}", file=sys.stderr)
     return read_chapter(folder)
 
 
 def minutes(folder: Path, names: Iterable[str]) -> float:
     """How long the runs of some chapters took that lie in a folder."""
-    files = (folder / name / EXECUTED for name in names)
-    trees = (json.loads(file.read_text(encoding="utf-8")) for file in files if file.is_file())
-    return sum(tree["metadata"]["papermill"]["duration"] or 0.0 for tree in trees) / 60
+    return sum(result_of(folder / name).get("minutes", 0.0) for name in names)
 
 
 def table(columns: dict[str, dict[str, Chapter]], out: Path, sources: dict[str, Path]) -> str:
@@ -124,7 +130,8 @@ def main(words: Sequence[str] | None = None) -> int:
     parser.add_argument("--out", type=Path, default=Path("build/test-data"), help="folder of the runs (default build/test-data)")
     given = parser.parse_args(words)
     os.environ |= {"MW_STATIC": "1", "OMP_NUM_THREADS": "1"}
-    sets, out = make_sets(given.out / "sets") | real_sets(), given.out
+    out = given.out.resolve()
+    sets = make_sets(out / "sets") | real_sets()
     known = [*sets, *WAYS]
     if unknown := {*(given.sets or ())} - {*known}:
         parser.error(f"no sets {sorted(unknown)}; expected some of {', '.join(known)}")
