@@ -9,6 +9,7 @@ import pytest
 from mwlib.cli.course import claims
 from mwlib.course.claims import named, read_build, report, summed_up
 from mwlib.course.execute import NotDone, run_notebook
+from mwlib.experiments.page import Claim
 from mwlib.experiments.results import RESULT, result_of
 from tests.sample_notebooks import bare, save
 
@@ -52,14 +53,15 @@ def test_a_build_is_summed_up(build):
 
 
 def test_builds_are_laid_side_by_side_with_the_embedded_people(build, tmp_path, monkeypatch):
-    monkeypatch.setattr("mwlib.course.claims.stored_claims", lambda name: {})
+    embedded = {STRIDE: Claim(STRIDE, True, {"longest": 0.4, "samples": 0.2})}
+    monkeypatch.setattr("mwlib.course.claims.stored_claims", lambda name: embedded if name == "00_a" else {})
     other = tmp_path / "other"
     chapter(other / "00_a", "ok", claims=[claimed(STRIDE, True, samples=0.1), claimed(TURN, None, turns=None)])
     told = report({folder.name: read_build(folder, NAMES) for folder in (build, other)})
     lines = [[cell.strip() for cell in line.strip("|").split("|")] for line in told.splitlines() if line.startswith("| 0")]
     became = [["00_a", "ok, in part", "ok"], ["01_b", "refused", "not run"]]
     assert lines[:2] == became and lines[4:] == [
-        ["00", STRIDE, "–", "✗ samples 0.500", "✓ samples 0.100"],
+        ["00", STRIDE, "✓ samples 0.200, longest 0.400", "✗ samples 0.500", "✓ samples 0.100"],
         ["00", TURN, "–", "✓", "– turns –"],
     ]
 

@@ -213,10 +213,10 @@ def test_with_the_default_parameters_a_claim_must_hold(request, stored, holds, n
 def test_with_other_parameters_it_is_recorded_beside_what_holds_on_the_embedded_people(tmp_path, shown, capsys, committed, other):
     page = page_in(tmp_path / "out", **other)
     assert "not the chapter's default parameters" in capsys.readouterr().out
-    page.claim(CLAIM, False, samples=0.5, truth=0.25)
+    page.claim(CLAIM, False, truth=0.25, samples=0.5)
     page.claim("another", None)
     told = capsys.readouterr().out.splitlines()
-    here, there = "does not hold (samples 0.500, truth 0.250)", "holds (samples 0.220, truth 0.410)"
+    here, there = "does not hold (truth 0.250, samples 0.500)", "holds (truth 0.410, samples 0.220)"
     assert told == [f"✗ {CLAIM}: {here} here; embedded people: {there}", "– another: cannot be said here"]
     page.finish({"ADE": float("nan")})
     assert shown[0].rows == ((CLAIM, f"✗ {here}", there), ("another", "– cannot be said", "–"))
