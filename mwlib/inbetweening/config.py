@@ -24,8 +24,8 @@ _LAPTOP: dict[str, Any] = _CONDITIONED | dict(
 )  # fmt: skip
 
 PRESETS: dict[str, dict[str, Any]] = {
-    # FreqDiffusionBridge as far as its text tells: an unconditional model says the noise, 100 of 1,000 steps, keyframes replaced. Own
-    # choice, for the text that we have lost them: HumanMAC's network and optimiser, and weights of the losses.
+    # FreqDiffusionBridge as far as its text tells: an unconditional model says the noise, 100 of 1,000 steps, keyframes replaced.
+    # Own choice, for the text that we have lost them: HumanMAC's network and optimiser, and weights of the losses.
     "as_published": dict(
         data="lafan1", fps=30.0, lr=3e-4, lr_schedule="constant", train_steps=100_000, ema_start=2000,
         diversity_weight=0.01, smoothness_weight=0.1, length_weight=20.0, angle_weight=5.0,
