@@ -18,7 +18,7 @@ from snakemake.exceptions import WorkflowError
 
 from mwlib.course.execute import print_settings
 from mwlib.course.notebooks import EXPERIMENT, LONGEST, course, source_hash, write_hashes
-from mwlib.course.manifest import MANIFEST
+from mwlib.course.notebooks import MANIFEST
 from mwlib.experiments import read_grids, system
 from mwlib.experiments.grids import grids_file, row_config, row_parameters
 from mwlib.experiments.results import result_of

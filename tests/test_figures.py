@@ -14,8 +14,7 @@ import pytest
 from nbformat import NotebookNode
 
 from mwlib.course.execute import EXECUTED, PICTURES, filter_notebook, run_notebook
-from mwlib.course.manifest import read_manifest
-from mwlib.course.notebooks import LONGEST, chapter_number, course, read_parameters, tags
+from mwlib.course.notebooks import LONGEST, chapter_number, course, read_manifest, read_parameters, tags
 
 KEPT = Path(__file__).parents[1] / "build" / "executed"  # as in the Makefile
 COMPARED = "nbval-check-output"  # nbval's own tag, so that it can compare these cells, too

@@ -17,7 +17,7 @@ import yaml
 from mwlib import cli
 from mwlib.cli.options import choice_of
 from mwlib.course.notebooks import RANGE, chapter_number, course, from_text, read_notebook, read_parameters, resolve
-from mwlib.experiments.systems import system
+from mwlib.experiments.grids import system
 from mwlib.settings import parse_changes
 
 ROOT = Path(__file__).parents[1]

@@ -28,7 +28,7 @@ from mwlib.course.notebooks import (
     resolve,
     source_hash,
 )
-from mwlib.course.rules import check, pictures
+from tests.notebook_rules import check, pictures
 from tests.sample_notebooks import code, model_notebook, save
 
 

@@ -134,7 +134,7 @@ def _presets(prefix: str, parsed_args: argparse.Namespace, **_: Any) -> list[str
 FITTING = {  # what argcomplete calls for the words of an argument that takes any
     ("train", "set"): _settings,
     ("train", "preset"): _presets,
-    ("train", "system"): lambda **_: names_of("mwlib.experiments.systems", "MODULES"),
+    ("train", "system"): lambda **_: names_of("mwlib.experiments.grids", "MODULES"),
 }
 
 

@@ -14,7 +14,6 @@ from typing import Any
 from mwlib import paths
 from mwlib.cli import options
 from mwlib.cli.options import Repeated
-from mwlib.course import manifest as exhibits
 from mwlib.course import notebooks as chapters
 from mwlib.version import __version__
 
@@ -112,7 +111,7 @@ def learner_copies(*, out: Path | None = None) -> None:
 
 
 def index_page(
-    build: Path, *, notebooks: Path = chapters.NOTEBOOKS, manifest: Path = exhibits.MANIFEST, set: Repeated[str] = ()
+    build: Path, *, notebooks: Path = chapters.NOTEBOOKS, manifest: Path = chapters.MANIFEST, set: Repeated[str] = ()
 ) -> None:
     """Write index.html for a folder of notebook runs.
 

@@ -9,9 +9,9 @@ from mwlib.cli import options
 from mwlib.cli.options import Repeated
 from mwlib.experiments import claims as claiming
 from mwlib.experiments import report, shipped
+from mwlib.experiments.grids import system as system_named
 from mwlib.experiments.runs import get_model, get_run
 from mwlib.experiments.sampling import model_of
-from mwlib.experiments.systems import system as system_named
 from mwlib.experiments.tables import details, differences, lines, measure, provenance
 from mwlib.files import write_atomic
 from mwlib.paths import CONFIG, run_folder

@@ -4,8 +4,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Literal, NamedTuple
 
-from mwlib.experiments.grids import Grid, read_grid
-from mwlib.experiments.systems import system
+from mwlib.experiments.grids import Grid, read_grid, system
 from mwlib.settings import Settings, parse_changes
 
 Repeated = Sequence  # an option that may be given several times, one word each

@@ -15,7 +15,7 @@ GROUPS = {  # of commands, by module of mwlib.cli, in the order of the overview
 MAINTAIN = "maintain", (
     "ship", "reproduction", "execute-notebooks", "index-page", "site-sources", "run-experiment",
 )  # fmt: skip
-SYSTEMS = "mwlib.experiments.systems"
+SYSTEMS = "mwlib.experiments.grids"
 TYPES = {"int": int, "float": float, "str": str, "Path": Path}
 NAMED = re.compile(r"`(mwlib(?:\.\w+)*)\.([A-Za-z]\w+)`")  # in a text: stands for the names that `names_of` gives
 ADVANCED = "advanced, changed by no preset, grid or chapter"

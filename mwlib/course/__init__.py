@@ -1,1 +1,1 @@
-"""Tooling for the notebooks and the figures: run, execute and filter, learner copies, structure rules, index page."""
+"""Tooling for the notebooks and the figures: run, execute and filter, learner copies, index page."""

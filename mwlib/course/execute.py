@@ -21,18 +21,8 @@ from nbclient.exceptions import CellTimeoutError
 from nbformat import NotebookNode
 from papermill.exceptions import PapermillExecutionError
 
-from mwlib.course.manifest import FILES
-from mwlib.course.notebooks import (
-    EXPERIMENT,
-    FOLDED,
-    TIMEOUT,
-    WRONG,
-    ParameterError,
-    read_notebook,
-    read_parameters,
-    resolve,
-    source_hash,
-    tags,
+from mwlib.course.notebooks import (  # isort: skip
+    EXPERIMENT, FILES, FOLDED, TIMEOUT, WRONG, ParameterError, read_notebook, read_parameters, resolve, source_hash, tags,
 )  # fmt: skip
 from mwlib.experiments import results
 from mwlib.experiments.grids import Grid, row_parameters

@@ -21,8 +21,10 @@ from nbconvert.filters.markdown import markdown2html
 
 from mwlib.course.claims import read_build, summed_up
 from mwlib.course.execute import PAGE, outdated
-from mwlib.course.manifest import MANIFEST, Exhibit, read_manifest
-from mwlib.course.notebooks import exhibits_kept, from_text, read_notebook, read_parameters, resolve
+
+from mwlib.course.notebooks import (  # isort: skip
+    MANIFEST, Exhibit, exhibits_kept, from_text, read_manifest, read_notebook, read_parameters, resolve,
+)  # fmt: skip
 from mwlib.data.sources import data_fingerprint
 from mwlib.experiments.grids import read_grids
 from mwlib.experiments.results import parameters_hash

@@ -16,8 +16,7 @@ import nbformat
 from nbformat import NotebookNode
 
 from mwlib.course.exhibits import committed_page, exhibit_pages
-from mwlib.course.launching import COPIES, badges, launched_copy, repository, source_of
-from mwlib.course.learner import learner_copy
+from mwlib.course.learner import COPIES, badges, launched_copy, learner_copy, repository, source_of
 from mwlib.course.notebooks import CHAPTER, FOLDED, WRONG, chapter_number, exhibits_kept, tags
 from mwlib.files import write_atomic
 

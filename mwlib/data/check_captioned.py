@@ -8,18 +8,10 @@ import numpy as np
 
 from mwlib.data.captioned import CaptionsConfig
 from mwlib.data.doubts import some
-from mwlib.data.formats.humanml import (
-    HUMANML3D,
-    LAYOUTS,
-    SPLITS,
-    TEXTS,
-    CaptionedClip,
-    FeatureLayout,
-    TaggedCaption,
-    clip_lists,
-    folder_contents,
-    has_lists,
-)
+
+from mwlib.data.formats.humanml import (  # isort: skip
+    HUMANML3D, LAYOUTS, SPLITS, TEXTS, CaptionedClip, FeatureLayout, TaggedCaption, clip_lists, folder_contents, has_lists,
+)  # fmt: skip
 from mwlib.data.normalisation import Statistics
 from mwlib.data.untrusted import MotionFormatError
 from mwlib.networks.text import words_of

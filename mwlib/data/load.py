@@ -337,7 +337,7 @@ def _read_amc(file: Path, known: Hints) -> Reading:
 
 
 def _read_txt(file: Path, known: Hints) -> Reading:
-    from mwlib.data.formats.cmu_benchmark import read_benchmark
+    from mwlib.data.formats.arrays import read_benchmark
 
     return read_benchmark(file, known)
 

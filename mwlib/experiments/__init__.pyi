@@ -1,7 +1,6 @@
-from .grids import Grid, read_grids
+from .grids import Grid, read_grids, register, system, system_of
 from .runs import get_model, get_result, get_run, load_run, train_run
 from .sampling import generate, inbetween
-from .systems import register, system, system_of
 from .tables import committed, committed_pairs, lines, measure
 
 __all__ = [

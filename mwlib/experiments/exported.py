@@ -18,8 +18,8 @@ from torch import Tensor, nn
 from mwlib.files import write_together
 from mwlib.networks.mdm import MDM
 from mwlib.networks.text import EncodedText, WordTransformer
-from mwlib.prediction.continuation import Continuation
 from mwlib.prediction.predictor import Predictor
+from mwlib.prediction.representation import Continuation
 from mwlib.settings import shown
 from mwlib.synthetic.sentences_typed import tables
 from mwlib.text_to_motion.model import TextToMotion

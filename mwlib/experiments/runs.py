@@ -17,7 +17,7 @@ from accelerate.utils import broadcast_object_list, parse_flag_from_env
 from tqdm import tqdm
 
 from mwlib.experiments import results
-from mwlib.experiments.systems import Data, code_of, read_config, system_of
+from mwlib.experiments.grids import Data, code_of, read_config, system_of
 from mwlib.files import sweep, write_json, write_together
 from mwlib.hashing import digest, file_hash
 from mwlib.paths import CONFIG, run_folder, shipped

@@ -7,9 +7,9 @@ from pathlib import Path
 from typing import Any
 
 from mwlib.data.collections import acknowledgement
+from mwlib.experiments.grids import system, system_of
 from mwlib.experiments.results import of_older_code, read_result
 from mwlib.experiments.runs import get_model, get_result, get_run
-from mwlib.experiments.systems import system, system_of
 from mwlib.experiments.tables import details
 from mwlib.files import write_together
 from mwlib.hashing import digest

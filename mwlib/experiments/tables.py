@@ -10,10 +10,9 @@ from typing import Any
 import numpy as np
 
 from mwlib.data.collections import acknowledgement
-from mwlib.experiments.grids import Grid, changes, row_config
+from mwlib.experiments.grids import Data, Grid, System, changes, row_config, system
 from mwlib.experiments.results import committed_folder, read_table
 from mwlib.experiments.runs import get_result
-from mwlib.experiments.systems import Data, System, system
 from mwlib.hashing import digest
 from mwlib.metrics import Column, clustered_error
 from mwlib.settings import Settings

@@ -20,8 +20,7 @@ from mwlib.data.meaning import check_people
 from mwlib.data.windows import MOST_FRAMES, check_finite
 from mwlib.diffusion import Denoise, WindowNoise, alpha_bar, ddim_indices, keyframed, to_eps, with_keyframes
 from mwlib.inbetweening.config import Config
-from mwlib.inbetweening.network import KeyframeNetwork, SizedNetwork, WienerNetwork
-from mwlib.inbetweening.objective import make_network
+from mwlib.inbetweening.objective import KeyframeNetwork, SizedNetwork, WienerNetwork, make_network
 from mwlib.inbetweening.representation import Representation
 from mwlib.inbetweening.space import Space, space_from_json
 from mwlib.inbetweening.windows import given, parted

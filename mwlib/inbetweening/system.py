@@ -21,23 +21,10 @@ from mwlib.inbetweening.losses import bone_lengths, feet, floor_of
 from mwlib.inbetweening.objective import InbetweeningObjective
 from mwlib.inbetweening.space import Space
 from mwlib.inbetweening.windows import Clips, PlacedWindows, given, make_space, parted, ready
-from mwlib.metrics import (
-    NPSS,
-    Column,
-    apd,
-    bone_length_error,
-    continued,
-    foot_skate,
-    jerk,
-    keyframe_error,
-    l2p,
-    l2q,
-    nearer_share,
-    path_length,
-    sample_ade,
-    seam_ratio,
-    speed,
-    summary,
+
+from mwlib.metrics import (  # isort: skip
+    NPSS, Column, apd, bone_length_error, continued, foot_skate, jerk, keyframe_error, l2p, l2q, nearer_share, path_length,
+    sample_ade, seam_ratio, speed, summary,
 )  # fmt: skip
 
 METRICS = {  # the columns of every table

@@ -50,8 +50,7 @@ from .chapters.wavelets import (
     tilings,
     windows_and_sinusoids,
 )  # fmt: skip
-from .coefficients import energy_bars, matrix, projection_change, subbands
-from .lines import bars_per_action, curves, predicted_curves, trajectories
+from .lines import bars_per_action, curves, energy_bars, matrix, predicted_curves, projection_change, subbands, trajectories
 from .look import CYCLE, STYLE, style, use_style
 from .loops import Loop, loop
 from .playing import Player, player

@@ -16,8 +16,7 @@ from matplotlib.patches import Rectangle
 from mwlib.body.kinematics import horizontal
 from mwlib.body.motion import Motion
 from mwlib.body.skeleton import Skeleton
-from mwlib.plots.axes import Array, Panel, Panels, array, canvas, named
-from mwlib.plots.look import FAINT, LEFT, OBSERVED, RIGHT, TRUTH, WIDTH, style
+from mwlib.plots.look import FAINT, LEFT, OBSERVED, RIGHT, TRUTH, WIDTH, Array, Panel, Panels, array, canvas, named, style
 
 AnyMotion = Float[Array, "..."]  # (..., C) about the root or (..., J+1, 3), metres
 ELEVATION = 15.0  # degrees, as HumanMAC draws

@@ -25,9 +25,8 @@ from PIL import Image
 from mwlib.body.motion import Motion
 from mwlib.body.skeleton import Skeleton
 from mwlib.files import write_atomic
-from mwlib.plots.axes import array
 from mwlib.plots.bodies import Array, Board, body_kind, camera, draw_bodies, project, seconds_text
-from mwlib.plots.look import FAINT, OBSERVED, PREDICTED, WIDTH, style
+from mwlib.plots.look import FAINT, OBSERVED, PREDICTED, WIDTH, array, style
 from mwlib.plots.saving import described
 
 Shown = Motion | Num[Array, "..."]

@@ -12,9 +12,8 @@ from matplotlib.figure import Figure
 
 from mwlib.body.motion import Motion
 from mwlib.body.skeleton import Skeleton
-from mwlib.plots.axes import Panel, named
 from mwlib.plots.bodies import camera, draw_bodies, project
-from mwlib.plots.look import FAINT, INK, OBSERVED, WIDTH, style
+from mwlib.plots.look import FAINT, INK, OBSERVED, WIDTH, Panel, named, style
 
 SAME = 1e-3  # metres: first poses that differ less are one pose
 GAP = 0.2  # metres along the way from body to body, on average, below which they would pile up

@@ -19,8 +19,7 @@ from matplotlib.figure import Figure
 from PIL import Image
 
 from mwlib.files import write_together
-from mwlib.plots.axes import array
-from mwlib.plots.look import style
+from mwlib.plots.look import array, style
 from mwlib.plots.printing import column, printed
 
 # Without dates and version strings the same picture gives the same bytes.

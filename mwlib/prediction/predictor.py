@@ -19,23 +19,14 @@ from mwlib.body.motion import Motion
 from mwlib.data.meaning import check_people
 from mwlib.data.untrusted import LARGEST
 from mwlib.data.windows import Bodies, Windows, clips_given
-from mwlib.diffusion import (
-    AfterStep,
-    OnEstimate,
-    Step,
-    WindowNoise,
-    alpha_bar,
-    ddim,
-    ddim_indices,
-    dpm_solver,
-    history_completion,
-    posterior_mean,
-)
+
+from mwlib.diffusion import (  # isort: skip
+    AfterStep, OnEstimate, Step, WindowNoise, alpha_bar, ddim, ddim_indices, dpm_solver, history_completion, posterior_mean,
+)  # fmt: skip
 from mwlib.networks import TransLinear
 from mwlib.prediction.config import Config
-from mwlib.prediction.continuation import Continuation
 from mwlib.prediction.guidance import TABG, NetworkBranches, guided, make_network
-from mwlib.prediction.representation import Representation, restored_representation
+from mwlib.prediction.representation import Continuation, Representation, restored_representation
 from mwlib.settings import whole
 from mwlib.training import TrainedModel, chunks, identities, with_weights
 from mwlib.transforms import ScaledTransform, pad_history

@@ -18,8 +18,7 @@ from mwlib import files
 from mwlib.cli import main
 from mwlib.course import execute
 from mwlib.course.execute import NotDone, run_notebook
-from mwlib.course.manifest import FILES
-from mwlib.course.notebooks import ParameterError, source_hash
+from mwlib.course.notebooks import FILES, ParameterError, source_hash
 from mwlib.data.sources import data_fingerprint
 from mwlib.experiments import results
 from mwlib.files import write_together

@@ -11,8 +11,7 @@ import pytest
 import yaml
 
 from mwlib.course.exhibits import write_index
-from mwlib.course.manifest import FILES, read_manifest
-from mwlib.course.notebooks import course, exhibits_kept, source_hash
+from mwlib.course.notebooks import FILES, course, exhibits_kept, read_manifest, source_hash
 from mwlib.data.sources import data_fingerprint
 from mwlib.experiments.results import parameters_hash, write_result
 from mwlib.files import write_atomic

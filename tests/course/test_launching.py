@@ -10,7 +10,7 @@ import nbformat
 import pytest
 import yaml
 
-from mwlib.course.launching import badges, launched_copy, repository, source_of
+from mwlib.course.learner import badges, launched_copy, repository, source_of
 from mwlib.course.notebooks import course
 from mwlib.course.site import chapter_cards, site_copy
 from tests.sample_notebooks import model_notebook
@@ -35,7 +35,7 @@ def test_what_is_no_address_is_refused(tmp_path, address):
 def test_nothing_else_in_the_repository_names_an_address():
     """Badges and links are made from the one place; what is written by hand names none, or that one."""
     files = [
-        ROOT / name for name in ("README.md", "CITATION.cff", "docs/index.md", "docs/chapters.md", "mwlib/course/launching.py")
+        ROOT / name for name in ("README.md", "CITATION.cff", "docs/index.md", "docs/chapters.md", "mwlib/course/learner.py")
     ]
     place = repository(ROOT).removeprefix("https://github.com/")
     said = {

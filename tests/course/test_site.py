@@ -11,7 +11,7 @@ import yaml
 
 from mwlib.course.exhibits import exhibit_pages
 from mwlib.course.learner import BLANK
-from mwlib.course.manifest import read_manifest
+from mwlib.course.notebooks import read_manifest
 from mwlib.course.site import site_copy, site_text, write_site_sources
 from tests.sample_notebooks import code, model_notebook
 

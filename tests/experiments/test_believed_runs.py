@@ -12,8 +12,8 @@ import yaml
 
 from mwlib.data.formats.humanml import HUMANML3D
 from mwlib.experiments import get_model, get_run, load_run
+from mwlib.experiments.grids import read_config, system
 from mwlib.experiments.results import RESULT, result_of
-from mwlib.experiments.systems import read_config, system
 from mwlib.hashing import file_hash
 from mwlib.matching.evaluators import open_matcher
 from mwlib.paths import CONFIG, MODELS

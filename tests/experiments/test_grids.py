@@ -14,9 +14,8 @@ from mwlib import plots
 from mwlib.cli import main
 from mwlib.course.notebooks import course
 from mwlib.experiments import committed, committed_pairs, lines, measure, read_grids, tables
-from mwlib.experiments.grids import Budget, Grid, Row, changes, row_config
+from mwlib.experiments.grids import Budget, Grid, Row, changes, row_config, system
 from mwlib.experiments.runs import Run
-from mwlib.experiments.systems import system
 from mwlib.paths import course_folder
 from mwlib.prediction.config import Config
 from mwlib.prediction.system import METRICS

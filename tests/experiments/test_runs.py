@@ -19,9 +19,9 @@ import torch
 from filelock import FileLock
 
 from mwlib.experiments import get_model, get_result, get_run, load_run, results, runs, system_of, train_run
+from mwlib.experiments.grids import code_of
 from mwlib.experiments.results import locked, models_used, read_result, result_of, write_result
 from mwlib.experiments.runs import CODE, Run
-from mwlib.experiments.systems import code_of
 from mwlib.files import write_atomic
 from mwlib.hashing import file_hash
 from mwlib.paths import CONFIG

@@ -12,8 +12,8 @@ import torch
 import mwlib as mw
 from mwlib.data.windows import windows
 from mwlib.experiments import get_run, load_run
+from mwlib.experiments.grids import read_config
 from mwlib.experiments.shipped import CARD, METRICS, RECIPES, card, recipe, ship
-from mwlib.experiments.systems import read_config
 from mwlib.paths import CONFIG, MODELS, shipped
 from mwlib.prediction.system import load_data, score, test_windows
 from mwlib.training import MODEL

@@ -22,8 +22,8 @@ from tqdm import tqdm
 from mwlib.course.claims import Chapter, fates, read_chapter
 from mwlib.course.execute import outdated
 from mwlib.course.notebooks import NOTEBOOKS, chapter_number, course, find_notebook, read_notebook, read_parameters, source_hash
+from mwlib.experiments.grids import system
 from mwlib.experiments.results import RESULT, result_of
-from mwlib.experiments.systems import system
 from mwlib.files import write_atomic
 from mwlib.hashing import package_hash
 from mwlib.plots.tables import results_table

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from mwlib.experiments.systems import MODULES, system
+from mwlib.experiments.grids import MODULES, system
 from tests.fuzz.seeds import npy
 
 GRIDS = b"""x-budgets:

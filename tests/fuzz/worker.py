@@ -64,8 +64,7 @@ def read(file: Path) -> tuple[str, bool]:
 def read_text(file: Path) -> tuple[str, bool]:
     """Grids, a run's configuration, or a folder of clips with captions; as `read`."""
     from mwlib.data.formats.humanml import folder_contents
-    from mwlib.experiments.grids import read_grids
-    from mwlib.experiments.systems import read_config
+    from mwlib.experiments.grids import read_config, read_grids
 
     readers = {"grids.yaml": read_grids, "config.yaml": read_config}
     try:
@@ -82,7 +81,7 @@ def read_text(file: Path) -> tuple[str, bool]:
 def _work(there: Connection) -> None:
     import mwlib.data.load
     import mwlib.experiments.grids  # noqa: F401
-    from mwlib.experiments.systems import MODULES, system
+    from mwlib.experiments.grids import MODULES, system
 
     for name in MODULES:
         system(name)

@@ -6,7 +6,7 @@ import pytest
 import torch
 
 from mwlib.diffusion import alpha_bar, ddim, ddim_indices, noised, to_eps
-from mwlib.inbetweening.network import BESIDE, LARGEST, KeyframeNetwork, SizedNetwork, WienerNetwork
+from mwlib.inbetweening.objective import BESIDE, LARGEST, KeyframeNetwork, SizedNetwork, WienerNetwork
 from tests.inbetweening.sample import PAPER, shaken, small
 
 A_BAR = alpha_bar("cosine", 1000)

@@ -27,8 +27,16 @@ class Mutant(NamedTuple):
 
 
 def of(file: str, tests: str, *changes: tuple[str, ...]) -> list[Mutant]:
-    """Mutants of one file: name, old, new and, where it is not the usual one, the test."""
+    """Mutants of one file, of the library or below tests/: name, old, new and, where it is not the usual one, the test."""
     found = []
     for name, old, new, *own in changes:
-        found.append(Mutant(name, f"mwlib/{file}", old, new, tuple(f"tests/{test}" for test in (own or [tests]))))
+        found.append(
+            Mutant(
+                name,
+                file if file.startswith("tests/") else f"mwlib/{file}",
+                old,
+                new,
+                tuple(f"tests/{test}" for test in (own or [tests])),
+            )
+        )
     return found

@@ -17,8 +17,8 @@ from PIL import Image, ImageSequence
 from mwlib import plots
 from mwlib.body.skeleton import H36M17
 from mwlib.course.execute import filter_notebook
-from mwlib.course.rules import described, moving, outputs
 from mwlib.synthetic.motions import synthetic_motions
+from tests.notebook_rules import described, moving, outputs
 
 FPS, HISTORY = 25.0, 5
 WALK = synthetic_motions(1, seconds=2)[0].resample(FPS).cut(0, 26)

@@ -10,8 +10,7 @@ import pytest
 from matplotlib import rc_context
 
 from mwlib.cli import main
-from mwlib.plots.axes import canvas
-from mwlib.plots.look import style
+from mwlib.plots.look import canvas, style
 from mwlib.plots.printing import column, fonts
 from mwlib.plots.saving import save
 

@@ -9,9 +9,8 @@ from scipy.optimize import minimize
 
 import mwlib as mw
 from mwlib import metrics
-from mwlib.prediction import continuation
-from mwlib.prediction.continuation import Continuation
-from mwlib.prediction.representation import fit_representation
+from mwlib.prediction import representation as continuation
+from mwlib.prediction.representation import Continuation, fit_representation
 from mwlib.transforms.dwt import TimeWaveletTransform
 from tests.sample_settings import small, two_people
 

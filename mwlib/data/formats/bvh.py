@@ -22,17 +22,10 @@ from mwlib.data.formats.asf_amc import CMU_BONES, far_ends
 from mwlib.data.formats.frames import in_blocks, rotation_track, starts_in_tpose
 from mwlib.data.meaning import FASTEST, FILE, FORMAT, SLOWEST, Hints, Reading, Stated, infer_unit
 from mwlib.data.mirroring import own_skeleton, rig_skeleton
-from mwlib.data.untrusted import (
-    LONGEST_WORD,
-    MOST_JOINTS,
-    MOST_POINTS,
-    MotionFormatError,
-    allowed,
-    number,
-    number_table,
-    read_text,
-    words_of,
-)
+
+from mwlib.data.untrusted import (  # isort: skip
+    LONGEST_WORD, MOST_JOINTS, MOST_POINTS, MotionFormatError, allowed, number, number_table, read_text, words_of,
+)  # fmt: skip
 
 # The parents of the 31 cgspeed joints, and the node that stands at each point of CMU. The file has no length for the
 # thorax and wrist bones: their far ends coincide with their near ones.

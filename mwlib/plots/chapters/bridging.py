@@ -13,10 +13,13 @@ from matplotlib.colors import LinearSegmentedColormap, Normalize
 from matplotlib.ticker import LogLocator
 
 from mwlib.body.skeleton import Skeleton
-from mwlib.plots.axes import Array, Curves, Panel, Panels, array, canvas, legend, outer, panel, tiled
 from mwlib.plots.bodies import AnyMotion, Board, camera, poses, project
 from mwlib.plots.lines import draw, plain
-from mwlib.plots.look import AFTER_TRUTH, CYCLE, DASHES, FAINT, INK, LOOKS, OBSERVED, PREDICTED, TRUTH, Look, style
+
+from mwlib.plots.look import (  # isort: skip
+    AFTER_TRUTH, CYCLE, DASHES, FAINT, INK, LOOKS, OBSERVED, PREDICTED, TRUTH, Array, Curves, Look, Panel, Panels, array, canvas,
+    legend, outer, panel, style, tiled,
+)  # fmt: skip
 
 MARK = {"marker": "o", "color": TRUTH, "linestyle": "none", "zorder": 5}
 # From light to dark, so that broken bones stand out in greyscale too.

@@ -13,9 +13,8 @@ from matplotlib.patches import FancyBboxPatch
 
 from mwlib.body.motion import Motion
 from mwlib.body.skeleton import Skeleton
-from mwlib.plots.axes import Array, Panel, array, limit, panel
 from mwlib.plots.bodies import camera, draw_bodies, poses, project
-from mwlib.plots.look import CYCLE, DIVERGING, FAINT, INK, OBSERVED, WIDTH, style
+from mwlib.plots.look import CYCLE, DIVERGING, FAINT, INK, OBSERVED, WIDTH, Array, Panel, array, limit, panel, style
 
 FOUR_LINES = {"max_lines": 4, "placeholder": " …"}
 SPACING = 0.8  # metres between bodies

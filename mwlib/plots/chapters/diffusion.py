@@ -19,10 +19,12 @@ from torch import Tensor
 from mwlib.body.skeleton import Skeleton
 from mwlib.diffusion.process import noised
 from mwlib.diffusion.samplers import Step
-from mwlib.plots.axes import Array, Curves, Panel, Panels, array, canvas, panel, rule, signed
 from mwlib.plots.bodies import COLOURS, AnyMotion, camera, draw_bodies, poses, project, storyboard
 from mwlib.plots.lines import draw, plain
-from mwlib.plots.look import BAND_NAMES, CYCLE, FAINT, INK, LOOKS, TRUTH, WIDTH, style
+
+from mwlib.plots.look import (  # isort: skip
+    BAND_NAMES, CYCLE, FAINT, INK, LOOKS, TRUTH, WIDTH, Array, Curves, Panel, Panels, array, canvas, panel, rule, signed, style,
+)  # fmt: skip
 from mwlib.plots.loops import Loop
 from mwlib.plots.tables import significant
 from mwlib.transforms.linear import LinearTransform

@@ -11,10 +11,12 @@ from matplotlib.axes import Axes
 from matplotlib.colors import LinearSegmentedColormap
 
 from mwlib.body.motion import Motion
-from mwlib.plots.axes import Array, Curves, Panel, Panels, array, canvas, legend, outer, panel, rule, tiled
 from mwlib.plots.chapters.diagrams import FOUR_LINES
 from mwlib.plots.lines import bars, draw, plain
-from mwlib.plots.look import CYCLE, FAINT, INK, LOOKS, OBSERVED, style
+
+from mwlib.plots.look import (  # isort: skip
+    CYCLE, FAINT, INK, LOOKS, OBSERVED, Array, Curves, Panel, Panels, array, canvas, legend, outer, panel, rule, style, tiled,
+)  # fmt: skip
 
 
 @style()

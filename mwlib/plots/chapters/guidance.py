@@ -12,9 +12,11 @@ from matplotlib.image import AxesImage
 from matplotlib.ticker import MaxNLocator
 
 from mwlib.body.skeleton import Skeleton
-from mwlib.plots.axes import Array, Panel, Panels, array, canvas, colourbar, legend, signed
 from mwlib.plots.bodies import camera, draw_bodies, poses, project
-from mwlib.plots.look import CYCLE, FAINT, INK, LOOKS, OBSERVED, style
+
+from mwlib.plots.look import (  # isort: skip
+    CYCLE, FAINT, INK, LOOKS, OBSERVED, Array, Panel, Panels, array, canvas, colourbar, legend, signed, style,
+)  # fmt: skip
 
 HEADS = {"apd": "APD (m)", "ade": "ADE (m)", "fde": "FDE (m)", "mmade": "MMADE (m)", "mmfde": "MMFDE (m)"}
 DASHED = {"linestyle": "--", "linewidth": 0.9}

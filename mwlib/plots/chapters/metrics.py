@@ -11,8 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 
 from mwlib.metrics import prediction as metrics
-from mwlib.plots.axes import Array, Panels, array, legend, tiled
-from mwlib.plots.look import CYCLE, OBSERVED, PREDICTED, TRUTH, style
+from mwlib.plots.look import CYCLE, OBSERVED, PREDICTED, TRUTH, Array, Panels, array, legend, style, tiled
 from mwlib.plots.tables import significant
 
 LINK = CYCLE[1]

@@ -13,9 +13,12 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
-from mwlib.plots.axes import Array, Panel, Panels, array, canvas, legend, limit, outer, panel, rule, signed, tiled
 from mwlib.plots.lines import draw
-from mwlib.plots.look import CYCLE, DASHES, FAINT, INK, LOOKS, OBSERVED, TRUTH, WIDTH, Look, style
+
+from mwlib.plots.look import (  # isort: skip
+    CYCLE, DASHES, FAINT, INK, LOOKS, OBSERVED, TRUTH, WIDTH, Array, Look, Panel, Panels, array, canvas, legend, limit, outer,
+    panel, rule, signed, style, tiled,
+)  # fmt: skip
 from mwlib.plots.loops import Loop
 from mwlib.plots.tables import significant
 from mwlib.transforms import WaveletTransform

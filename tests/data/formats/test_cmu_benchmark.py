@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from mwlib import MotionFormatError, load_motions
-from mwlib.data.formats.cmu_benchmark import TREE
+from mwlib.data.formats.arrays import TREE
 from tests.sample_motions import BENCHMARK
 
 

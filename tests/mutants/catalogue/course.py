@@ -56,7 +56,7 @@ MUTANTS = [
          "course/test_exhibits.py::test_index_lives_with_broken_files_and_odd_names"),
     ),
     *of(
-        "course/manifest.py", "course/test_exhibits.py::test_manifest_names_what_is_wrong",
+        "course/notebooks.py", "course/test_exhibits.py::test_manifest_names_what_is_wrong",
         ("an-exhibit-twice", "values.count(value) > 1]", "values.count(value) > 2]"),
         ("files-may-lack", "elif missing := set(FILES", "elif missing := set() and set(FILES"),
     ),
@@ -65,7 +65,7 @@ MUTANTS = [
         ("files-are-overwritten", "if not target.exists() and not target.is_symlink():", "if True:"),
     ),
     *of(
-        "course/rules.py", "test_notebooks.py::test_every_rule_bites",
+        "tests/notebook_rules.py", "test_notebooks.py::test_every_rule_bites",
         ("one-hole-is-enough", "if found < least:", "if found < 1:"),
         ("a-late-result-is-missed", "isinstance(last, ast.Expr) and last.value is calls[0]", "True"),
         ("any-level-of-heading", "if lower > upper + 1:", "if lower > upper + 3:"),
@@ -73,7 +73,7 @@ MUTANTS = [
         ("typed-numbers-may-be-asserted", "value.value not in (0, None) for", "False for"),
     ),
     *of(
-        "course/rules.py", "test_notebooks.py::test_other_asserts_may_stand",
+        "tests/notebook_rules.py", "test_notebooks.py::test_other_asserts_may_stand",
         ("once-measured-always-measured", "measured -= targets", "pass"),
         ("sizes-are-claims", "ast.Compare) and not re.search(", "ast.Compare) and not re.match("),
         ("rounding-is-a-claim", "isinstance(number, float) and 0 < number <= TOLERANCE", "False"),

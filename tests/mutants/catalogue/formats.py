@@ -90,7 +90,7 @@ MUTANTS = [
         ("joints-mixed", "if len({r.motion.skeleton.name for r in readings}) != 1:", "if not readings:"),
     ),
     *of(
-        "data/formats/cmu_benchmark.py", "data/formats/test_cmu_benchmark.py",
+        "data/formats/arrays.py", "data/formats/test_cmu_benchmark.py",
         ("turns-the-other-way", "Rotation.from_rotvec(-table[:, 3:]", "Rotation.from_rotvec(table[:, 3:]"),
         ("the-tpose-stays", "positions[first:]", "positions[:]"),
     ),

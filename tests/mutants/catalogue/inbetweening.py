@@ -63,7 +63,7 @@ MUTANTS = [
          "torch.cat([before[..., :1, :], before], dim=-2)"),
     ),
     *of(
-        "inbetweening/network.py", "inbetweening/test_network.py",
+        "inbetweening/objective.py", "inbetweening/test_network.py",
         ("linear-denoiser-shrinks-too-little", "(a.sqrt() * s**2 / v) * y_t", "(a.sqrt() * s / v) * y_t"),
         ("share-without-the-power", "return s * ((1 - a) / v).sqrt()", "return ((1 - a) / v).sqrt()"),
         ("sizes-without-a-bound", ".clamp(-LARGEST, LARGEST).exp()", ".exp()"),

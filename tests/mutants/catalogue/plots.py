@@ -62,7 +62,7 @@ MUTANTS = [
          "plots/test_diffusion.py::test_predicted_curves_line_up_with_the_future"),
     ),
     *of(
-        "plots/axes.py", "plots/test_sentences.py::test_each_sentence_has_a_panel_of_its_own_scale",
+        "plots/look.py", "plots/test_sentences.py::test_each_sentence_has_a_panel_of_its_own_scale",
         ("columns-without-their-label", "if ax.get_visible() or not lowest", "if True"),
     ),
     *of(
@@ -77,7 +77,7 @@ MUTANTS = [
         ("the-worst-is-bold", '(min if which == "lower" else max)', '(max if which == "lower" else min)'),
     ),
     *of(
-        "plots/coefficients.py", "plots/test_plots.py",
+        "plots/lines.py", "plots/test_plots.py",
         ("projection-against-nothing", " - np.eye(len(analysis))", ""),
         ("shares-of-one", "100 * row[band]", "row[band]"),
     ),

@@ -169,7 +169,7 @@ MUTANTS = [
         ("tabg-mean-of-one-head", "attention.mean(dim=(-4, -3))", "attention[..., 0, :, :].mean(dim=-3)"),
     ),
     *of(
-        "prediction/continuation.py", "prediction/test_continuation.py",
+        "prediction/representation.py", "prediction/test_continuation.py",
         ("ends-as-free-as-the-middle", "+ (ENDS * fps) ** 6 * np.exp(-away)", ""),
         ("frames-for-seconds", "weight = (INSIDE * fps) ** 6", "weight = INSIDE**6"),
         ("what-was-observed-does-not-count", " + self.of_history.like(c) @ x_history", ""),
