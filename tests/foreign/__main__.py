@@ -1,8 +1,8 @@
 """python -m tests.foreign: every chapter on eight small sets and the real ones at hand, and with other parameters.
 
-The small sets and other presets get few steps of training, as they ask whether a chapter gets to its end; what a chapter printed
-stands in its log. Exit status 1 if one fails. What was done stays done: a run that was stopped, or given again after a change,
-runs only what is missing or out of date.
+The small sets, ends of ranges and other presets get few steps of training, as they ask whether a chapter gets to its end; what a
+chapter printed stands in its log. Exit status 1 if one fails. What was done stays done: a run that was stopped, or given again
+after a change, runs only what is missing or out of date.
 """
 
 from __future__ import annotations
@@ -73,7 +73,8 @@ def changes(notebook: Path, way: str, sets: dict[str, Path], out: Path) -> dict[
     if way in ENDS:
         ends = {one.name: one.range or CHOICES.get(one.name) for one in offered if one.name != "seed"}
         kinds = {one.name: type(one.default) for one in offered}
-        return {name: kinds[name](end[ENDS.index(way)]) for name, end in ends.items() if end} or None
+        given = {name: kinds[name](end[ENDS.index(way)]) for name, end in ends.items() if end}
+        return given and given | {"preset": quick(notebook, "tiny", out)} or None
     if way in SEEDS:
         return {"seed": SEEDS[way]} if any(one.name == "seed" for one in offered) else None
     return {"preset": quick(notebook, way, out)}

@@ -175,8 +175,9 @@ MUTANTS = [
          "        if False:\n            raise Refused(sentence)"),
         ("abroad-taken-for-home", 'stored.get("parameters", self._default_hash) == self._default_hash', "True"),
         ("other-data-are-the-default", 'parameters_hash({**parameters, "data": source})', "parameters_hash(parameters)"),
-        ("claims-here-are-those-there", "f\"; embedded people: {self._embedded[sentence].told()}\"",
+        ("claims-here-are-those-there", "f\"; embedded people: {self._embedded[sentence].like(claim).told()}\"",
          "f\"; embedded people: {claim.told()}\""),
+        ("numbers-as-they-are-sorted", "for name in (*order, *self.numbers) if", "for name in self.numbers if"),
     ),
     *of(
         "experiments/outlook.py", "experiments/test_outlook.py",
