@@ -42,7 +42,9 @@ CHOICES = {
 }
 SEEDS = {"seed_1": 1, "seed_2": 2}
 PRESETS = ("laptop", "laptop_paper")
-QUICK = {"train_steps": 40, "warmup": 10, "samples": 6, "test_windows": 16}  # of small sets and other presets
+# Of small sets, ends of ranges and other presets: settings, and what no table may exceed.
+FEW = {"samples": 4, "test_windows": 10}
+QUICK = {"train_steps": 40, "warmup": 10, "phase_steps": 100, **FEW}
 LIGHT = {"short_steps": 50, "short_width": 16, "processes": 500, "pairs": 3, "samples": 4}  # parameters of chapters on small sets
 WAYS = (*ENDS, *SEEDS, *PRESETS)
 LOG = "log.txt"
@@ -97,7 +99,8 @@ def run(notebook: Path, given: dict[str, Any] | None, folder: Path) -> Chapter:
         folder.mkdir(parents=True, exist_ok=True)
         for name in (RESULT, LOG):
             (folder / name).unlink(missing_ok=True)
-        started(leave_result, notebook, given, folder, log=folder / LOG, cwd=NOTEBOOKS).join()
+        few = FEW if given.get("preset") else {}
+        started(leave_result, notebook, given, folder, few, log=folder / LOG, cwd=NOTEBOOKS).join()
         if (chapter := read_chapter(folder)).status != "ok":
             tqdm.write(f"{folder.parent.name}: {notebook.stem}: {chapter.status}: {chapter.reason}", file=sys.stderr)
     return read_chapter(folder)

@@ -6,6 +6,7 @@ import time
 import traceback
 import warnings
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -14,10 +15,12 @@ import nbformat
 
 from mwlib.course.notebooks import read_notebook, read_parameters, resolve, source_hash, tags
 from mwlib.experiments import page
+from mwlib.experiments.grids import Budget, Grid
 from mwlib.experiments.page import Refused
 from mwlib.experiments.results import RESULT, parameters_hash, result_of, write_result
 from mwlib.files import write_json
 from mwlib.hashing import package_hash
+from mwlib.settings import Settings
 
 
 def play(notebook: Path, given: Mapping[str, Any]) -> None:
@@ -37,9 +40,22 @@ def play(notebook: Path, given: Mapping[str, Any]) -> None:
                 plt.close("all")
 
 
-def leave_result(notebook: Path, given: Mapping[str, Any], folder: Path) -> None:
-    """Play a chapter, in a process of its own, and leave the result that `run_notebook` would leave, and the minutes it took."""
+def leave_result(notebook: Path, given: Mapping[str, Any], folder: Path, few: Mapping[str, int]) -> None:
+    """Play a chapter, in a process of its own, and leave the result that `run_notebook` would leave, and the minutes it took.
+
+    Args:
+        notebook, given, folder: as for `run_notebook`.
+        few: settings that a grid's budget may not exceed: windows, samples, steps.
+    """
     page.save = lambda *_, **__: []
+    whole = Grid.budget
+
+    def budget(self: Grid, cfg: Settings) -> Budget:
+        found = whole(self, cfg)
+        least = {name: min(found.changes.get(name, most), most) for name, most in few.items() if name in cfg.owners()}
+        return replace(found, changes=found.changes | least)
+
+    Grid.budget = budget if few else whole
     tree, began = read_notebook(notebook), time.monotonic()
     depends = {"notebook": source_hash(tree), "mwlib": package_hash()}
     told: dict[str, Any] = {}
