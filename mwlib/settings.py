@@ -232,6 +232,7 @@ class _Loader(yaml.SafeLoader):
     """Reads plain YAML; mappings become `Written`, and a key that one of them has twice is refused."""
 
     def compose_mapping_node(self, anchor: Any) -> Any:
+        """The mapping, if no key stands in it twice."""
         node, first = super().compose_mapping_node(anchor), {}
         for key, _ in node.value:  # as written: what << brings comes later, and a mapping's own keys win over it
             line, name = key.start_mark.line + 1, (key.tag, str(key.value))

@@ -133,6 +133,7 @@ def _shape(
     """Bones of given lengths as they lie to each other on average: generalised Procrustes analysis."""
 
     def scaled(bones: Tensor) -> Tensor:
+        """Bones of the right lengths, in their directions."""
         return torch.nn.functional.normalize(bones, dim=-1) * lengths[:, None]
 
     shape = scaled(start)

@@ -34,6 +34,7 @@ class Parser(argparse.ArgumentParser):
 
 def _one_of(choices: Sequence[str]) -> Callable[[str], str]:
     def checked(word: str) -> str:
+        """The word itself, if it is one of the choices."""
         if word not in choices:
             raise argparse.ArgumentTypeError(f"there is no {word!r}{_near(word, choices) or '; expected ' + ', '.join(choices)}")
         return word

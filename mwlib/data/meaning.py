@@ -263,6 +263,7 @@ def head_and_feet(skeleton: Skeleton) -> tuple[list[int], list[int]]:
     """Joints of the upper and of the lower end, each named by the first of the patterns that names any."""
 
     def named(kinds: list[re.Pattern[str]]) -> list[int]:
+        """The joints of the first kind of name that there is."""
         every = ([joint for joint, name in enumerate(skeleton.joints) if kind.search(name)] for kind in kinds)
         return next((joints for joints in every if joints), [])
 

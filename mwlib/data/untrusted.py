@@ -141,6 +141,7 @@ class _Gunzip:
         self.eof, self.unused_data, self.needs_input = False, b"", True
 
     def decompress(self, data: bytes, max_length: int) -> bytes:
+        """At most `max_length` bytes more, as `bz2` and `lzma` decompress."""
         piece = self._inner.decompress(self._inner.unconsumed_tail + data, max_length)
         self.eof, self.unused_data = self._inner.eof, self._inner.unused_data
         self.needs_input = not self._inner.unconsumed_tail and len(piece) < max_length
@@ -339,6 +340,7 @@ class _Short:
         self._stream, self.seek, self.tell, self.seekable = stream, stream.seek, stream.tell, stream.seekable
 
     def read(self, size: int = -1) -> bytes:
+        """At most so many bytes, and never more than `AT_ONCE`."""
         return self._stream.read(size if 0 <= size <= AT_ONCE else AT_ONCE)
 
 

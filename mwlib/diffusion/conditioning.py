@@ -58,6 +58,7 @@ def masked(
     lost = x_known - tf.inverse(y0)
 
     def impose(y: Float[Tensor, "... rows columns"], alpha_bar_prev: float) -> Float[Tensor, "... rows columns"]:
+        """Coefficients whose masked part is the known motion, as noisy as the rest."""
         if alpha_bar_prev > until:
             return y
         x_c = tf.inverse(noised(beside_samples(y0, y), noise(), alpha_bar_prev)) + alpha_bar_prev**0.5 * beside_samples(lost, y)
@@ -79,6 +80,7 @@ def pasted(tf: Transform, x_target: Float[Tensor, "... T C"], mask: Mask) -> OnE
     m, x_known = weights(mask, x_target), known(x_target, mask)
 
     def paste(y0_hat: Float[Tensor, "... rows columns"]) -> Float[Tensor, "... rows columns"]:
+        """Clean estimates whose masked part is the known motion."""
         return tf(m * beside_samples(x_known, y0_hat) + (1 - m) * tf.inverse(y0_hat))
 
     return paste
@@ -155,6 +157,7 @@ def reconstruction_guided(
         m, x_known = weights(mask, x_target).clone(), known(x_target, mask).clone()
 
     def guided(y: Float[Tensor, "... rows columns"], t: int) -> Float[Tensor, "... rows columns"]:
+        """The noise, and the gradient of the error against the known motion."""
         a = float(alpha_bar[t])
         with torch.inference_mode(False), torch.enable_grad():
             y_t = y.clone().requires_grad_()

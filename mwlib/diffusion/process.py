@@ -113,6 +113,7 @@ def check_indices(name: str, schedule: str, steps: int, subset: int, spacing: st
     signal = alpha_bar(schedule, steps)
 
     def wrong(count: int) -> str:
+        """What is wrong with so many steps; empty if nothing is."""
         begin, end = _index(count - 1, steps, count, spacing), _index(0, steps, count, spacing)
         if end < first:
             return f"the last step would be at t = {end}, for which no network is trained"

@@ -423,6 +423,7 @@ def _shortened(cfg: Settings, share: float) -> dict[str, Any]:
     settings = cfg.get_group("training")
 
     def cut(steps: int) -> int:
+        """The share of the steps, one at least."""
         return max(round(share * steps), min(steps, 1))
 
     lengths = {name: cut(getattr(settings, name)) for name in ("train_steps", "lr_period", "warmup", "ema_start")}

@@ -31,11 +31,15 @@ def outlook(source: str | Path, motions: Sequence[Motion], fps: float | None = N
     rate = {} if fps is None else {"fps": fps}
 
     def predicted() -> str:
+        """What prediction makes of the data."""
         cfg = prediction.Config().override(data=str(source), **rate)
         return _carried(motions, prediction.load_data(cfg, motions))
 
     def between(state: str) -> Callable[[], str]:
+        """What in-betweening makes of them, to be asked for."""
+
         def found() -> str:
+            """The same, now."""
             cfg = inbetweening.Config().override(data=str(source), state=state, **rate)
             split = inbetweening.load_data(cfg, motions)
             space = make_space(split.train, state)

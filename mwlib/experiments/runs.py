@@ -160,6 +160,7 @@ class Run:
         started = time.monotonic()
 
         def model() -> Any:
+            """The trained model, on the device of the measurement; the clock starts anew."""
             nonlocal started
             opened = self.model(progress)
             of_run = results.result_of(self.folder)

@@ -156,6 +156,7 @@ class Bridge(TrainedModel):
             seen = self.representation.conditioning(line, before, mask.expand(line.shape[:-1]), after)[:, None]
 
         def denoise(y: Tensor, t: int) -> Tensor:
+            """(y_t, t) -> eps."""
             items = y.flatten(0, 1)
             beside = None if seen is None else seen.expand(*y.shape[:2], -1, -1).flatten(0, 1)
             output = self.net(items, t, beside)

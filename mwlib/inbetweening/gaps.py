@@ -110,6 +110,7 @@ def scores(
     each = _error(p, g[:, None])
 
     def slide(x: Tensor) -> Tensor:
+        """Mean speed of the feet that stand, metres per second."""
         moved = x[..., below, :2].diff(dim=-3).norm(dim=-1) * fps
         return (moved * stand).sum((-2, -1)) / stand.sum((-2, -1))  # NaN where no foot stands
 

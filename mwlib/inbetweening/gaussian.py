@@ -88,6 +88,7 @@ def optimal_denoiser(covariance: Float[Tensor, "T T"], tf: Transform, schedule: 
 
     @cache
     def gain(t: int) -> Tensor:
+        """The matrix of the best linear denoiser at t."""
         a = float(schedule[t])
         return (axes * ((1 - a) ** 0.5 / (a * variances + 1 - a))) @ axes.mT
 
@@ -148,6 +149,7 @@ def sample(bridge: GaussianBridge, scheme: Scheme, samples: int, generator: torc
     tf, schedule = DCTTransform(bridge.frames, samples, scheme.rows), alpha_bar("cosine", STEPS)
 
     def noise() -> Tensor:
+        """A draw of unit deviation; zeros without a generator."""
         if generator is None:
             return torch.zeros(tf.shape, dtype=torch.float64)
         return torch.randn(tf.shape, generator=generator).double()  # drawing doubles takes five times as long

@@ -284,6 +284,7 @@ def _given(benchmark: Benchmark, x: Float[Tensor, "N S F C"]) -> Fill:
     """A filling with states that are there already, perhaps of the last frames of the past alone."""
 
     def fill(seen: PlacedWindows, ids: list[int]) -> Tensor:
+        """Samples that are there already, behind the observed frames."""
         before = seen.x[:, None, : seen.x.shape[1] - x.shape[2]].expand(-1, x.shape[1], -1, -1)
         return torch.cat([before, x[ids].to(before)], dim=2)
 

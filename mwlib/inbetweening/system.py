@@ -90,6 +90,7 @@ def inside(past: int, future: int, fill: Callable[[Tensor], Tensor]) -> Fill:
     """A filling of the frames from the first keyframe to the last, one sample of each window."""
 
     def filling(windows: PlacedWindows, ids: list[int]) -> Tensor:
+        """Whole windows (n, 1, T, C), the frames given as they are."""
         before, x, after = parted(windows.x, past, future)
         return torch.cat([before, fill(x), after], dim=1)[:, None]
 

@@ -108,6 +108,7 @@ class _GRU(nn.GRU):
     """
 
     def train(self, mode: bool = True) -> _GRU:
+        """The net, in training mode whatever is asked: see the class."""
         return super().train(True)
 
 

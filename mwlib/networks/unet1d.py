@@ -194,6 +194,7 @@ class ConditionalUNet(nn.Module):
         self.text_norm = nn.LayerNorm(text_features)
 
         def two(inputs: int, outputs: int) -> nn.ModuleList:
+            """The two blocks of one level."""
             sizes = (time_width, text_features, heads, dropout, attention)
             return nn.ModuleList(ConditionalBlock(i, outputs, *sizes) for i in (inputs, outputs))
 

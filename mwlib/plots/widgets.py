@@ -68,6 +68,7 @@ def keyframes(look: PlayerFunction, frames: int, between: tuple[int, int], start
     number = IntSlider(min=between[0], max=between[1], description="N", continuous_update=False)
 
     def redraw(_: object = None) -> None:
+        """Draw what the controls say now."""
         first, last = pair.value
         wanted = min(max(last - first - 1, between[0]), between[1])
         number.disabled = follows.value
@@ -101,6 +102,7 @@ def _redrawing(figure_function: FigureFunction) -> Callable[..., None]:
     shown: dict[str, object] | None = None
 
     def redraw(**values: object) -> None:
+        """Draw what the controls say now."""
         nonlocal shown
         if values == shown:  # who leaves a box for its button asks twice
             return

@@ -117,6 +117,7 @@ def controlled(
     known = x_target.where(x_target.isfinite(), 0.0)  # what the mask leaves free may be unknown
 
     def imposed(part: slice, history: Tensor) -> dict[str, Any]:
+        """Hooks of the sampler for a part of the windows."""
         target = representation.modelled(known[part].to(history), history)
         if space == "y0_hat":
             return {"on_y0_hat": _first(pasted(predictor.transform, target, mask), count)}

@@ -166,6 +166,7 @@ def guided(
     neutral = 0.0 if form == "eq7" else 1.0
 
     def denoise(y: Tensor, t: int) -> Tensor:
+        """(y_t, t) -> eps, guided."""
         if weight == neutral:
             return branches.conditional(y, t)
         acting = tabg if tabg is not None and tabg.acts(t) else None

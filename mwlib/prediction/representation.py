@@ -231,6 +231,7 @@ def _turned_windows(cfg: Config, motions: Sequence[Motion]) -> Callable[[int, to
     source, facing = training_windows(motions, cfg.windows), _facing(cfg, Bodies.of(motions))
 
     def draw(count: int, generator: torch.Generator) -> Tensor:
+        """So many windows, turned as the model sees them."""
         x = source.draw(count, generator)
         return turned(x, x[:, : cfg.windows.history], facing, -1)
 
@@ -248,6 +249,7 @@ def learning_windows(cfg: Config, motions: Sequence[Motion], count: int) -> Call
     draw = _turned_windows(cfg, motions)
 
     def both(generator: torch.Generator) -> Tensor:
+        """What is modelled of so many windows and, of displacements, the padded histories."""
         x = draw(count, generator)
         if cfg.model.representation == "pose":
             return x

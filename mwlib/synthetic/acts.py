@@ -240,6 +240,7 @@ def _repeated(name: str, seconds: float, side: str = "", onset: float = 0.15) ->
     """An act that passes a gesture as often as claimed, on the side that the attribute of that name claims."""
 
     def act(clip: Performance, at: float, attributes: Attributes) -> float:
+        """Act it from this second on; gives the second when it ends."""
         count = int(attributes["count"])
         lasts = seconds * _tempo(clip) * count
         share = np.clip((clip.time - at) / lasts, 0.0, 1.0) * count
@@ -255,6 +256,7 @@ def _once(name: str, seconds: float, side: str = "") -> Callable:
     """An act that passes a gesture once, on the side that the attribute of that name claims."""
 
     def act(clip: Performance, at: float, attributes: Attributes) -> float:
+        """Act it from this second on; gives the second when it ends."""
         lasts = seconds * _tempo(clip)
         clip.gesture(name, str(attributes.get(side, "left")), at, lasts, 0.25)
         return at + lasts

@@ -134,6 +134,7 @@ def joint_angles(
     euler = np.zeros((len(pose), len(skeleton), 3))
 
     def put(joint: str, pitch: np.ndarray | float, roll: np.ndarray | float = 0.0, yaw: np.ndarray | float = 0.0) -> None:
+        """Set the angles of one joint, radians."""
         euler[:, skeleton.joints.index(joint)] = np.stack(np.broadcast_arrays(pitch, roll, yaw, angle["lift"])[:3], axis=-1)
 
     put(skeleton.joints[0], angle["pelvis_pitch"], -angle["pelvis_roll"], angle["pelvis_yaw"])

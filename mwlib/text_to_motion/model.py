@@ -214,6 +214,7 @@ class TextToMotion(TrainedModel):
         kept = noisy(mask, self.cfg.model)
 
         def draw() -> Tensor:  # so many frames whatever the others' lengths: a motion does not depend on its batch
+            """Noise of the frames that take part."""
             return noise()[:, :most] * kept
 
         denoise, steps = self._denoise(texts, mask), self.cfg.forward.steps
@@ -235,6 +236,7 @@ class TextToMotion(TrainedModel):
             drop = torch.cat([drop, ~drop])
 
         def denoise(y: Float[Tensor, "B T D"], t: int) -> Float[Tensor, "B T D"]:
+            """(y_t, t) -> eps."""
             both = y.repeat(2, 1, 1) if guided else y
             steps = torch.full((len(both),), t, device=y.device)
             y0_hat = self.net(both, steps, mask.repeat(len(both) // size, 1), text, drop)

@@ -81,6 +81,7 @@ def _said(file: Path) -> tuple[str, str]:
 
 def _sha256(tensors: Mapping[str, Tensor], text: str) -> str:
     def contents() -> Iterator[bytes | str]:
+        """The text, then each tensor's name, type, shape and bytes."""
         yield text
         for name, tensor in tensors.items():
             yield f"{name} {tensor.dtype} {tuple(tensor.shape)}"

@@ -209,6 +209,7 @@ def asf_rig(tracks: Tracks, body: Body, tree: Skeleton, bones: list[str], metres
     vectors = np.array([body.bones[name].offset if name in body.bones else np.zeros(3) for name in names])
 
     def rotations(part: slice) -> Float[np.ndarray, "n rig 4"]:
+        """Quaternions of the bones in a part of the frames."""
         found = np.zeros((part.stop - part.start, len(names), 4))
         found[..., 0] = 1.0
         for joint, name in enumerate(names):
@@ -438,6 +439,7 @@ def _positions(tracks: Tracks, body: Body, skeleton: Skeleton, picked: list[int]
     place = root_path(tracks, body)
 
     def positions(part: slice) -> Float[np.ndarray, "n joints 3"]:
+        """Joints in a part of the frames, metres."""
         rotations = np.broadcast_to(np.eye(3), (part.stop - part.start, len(skeleton), 3, 3)).copy()
         offsets = np.zeros((len(rotations), len(skeleton), 3))
         for joint, name in enumerate(skeleton.joints):

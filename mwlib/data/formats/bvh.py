@@ -106,6 +106,7 @@ def bvh_rig(nodes: list[Node], table: Float[np.ndarray, "T channels"], points: l
         start += len(names)
 
     def rotations(part: slice) -> Float[np.ndarray, "n nodes 4"]:
+        """Quaternions of the nodes in a part of the frames."""
         found = np.empty((part.stop - part.start, len(nodes), 4))
         for axes, joints in columns.items():
             angles = table[part, np.array([c for _, c in joints], dtype=int).reshape(len(joints), len(axes))]
@@ -113,6 +114,7 @@ def bvh_rig(nodes: list[Node], table: Float[np.ndarray, "T channels"], points: l
         return found
 
     def moves(part: slice) -> Float[np.ndarray, "n nodes 3"]:
+        """Offsets of the nodes in a part of the frames, metres."""
         return frame_offsets(nodes, table[part]) * metres
 
     is_moving = any(name in MOVES for node in nodes[1:] for name in node.channels or ())
@@ -277,6 +279,7 @@ def _positions(nodes: list[Node], table: Float[np.ndarray, "T channels"], picked
     everything = Skeleton("file", tuple(n.name for n in nodes), tuple(n.parent for n in nodes))
 
     def positions(part: slice) -> Float[np.ndarray, "n joints 3"]:
+        """Joints in a part of the frames, in the unit of the file."""
         offsets = frame_offsets(nodes, table[part])
         return forward_kinematics(_rotations(nodes, table[part]), offsets, offsets[:, 0], everything)[:, picked]
 

@@ -119,10 +119,12 @@ def _posed(
     offsets = np.concatenate([rest[:1], rest[1:] - rest[list(tree.parents[1:])]])
 
     def rotations(part: slice) -> Float[np.ndarray, "n joints 4"]:
+        """Quaternions of the joints in a part of the frames."""
         quaternions = Rotation.from_rotvec(turns[part].reshape(-1, 3)).as_quat()
         return np.roll(quaternions, 1, axis=-1).reshape(-1, joints, 4)
 
     def places(part: slice) -> Float[np.ndarray, "n 22 3"]:
+        """The body's first 22 joints in a part of the frames, metres."""
         found, _ = fk(torch.from_numpy(rotations(part)), torch.from_numpy(offsets), torch.from_numpy(root[part]), tree)
         return found[:, : len(HUMANML22)].numpy()
 
