@@ -12,12 +12,11 @@ from jaxtyping import Float, Int
 from scipy.interpolate import CubicSpline
 from torch import Tensor
 
-from mwlib.body.correspondence import to_h36m17
 from mwlib.body.fitting import JUMP, about, kabsch, twist_jumps, wrapped
 from mwlib.body.motion import Motion
 from mwlib.body.rig import MOVES, ROTATION_DTYPE, Rig, axes_of
 from mwlib.body.rotation import continuous, euler_angles, euler_quaternions, inverse, multiply, rotate, shortest_arc
-from mwlib.body.skeleton import H36M17, Skeleton
+from mwlib.body.skeleton import H36M17, Skeleton, to_h36m17
 
 COINCIDENT = 5e-3  # metres of bones: a joint so near another says nothing of its direction
 FASTEST = 24.0  # radians of twist a second that a body makes, 45 degrees a frame at 30 Hz: own choice

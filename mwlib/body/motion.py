@@ -7,10 +7,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Float
 
-from mwlib.body.correspondence import to_h36m17, to_humanml22
 from mwlib.body.kinematics import AXES, horizontal
 from mwlib.body.rig import Rig
-from mwlib.body.skeleton import H36M17, HUMANML22, Skeleton
+from mwlib.body.skeleton import H36M17, HUMANML22, Skeleton, to_h36m17, to_humanml22
 
 RIG_SLACK = 1e-3, 1e-6  # metres, and share of the largest coordinate, between a position and its rig: more is another pose
 

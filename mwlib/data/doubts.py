@@ -10,10 +10,9 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float
 
-from mwlib.body.correspondence import is_cmu
 from mwlib.body.kinematics import AXES, bone_lengths
 from mwlib.body.motion import Motion
-from mwlib.body.skeleton import Skeleton
+from mwlib.body.skeleton import Skeleton, is_cmu
 from mwlib.data.collections.cmu import recorded_at
 from mwlib.data.meaning import LEVELS_UP, OTHERWISE, STATE_AXIS, UPRIGHT, Reading, head_and_feet, rows_of
 from mwlib.data.untrusted import PACKED, MotionFormatError, bare_name

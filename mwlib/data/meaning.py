@@ -15,10 +15,9 @@ from typing import Any, Generic, NamedTuple, TypedDict, TypeVar, Unpack
 import numpy as np
 from jaxtyping import Float
 
-from mwlib.body.correspondence import is_cmu
 from mwlib.body.kinematics import AXES, bone_lengths
 from mwlib.body.motion import FASTEST, Motion
-from mwlib.body.skeleton import Skeleton
+from mwlib.body.skeleton import Skeleton, is_cmu
 from mwlib.data.collections import COLLECTIONS
 from mwlib.data.untrusted import PACKED, SMALL_TEXT, MotionFormatError, bare_name, check_names, number, read_text
 

@@ -14,10 +14,9 @@ import torch
 from jaxtyping import Float, Int
 from torch import Tensor
 
-from mwlib.body.correspondence import to_h36m17
 from mwlib.body.kinematics import AXES, heading, scale_bones, turn_heading
 from mwlib.body.motion import Motion
-from mwlib.body.skeleton import H36M17, Skeleton
+from mwlib.body.skeleton import H36M17, Skeleton, to_h36m17
 from mwlib.data.collections import known_skeleton
 from mwlib.data.mirroring import unmirrored
 from mwlib.data.untrusted import LARGEST

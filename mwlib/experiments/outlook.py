@@ -6,7 +6,7 @@ from pathlib import Path
 
 from mwlib.body.motion import Motion
 from mwlib.data.captioned import CMU_FOLDER
-from mwlib.data.check_captioned import is_captioned
+from mwlib.data.check import is_captioned
 from mwlib.data.collections import named_source
 from mwlib.data.formats.humanml import has_lists
 from mwlib.data.load import data_folder, find_source

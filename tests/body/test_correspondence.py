@@ -7,9 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from mwlib.body.correspondence import MIXAMO, SCHEMES, is_cmu, to_h36m17, to_humanml22
 from mwlib.body.motion import Motion
-from mwlib.body.skeleton import CMU, H36M17, HUMANML22, Skeleton
+from mwlib.body.skeleton import CMU, H36M17, HUMANML22, MIXAMO, SCHEMES, Skeleton, is_cmu, to_h36m17, to_humanml22
 from mwlib.data.collections import SKELETONS
 from mwlib.data.collections.bandai_namco import BANDAI21
 from mwlib.data.collections.h36m import HUMANEVA15

@@ -8,13 +8,12 @@ import numpy as np
 import pytest
 import torch
 
-from mwlib.body.correspondence import to_h36m17
 from mwlib.body.fitting import fit_rig
 from mwlib.body.following import on_rig
 from mwlib.body.motion import Motion
 from mwlib.body.rig import ANGLES
 from mwlib.body.rotation import multiply
-from mwlib.body.skeleton import H36M17, Skeleton
+from mwlib.body.skeleton import H36M17, Skeleton, to_h36m17
 from tests.body.sample import PREFIX, animators_motion, apart
 from tests.body.test_rig import standing
 from tests.inbetweening.sample import lafan_motion

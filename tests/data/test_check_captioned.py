@@ -9,7 +9,7 @@ import pytest
 
 from mwlib.cli import main
 from mwlib.data.captioned import captioned_people
-from mwlib.data.check_captioned import captioned_folder, is_captioned
+from mwlib.data.check import captioned_folder, is_captioned
 from mwlib.data.formats.humanml import KIT, LAYOUTS
 from mwlib.data.normalisation import Statistics
 from mwlib.text_to_motion.config import Config

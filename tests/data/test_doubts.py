@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from mwlib import Motion, MotionFormatError, load_motions, write_bvh
-from mwlib.body.correspondence import SCHEMES
+from mwlib.body.skeleton import SCHEMES
 from mwlib.cli import main
 from mwlib.data.check import check_data
 from mwlib.data.doubts import other_axis, unsettled

@@ -10,8 +10,7 @@ import numpy as np
 import pytest
 
 from mwlib import Motion, MotionFormatError, load_motions, write_bvh
-from mwlib.body.correspondence import SCHEMES
-from mwlib.body.skeleton import CMU, H36M17, Skeleton
+from mwlib.body.skeleton import CMU, H36M17, SCHEMES, Skeleton
 from mwlib.data.formats.frames import starts_in_tpose
 from mwlib.data.load import motion_files, readings
 from mwlib.data.meaning import UNITS, height, hints, infer_unit, standing

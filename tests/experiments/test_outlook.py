@@ -12,7 +12,7 @@ from mwlib import write_bvh
 from mwlib.body.motion import Motion
 from mwlib.body.skeleton import HUMANML22
 from mwlib.cli import main
-from mwlib.data.check_captioned import CaptionedFolder
+from mwlib.data.check import CaptionedFolder
 from mwlib.data.formats.humanml import KIT
 from mwlib.data.sources import SourceConfig
 from mwlib.experiments.outlook import outlook

@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 
 import mwlib as mw
-from mwlib.body.correspondence import to_h36m17
 from mwlib.body.kinematics import bone_lengths
+from mwlib.body.skeleton import to_h36m17
 from mwlib.cli import main
 from mwlib.data.load import read_motion_file
 from tests.body.sample import animators_motion, apart

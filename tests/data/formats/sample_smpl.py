@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from mwlib.data.formats.body_models import FAMILIES
+from mwlib.data.formats.smpl import FAMILIES
 
 # A person at rest in a T-pose, y up, facing +z: HumanML3D's joints, metres.
 REST = np.array([

@@ -36,7 +36,7 @@ MUTANTS = [
         ("lifted-to-the-others-height", "way[horizontal(motion.up)[2]] = 0", "pass"),
     ),
     *of(
-        "body/correspondence.py", "body/test_correspondence.py",
+        "body/skeleton.py", "body/test_correspondence.py",
         ("prefixes-count", "shared = len(commonprefix(skeleton.joints))", "shared = 0"),
     ),
     *of(

@@ -209,7 +209,7 @@ MUTANTS = [
         ("presets-at-any-rate", "fps = fps or own_fps", "fps = fps", "data/test_load.py"),
     ),
     *of(
-        "data/check_captioned.py", "data/test_check_captioned.py",
+        "data/check.py", "data/test_check_captioned.py",
         ("any-statistics-will-do", "is_far = off > FAR or low < 1 / FACTOR or high > FACTOR", "is_far = high > FACTOR"),
         ("captions-without-speech-unseen", "lacking if plain else", "lacking if False else"),
         ("broken-clips-are-short-ones", "if reason not in broken]", "]"),

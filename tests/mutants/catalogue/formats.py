@@ -66,7 +66,7 @@ MUTANTS = [
         ("offsets-from-the-root", "rest[list(tree.parents[1:])]", "rest[:1]"),
     ),
     *of(
-        "data/formats/body_models.py", "data/formats/test_smpl.py",
+        "data/formats/smpl.py", "data/formats/test_smpl.py",
         ("faces-are-shapes", 'if family == "smplx":', "if False:"),
         ("the-mean-body-for-all", "return self.mean + self.ways", "return self.mean + 0 * self.ways"),
         ("any-tree", "parents[: len(HUMANML22)] != HUMANML22.parents or ", ""),
