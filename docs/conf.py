@@ -23,7 +23,7 @@ from mwlib.plots.playing import BUNDLE
 HERE = Path(__file__).parent
 NODE = str(Path(executable.ROOT_DIR) / "bin" / "node")
 WASM = HERE / "node_modules" / "onnxruntime-web" / "dist" / "ort-wasm-simd-threaded.wasm"
-LIVE_PAGES = ("futures", "sentences", "wavelet", "number")
+LIVE_PAGES = ("futures", "between", "sentences", "wavelet", "number")
 KATEX = HERE / "node_modules" / "katex"
 if json.loads((KATEX / "package.json").read_text(encoding="utf-8"))["version"] != katex.katex_version:
     raise ValueError(

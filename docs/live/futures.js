@@ -1,6 +1,7 @@
 // The page "Futures": a model of prediction in the browser.
 import people from "live/people.json";
 import players from "live/players.json";
+import { metres } from "./bodies.js";
 import { about, Network } from "./network.js";
 import { distance, Prediction } from "./prediction.js";
 import { ddim, ddimIndices, gaussian } from "./sampler.js";
@@ -11,10 +12,6 @@ const opened = {}; // model -> its network and mathematics
 const J = players.prediction.bodies[0].parents.length, C = 3 * (J - 1);
 let seed = 0, current;
 
-const metres = (text) => {
-  const bytes = Uint8Array.from(atob(text), (letter) => letter.charCodeAt(0));
-  return Float64Array.from(new Int16Array(bytes.buffer), (value) => value / 1000);
-};
 const chosen = () => {
   const set = people[Number(form.elements.people.value)], window = set.windows[Number(form.elements.window.value)];
   return { ...set, ...window, x: metres(window.data) };
@@ -60,7 +57,7 @@ function stage(window, futures = []) {
   bodies[0].name = futures.length > 6 ? `truth, and ${futures.length} futures` : "truth";
   const alt = `3-D player: ${window.action}, half a second observed, then the truth${futures.length ? ` and ${futures.length} futures` : ""}.`;
   const frames = window.x.length / C;
-  show(host.querySelector(".stage"), players.prediction, bodies.map((body) => ({ ...body, name: body.name })), { alt, frames, history: window.history, azimuth: window.azimuth });
+  show(host.querySelector(".stage"), players.prediction, bodies, { alt, frames, history: window.history, azimuth: window.azimuth });
 }
 
 function offer() { // the windows of the chosen people

@@ -60,7 +60,7 @@ export class Network {
       const [from, to] = [i * share, Math.min((i + 1) * share, items)];
       const feeds = {
         y_t: ["float32", Float32Array.from(y.subarray(from * size, to * size)), [to - from, ...shape]], t: ["int64", BigInt64Array.of(BigInt(t)), [1]],
-        told: ["float32", told.slice(from, to), [to - from]], ...condition,
+        ...(told && { told: ["float32", told.slice(from, to), [to - from]] }), ...condition,
       };
       return to > from ? thread.ask({ feeds }) : new Float32Array();
     });
@@ -69,13 +69,13 @@ export class Network {
     return out;
   }
   /** (y_t, t) -> eps, guided by weight w; `neutral` is the weight that leaves the conditional estimate alone. */
-  denoiser({ prediction, alpha_bar }, shape, condition, w, form) {
+  denoiser({ prediction, alpha_bar, inputs }, shape, condition, w, form) {
     const neutral = form === "eq7" ? 0 : 1;
     const of = { y0: epsOf, v: (y, said, a) => y.map((value, i) => Math.sqrt(a) * said[i] + Math.sqrt(1 - a) * value) };
     const eps = (said, y, t) => (prediction === "eps" ? said : of[prediction](y, said, alpha_bar[t]));
     return async (y, t) => {
-      const items = y.length / shape.reduce((x, z) => x * z, 1), ones = new Float32Array(items).fill(1);
-      if (w === neutral) return eps(await this.output(y, shape, t, condition, ones), y, t);
+      const items = y.length / shape.reduce((x, z) => x * z, 1), ones = inputs.includes("told") ? new Float32Array(items).fill(1) : undefined;
+      if (w === neutral || !ones) return eps(await this.output(y, shape, t, condition, ones), y, t);
       const both = new Float64Array(2 * y.length), told = new Float32Array(2 * items);
       both.set(y), both.set(y, y.length), told.set(ones);
       const said = await this.output(both, shape, t, condition, told);

@@ -47,7 +47,7 @@ async function sample(text, { samples, seconds, steps, guidance }, noise, told =
   const T = Math.min(Math.max(4 * Math.round((seconds * model.fps) / 4), shortest), longest), alphaBar = model.alpha_bar;
   const words = { words: ["int64", BigInt64Array.from(numbersOf(text, model.words), BigInt), [1, numbersOf(text, model.words).length]] };
   const draw = noise ?? gaussian(seed, samples * T * D);
-  const denoise = network.denoiser({ prediction: "y0", alpha_bar: alphaBar }, [T, D], words, guidance, "alg1");
+  const denoise = network.denoiser({ ...model, prediction: "y0" }, [T, D], words, guidance, "alg1");
   let last, count = 0;
   for await (last of posteriorMean(denoise, draw(), alphaBar, ddimIndices(alphaBar.length, steps, "trailing"), { noise: draw })) told(++count / steps);
   const raw = last.y.map((value, i) => value * model.deviation[i % D] + model.mean[i % D]);

@@ -11,13 +11,20 @@ const encoded = (metres) => { // as the player reads positions: base64 of little
   return btoa(text);
 };
 
-/** Show bodies: {name, kind, positions (T, J, 3) in metres with z up, start}. */
-export function show(host, template, bodies, said) {
-  const drawn = bodies.map(({ positions, ...body }) => ({ ...template.bodies[0], ...body, unit: MILLIMETRE, data: encoded(positions) }));
-  host.player?.destroy();
+/** Show bodies and poses: {name, kind, positions (T, J, 3) in metres with z up, start}. A view that was turned stays, as does the time. */
+export function show(host, template, bodies, { ghosts = [], ...said }) {
+  const drawn = ({ positions, ...body }) => ({ ...template.bodies[0], ...body, unit: MILLIMETRE, data: encoded(positions) });
+  const before = host.player;
+  before?.destroy();
   host.shadowRoot?.replaceChildren();
   try {
-    host.player = mount(host, { ...template, ...said, bodies: drawn });
+    const player = (host.player = mount(host, { ...template, ...said, bodies: bodies.map(drawn), ghosts: ghosts.map(drawn) }));
+    if (!said.goesOn || !before) return;
+    player.seek(before.time), player.play(before.playing);
+    if (!before.turned) return;
+    player.turned = true;
+    player.camera.position.copy(before.camera.position).sub(before.controls.target).add(player.controls.target);
+    player.arrange();
   } catch {} // without WebGL the place itself says so
 }
 

@@ -18,21 +18,28 @@ from mwlib.body.skeleton import HUMANML22
 from mwlib.data.collections import acknowledgement
 from mwlib.data.load import load_motions
 from mwlib.diffusion.process import SCHEDULES, alpha_bar
-from mwlib.experiments.exported import export_onnx
+from mwlib.experiments.exported import export_onnx, of_skeleton
 from mwlib.experiments.runs import load_run
 from mwlib.files import write_atomic
+from mwlib.inbetweening.bridge import Bridge
 from mwlib.plots.bodies import camera
 from mwlib.plots.playing import MILLIMETRE, player
 from mwlib.prediction.predictor import Predictor
 from mwlib.synthetic.acts import captioned_positions
 
-NETWORKS = ("synthetic", "cmu", "sentences")
+NETWORKS = ("synthetic", "cmu", "sentences", "inbetween")
 WAVELETS = ("haar", "db2", "db4", "db8", "sym5", "coif2", "bior2.2", "bior2.8", "bior6.8", "rbio2.8")
 STEPS = 1000  # of the schedules: the paper's
 SYNTHETIC = {  # clip of a test person -> first frame
     "P7_walk": 60, "P8_turn": 80, "P7_stop_and_go": 90, "P8_run": 40, "P7_sit": 30, "P8_jump": 50, "P7_kick": 40, "P8_wave": 60,
 }  # fmt: skip
 CMU = {"07_05": 20, "02_01": 5, "29_01": 200, "02_04": 30, "02_05": 150, "02_10": 300, "29_03": 400}
+
+KEYED = {  # clip of a test person -> its frames at the rate of in-betweening
+    "P7_walk": (0, 150), "P7_turn": (0, 180), "P8_sit": (0, 180), "P8_jump": (0, 150), "P7_kick": (0, 150),
+    "P8_pick_up": (0, 150),
+}  # fmt: skip
+KEYED_CMU = {"07_05": (0, 90), "02_03": (0, 60), "02_04": (0, 120), "02_05": (0, 150)}
 
 
 def write_networks(folder: Path) -> None:
@@ -51,12 +58,24 @@ def write_data(folder: Path, root: Path) -> None:
     """Write the JSON files that are bundled with the pages' scripts.
 
     Args:
-        folder: gets people.json, filters.json, schedules.json, players.json.
-        root: a checkout, with docs/live/cmu.json: windows of real people, as `observed_windows` made them.
+        folder: gets people.json, clips.json, filters.json, schedules.json, players.json.
+        root: a checkout, with docs/live/cmu.json: windows of real people, as `observed_windows` made them, and clips of them, as
+            `placed_clips` did.
     """
     synthetic = observed_windows("synthetic", load_motions("synthetic"), SYNTHETIC)
     real = json.loads((root / "docs" / "live" / "cmu.json").read_text(encoding="utf-8"))
-    found = {"people": [synthetic, real], "filters": filters(), "schedules": schedules(), "players": empty_players()}
+    bodies = keyed().space.bodies
+    clips = {
+        "fps": bodies.fps, "body": {"skeleton": of_skeleton(bodies.skeleton)}, "acknowledgement": real["acknowledgement"],
+        "clips": placed_clips(load_motions("synthetic"), KEYED) + real.pop("clips"),
+    }  # fmt: skip
+    found = {
+        "people": [synthetic, real],
+        "clips": clips,
+        "filters": filters(),
+        "schedules": schedules(),
+        "players": empty_players(),
+    }
     for name, content in found.items():
         write_atomic(folder / f"{name}.json", json.dumps(content, separators=(",", ":")))
 
@@ -88,6 +107,31 @@ def observed_windows(run: str, motions: Sequence[Motion], starts: Mapping[str, i
         )
     said = " ".join(acknowledgement(model.cfg.data.data).values())
     return {"model": run, "acknowledgement": said, "history": model.representation.history, "windows": windows}
+
+
+def keyed() -> Bridge:
+    """The shipped model of in-betweening."""
+    model = load_run("inbetween")
+    assert isinstance(model, Bridge)
+    return model
+
+
+def placed_clips(motions: Sequence[Motion], parts: Mapping[str, tuple[int, int]]) -> list[dict[str, str]]:
+    """Parts of clips as the shipped model of in-betweening sees them, places of all joints in whole millimetres.
+
+    Args:
+        motions: clips, among them the wanted ones.
+        parts: name of a clip -> its first frame and the one behind the last, at the model's rate.
+
+    Raises:
+        KeyError: a clip is missing.
+    """
+    bodies, named, found = keyed().space.bodies, {motion.name: motion for motion in motions}, []
+    for name, (first, end) in parts.items():
+        (motion,) = bodies.prepare([named[name]])
+        x = np.round(motion.cut(first, min(end, len(motion))).positions / MILLIMETRE).astype("<i2")
+        found.append({"clip": name, "action": motion.action, "data": base64.b64encode(x.tobytes()).decode()})
+    return found
 
 
 def filters() -> dict[str, dict[str, list[float]]]:

@@ -23,7 +23,13 @@ from mwlib.files import write_atomic
 TEXTS = ("REPRODUCTION.md", "RESULTS.md", "CONTRIBUTING.md", "notebooks/glossary.md")
 DETAILS = "results"  # folder of one page a system
 SOURCES = ("index.md", "chapters.md", "claims.md", "any-motions.md", "howto", "live", "_static")  # of docs/
-PLAYED = {"01": "wavelet", "05": "number", "07": "futures", "13": "sentences"}  # chapter -> its page of docs/live
+PLAYED = {
+    "01": "wavelet",
+    "05": "number",
+    "07": "futures",
+    "11": "between",
+    "13": "sentences",
+}  # chapter -> its page of docs/live
 EXAMPLES = {"howto/curves_system.py": "tests/experiments/curves_system.py"}  # shown on a page, and tested where it lies
 PROMPTS = {"solution": "solution", "guard": "check of the numbers above"}
 ANCHOR = re.compile(r'^(#+) <a id="([\w-]+)"></a>', re.M)

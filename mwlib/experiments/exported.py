@@ -15,7 +15,12 @@ import torch
 from jaxtyping import Float, Int
 from torch import Tensor, nn
 
+from mwlib.body.skeleton import Skeleton
 from mwlib.files import write_together
+from mwlib.inbetweening.bridge import Bridge
+from mwlib.inbetweening.network import SizedNetwork
+from mwlib.inbetweening.representation import LEAST
+from mwlib.inbetweening.space import PositionSpace
 from mwlib.networks.mdm import MDM
 from mwlib.networks.text import EncodedText, WordTransformer
 from mwlib.prediction.predictor import Predictor
@@ -30,6 +35,7 @@ NEEDED = ("onnx", "onnxscript")
 INSTALL = "install both with: pip install onnx onnxscript"
 OPSET = 18
 FREE = torch.export.Dim.DYNAMIC
+KINDS = "one of prediction, inbetweening or text_to_motion"
 
 
 class _OfCoefficients(nn.Module):
@@ -66,18 +72,35 @@ class _OfSentences(nn.Module):
         return self.body(y_t, t.expand(y_t.shape[0]), valid, said, told == 0)
 
 
+class _OfKeyframes(nn.Module):
+    """A denoiser of motions of one length between the same keyframes."""
+
+    def __init__(self, model: Bridge) -> None:
+        super().__init__()
+        self.net = model.net
+
+    def forward(
+        self, y_t: Float[Tensor, "B rows columns"], t: Int[Tensor, " 1"], condition: Float[Tensor, "1 rows conditioning"]
+    ) -> Float[Tensor, "B rows columns"]:
+        """The clean tokens."""
+        return self.net(y_t, t, condition.expand(y_t.shape[0], -1, -1))
+
+
 def export_onnx(model: TrainedModel, file: Path) -> list[Path]:
     """Write a trained network as an ONNX file, and beside it a JSON file of what its sampling needs besides.
 
-    Both networks take noised items ``y_t`` (B, ...), one diffusion index ``t`` (1,), what they are conditioned on, and ``told``
-    (B,): 1 for an item that is told it, 0 for one that is not. That is all of classifier-free guidance. The condition of
-    prediction is ``condition`` (1, rows, columns), that of sentences ``words`` (1, L), numbers of the start and the words. They
-    give ``output``: what the network predicts (the setting `prediction`; sentences: y0). B, and of sentences L and T, are free.
+    All networks take noised items ``y_t`` (B, ...), one diffusion index ``t`` (1,), and what they are conditioned on. Those of
+    prediction and of sentences take ``told`` (B,), too: 1 for an item that is told it, 0 for one that is not. That is all of
+    classifier-free guidance. The condition of prediction is ``condition`` (1, rows, columns), that of in-betweening
+    ``condition`` (1, rows, conditioning), see `Representation.conditioning`, that of sentences ``words`` (1, L), numbers of the
+    start and the words. They give ``output``: what the network predicts (the setting `prediction`; sentences: y0). B, and of
+    sentences L and T, and rows of in-betweening, are free.
 
     Weights stay as they are. Those that half precision holds exactly, as in the shipped models, are stored so.
 
     Args:
-        model: of prediction, or of text to motion with the network "mdm" and the text encoder "words".
+        model: of prediction; of in-betweening of places, with departure_scale "window" and one frame given beyond each keyframe,
+            as `inbetween` is; or of text to motion with the network "mdm" and the text encoder "words".
         file: gets the network; JSON stands beside it under the same name.
 
     Returns:
@@ -104,8 +127,16 @@ def _traceable(model: TrainedModel) -> tuple[nn.Module, dict[str, Tensor], tuple
     if isinstance(model, Predictor):
         y = torch.zeros(2, *model.transform.shape, device=device)
         return _OfCoefficients(model), {"y_t": y, "t": t, "condition": y[:1], "told": told}, ({0: FREE}, None, None, {0: FREE})
+    if isinstance(model, Bridge):
+        task, what = model.cfg.task, f"departure_scale={model.cfg.model.departure_scale} state={model.cfg.task.state}"
+        if not (isinstance(model.net, SizedNetwork) and isinstance(model.space, PositionSpace) and task.past == task.future == 2):
+            found = f"{what} past={task.past} future={task.future}"
+            raise ValueError(f"the model has {found}; expected departure_scale=window state=positions past=2 future=2")
+        y = torch.zeros(2, *model.representation.transform(model.cfg.task.fewest).shape, device=device)
+        given = torch.zeros(1, len(y[0]), model.net.inner.net.enter.in_features - y.shape[-1], device=device)
+        return _OfKeyframes(model), {"y_t": y, "t": t, "condition": given}, ({0: FREE, 1: FREE}, None, {1: FREE})
     if not isinstance(model, TextToMotion):
-        raise ValueError(f"model is {shown(model)}; expected one of prediction or text_to_motion")
+        raise ValueError(f"model is {shown(model)}; expected {KINDS}")
     text, body, m = model.net.text, model.net.body, model.cfg.model
     if not (isinstance(text, WordTransformer) and isinstance(body, MDM)):
         raise ValueError(f"the model has network={m.network} and text={m.text}; expected network=mdm and text=words")
@@ -165,7 +196,8 @@ def described(model: TrainedModel) -> dict[str, Any]:
     """What the sampling of an exported network needs besides, in JSON values.
 
     Lists are rows of matrices. Of prediction: how histories become conditions and coefficients futures, if the transform is one
-    matrix along time; else `matrices` is null. Of sentences: words, statistics of the features, how they become joints, and how
+    matrix along time; else `matrices` is null. Of in-betweening: the statistics of its `Representation`, and the layers that say
+    how large a window's departures are. Of sentences: words, statistics of the features, how they become joints, and how
     a typed sentence is put into the words of the grammar, if the model has learnt it.
 
     Raises:
@@ -174,9 +206,11 @@ def described(model: TrainedModel) -> dict[str, Any]:
     schedule = {"alpha_bar": getattr(model, "alpha_bar", torch.zeros(0)).tolist()}
     if isinstance(model, Predictor):
         return schedule | _of_prediction(model)
+    if isinstance(model, Bridge):
+        return schedule | _of_keyframes(model)
     if isinstance(model, TextToMotion):
         return schedule | _of_text(model)
-    raise ValueError(f"model is {shown(model)}; expected one of prediction or text_to_motion")
+    raise ValueError(f"model is {shown(model)}; expected {KINDS}")
 
 
 def _of_prediction(model: Predictor) -> dict[str, Any]:
@@ -186,7 +220,7 @@ def _of_prediction(model: Predictor) -> dict[str, Any]:
     return {
         "system": "prediction", "prediction": model.cfg.diffusion.prediction, "shape": [*model.transform.shape],
         "history": seen.history, "frames": seen.frames, "fps": bodies.fps, "up": bodies.up, "relative": seen.relative,
-        "facing": seen.facing is not None, "skeleton": _of_skeleton(bodies.skeleton),
+        "facing": seen.facing is not None, "skeleton": of_skeleton(bodies.skeleton),
         "sampling": {
             "steps": s.ddim_steps, "spacing": s.spacing, "temperature": s.temperature, "guidance": s.guidance_weight,
             "form": s.guidance_form, "decoding": s.decoding, "bones": s.bones,
@@ -207,12 +241,25 @@ def _matrices(model: Predictor) -> dict[str, Any] | None:
     }  # fmt: skip
 
 
+def _of_keyframes(model: Bridge) -> dict[str, Any]:
+    seen, bodies, s, task = model.representation, model.space.bodies, model.cfg.sampling, model.cfg.task
+    learnt = {name: _numbers(tensor.numpy()) for name, tensor in seen.learnt().items() if name != "departure"}  # that is 1
+    layers = {name: _numbers(weight.cpu().numpy()) for name, weight in model.net.state_dict().items() if "log_factor" in name}
+    return {
+        "system": "inbetweening", "prediction": model.cfg.diffusion.prediction, "fps": bodies.fps, "up": bodies.up,
+        "skeleton": of_skeleton(bodies.skeleton), "frames": task.gap, "between": [task.shortest, task.between],
+        "coast": model.cfg.model.coast, "least_room": LEAST, "rows": model.cfg.model.rows,
+        "sampling": {"steps": s.ddim_steps, "spacing": s.spacing, "temperature": s.temperature, "bones": s.bones},
+        "layers": layers, **learnt,
+    }  # fmt: skip
+
+
 def _of_text(model: TextToMotion) -> dict[str, Any]:
     layout, s, words = model.layout, model.sampling, model.net.text.vocabulary
     return {
         "system": "text_to_motion", "fps": layout.fps, "metres_per_unit": layout.metres_per_unit, "lengths": [*model.lengths],
         "frames_per_token": model.cfg.model.frames_per_token, "mask_frames": model.cfg.model.mask_frames,
-        "skeleton": _of_skeleton(layout.skeleton), "contact_joints": [*layout.contact_joints],
+        "skeleton": of_skeleton(layout.skeleton), "contact_joints": [*layout.contact_joints],
         "blocks": {name: [block.start, block.stop] for name, block in layout.blocks.items()},
         "weights": {"step": STEP_WEIGHT, "contact": CONTACT_WEIGHT, "height": HEIGHT_WEIGHT},
         "mean": _numbers(model.statistics.mean.numpy()), "deviation": _numbers(model.statistics.deviation.numpy()),
@@ -221,7 +268,8 @@ def _of_text(model: TextToMotion) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def _of_skeleton(skeleton: Any) -> dict[str, Any]:
+def of_skeleton(skeleton: Skeleton) -> dict[str, Any]:
+    """Names, parents and sides of joints, in JSON values."""
     return {name: [*getattr(skeleton, name)] for name in ("joints", "parents", "left", "right")}
 
 

@@ -11,8 +11,11 @@ import pywt
 import torch
 
 import mwlib as mw
+from mwlib.body.motion import Motion
+from mwlib.body.standing import legs, standing
 from mwlib.course.live import STEPS, WAVELETS
 from mwlib.diffusion import WindowNoise, alpha_bar, ddim, ddim_indices, eps_of, posterior_mean
+from mwlib.inbetweening.windows import given
 from mwlib.synthetic.acts import captioned_positions
 from mwlib.synthetic.sentences import examples
 from mwlib.synthetic.sentences_typed import as_learnt
@@ -38,6 +41,16 @@ SENTENCES = """async ([text, asked, noise]) => {
   let at = 0;
   const found = await sample(text, asked, () => Float32Array.from(noise[at++]));
   return { features: found.features.map((one) => [...one]), joints: found.joints.map((one) => [...one]) };
+}"""
+BETWEEN = """async ([poses, T, asked, noise]) => {
+  const host = document.querySelector('#live-between'), { from, to, start, end, turn } = host.querySelector('form').elements;
+  for (const [field, value] of [[from, poses[0]], [start, poses[1]], [to, poses[2]], [end, poses[3]], [turn, poses[4]]]) {
+    field.value = value;
+    field.dispatchEvent(new Event('input', { bubbles: true }));
+  }
+  const four = host.live.given(), found = await host.live.sample(four, T, asked, () => Float32Array.from(noise));
+  const { motions, joints } = found, plain = (parts) => parts.map((one) => [...one]);
+  return { four: plain(four), motions: plain(motions), joints: plain(joints) };
 }"""
 READ = """async (texts) => {
   const { reader } = await document.querySelector('#live-sentences').live.tables();
@@ -93,6 +106,28 @@ def test_futures_are_pythons(opened, people, window, guidance):
         expected = model.decode(last.y, x[:, :25])
     assert np.abs(np.array(found["futures"]).reshape(3, 100, 48) - expected[0].numpy()).max() < NEAR
     assert min(found["errors"]) == pytest.approx(float(mw.metrics.ade(expected, x[:, 25:])), abs=NEAR)
+
+
+@pytest.mark.parametrize(("poses", "between"), [((0, 40, 0, 80, 0), 5), ((0, 60, 2, 90, 60), 30), ((6, 20, 5, 40, -150), 90)])
+def test_motions_between_two_poses_are_pythons(opened, poses, between):
+    page, model, T = opened("between"), mw.load_run("inbetween"), between + 4
+    rows = min(32, between)
+    noise = torch.randn(2, rows, 51, generator=torch.Generator().manual_seed(between))
+    asked = {"samples": 2, "temperature": 0.5}
+    found = page.evaluate(BETWEEN, [[str(value) for value in poses], between + 2, asked, noise.flatten().tolist()])
+    four = torch.tensor(found["four"], dtype=torch.float64)
+    x = torch.cat([four[:2], four[1:2].repeat(between, 1), four[2:]])
+    model.net = copy.deepcopy(model.net).double()  # where sampling begins, 1 / sqrt(alpha_bar) multiplies rounding by thousands
+    place = model.space.placement(x, torch.zeros(0, 3), 1)
+    with torch.inference_mode():
+        states = model._sample(model.space.seen_from(x, place)[None], given(T, 2, 2), Given(noise.double()))[0]
+    expected = torch.stack([model.space.placed(each, place) for each in states])[:, 1:-1]
+    assert np.abs(np.array(found["motions"]).reshape(2, between + 2, 51) - expected.numpy()).max() < NEAR
+    bodies, joints = model.space.bodies, model.space.positions(expected, torch.zeros(0, 3)).numpy()
+    below = [foot for _, _, foot in legs(bodies.skeleton)]
+    floor = float(model.space.positions(four, torch.zeros(0, 3))[:, below, 2].min())
+    held = np.stack([standing(Motion(each, bodies.fps, bodies.skeleton, up="z"), floor).positions for each in joints])
+    assert np.abs(np.array(found["joints"]).reshape(held.shape) - held).max() < 10 * NEAR  # a foot may begin to stand at a bound
 
 
 def test_sentences_are_pythons(opened):
@@ -162,7 +197,7 @@ def test_paths_of_one_number_are_pythons(opened, sampler, schedule, steps):
     assert np.abs(np.array(found) - last.y.numpy()).max() < 1e-3  # schedules come with six digits
 
 
-@pytest.mark.parametrize("name", ["futures", "sentences"])
+@pytest.mark.parametrize("name", ["futures", "between", "sentences"])
 def test_a_page_draws_when_asked_by_keyboard(page, address, name, record_property):
     page.troubles.clear()
     page.goto(f"{address}live/{name}.html")
@@ -178,6 +213,40 @@ def test_a_page_draws_when_asked_by_keyboard(page, address, name, record_propert
     assert page.troubles == []
     unnamed = page.evaluate("[...document.querySelectorAll('.live :is(input, select)')].filter(f => !f.labels?.length).length")
     assert unnamed == 0
+
+
+def test_the_motion_follows_poses_moved_by_pointer_and_keys(page, address):
+    page.troubles.clear()
+    page.goto(f"{address}live/between.html")
+    page.locator(".live button[type=submit]").click()
+    output, plan = page.locator("output.said").last, page.locator(".live .plan")
+    page.wait_for_function("node => / in [0-9.]+ s/.test(node.textContent)", arg=output.element_handle())
+
+    def follows(act, how_far):
+        before = plan.get_attribute("aria-description")
+        way = plan.locator("polyline").first.get_attribute("points")
+        act()
+        page.wait_for_function(
+            "([plan, way]) => plan.querySelector('polyline')?.getAttribute('points') !== way", arg=[plan.element_handle(), way]
+        )
+        assert plan.get_attribute("aria-description") != before or not how_far
+
+    plan.scroll_into_view_if_needed()
+    follows(lambda: plan.press("ArrowRight"), 0.1)
+    follows(lambda: plan.press("PageUp"), 15)
+    follows(lambda: page.locator("[name=gap]").press("ArrowRight"), 0)
+    follows(lambda: page.locator("[name=end]").press("ArrowRight"), 0.01)
+    box = plan.bounding_box()
+    page.mouse.move(box["x"] + box["width"] / 2, box["y"] + box["height"] / 2)
+    page.mouse.down()
+    follows(lambda: page.mouse.move(box["x"] + box["width"] / 2, box["y"] + box["height"] / 4, steps=3), 1)
+    page.mouse.up()
+    assert "to the left" in plan.get_attribute("aria-description")
+    page.locator("[name=gap]").fill("5")
+    plan.press("ArrowRight")
+    page.mouse.click(box["x"] + 0.97 * box["width"], box["y"] + box["height"] / 2)
+    page.wait_for_selector("output.warned")
+    assert "nobody is faster than 12" in output.text_content() and page.troubles == []
 
 
 def test_unknown_words_are_marked_while_typing(page, address):

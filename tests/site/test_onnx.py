@@ -17,10 +17,11 @@ from mwlib.cli import main
 from mwlib.experiments.exported import export_onnx
 from mwlib.transforms import pad_history
 
+NAMES = {"prediction": "synthetic", "inbetweening": "inbetween", "text_to_motion": "sentences"}
 NEAR = 1e-5  # of the largest number that torch says
 
 
-@pytest.fixture(scope="module", params=["synthetic", "sentences"])
+@pytest.fixture(scope="module", params=["synthetic", "sentences", "inbetween"])
 def exported(request, tmp_path_factory):
     """A model, its network in ONNX Runtime, and its description."""
     file = tmp_path_factory.mktemp("onnx") / f"{request.param}.onnx"
@@ -41,6 +42,12 @@ def test_the_network_is_torchs(exported):
                 )
                 expected = model.net(y, t, given.expand_as(y), keep=told.bool())
                 condition = {"condition": given.numpy()}
+            elif about["system"] == "inbetweening":
+                y, given = (
+                    torch.randn(5, 2 + t // 2, 51, generator=generator),
+                    torch.randn(1, 2 + t // 2, 158, generator=generator),
+                )
+                expected, condition = model.net(y, t, given.expand(5, -1, -1)), {"condition": given.numpy()}
             else:
                 y, text = (
                     torch.randn(5, 40 + 2 * t // 4 * 4, 263, generator=generator),
@@ -49,12 +56,17 @@ def test_the_network_is_torchs(exported):
                 mask, same = torch.ones(y.shape[:2], dtype=torch.bool), [text] * 5
                 expected = model.net(y, torch.full((5,), t), mask, same, told == 0)
                 condition = {"words": model.net.text.numbers([text]).numpy()}
-            (found,) = network.run(None, {"y_t": y.numpy(), "t": np.array([t]), "told": told.numpy(), **condition})
+            feeds = {"y_t": y.numpy(), "t": np.array([t]), "told": told.numpy(), **condition}
+            (found,) = network.run(None, {name: feeds[name] for name in about["inputs"]})
             assert np.abs(found - expected.numpy()).max() < NEAR * float(expected.abs().max())
 
 
 def test_matrices_do_what_the_representation_does(exported):
     model, _, about = exported
+    if about["system"] == "inbetweening":
+        rows = np.array(about["layers"]["log_factor.0.weight"])
+        assert np.allclose(rows, model.net.log_factor[0].weight.detach()) and np.array(about["power"]).shape == (86, 32, 51)
+        return
     if about["system"] != "prediction":
         assert about["words"] == [*model.net.text.vocabulary] and about["typed"]["words"]
         assert np.allclose(about["mean"], model.statistics.mean) and about["alpha_bar"] == model.alpha_bar.tolist()
@@ -73,13 +85,13 @@ def test_matrices_do_what_the_representation_does(exported):
 
 def test_shipped_weights_take_half_the_room(exported, tmp_path_factory):
     model, _, about = exported
-    (file,) = tmp_path_factory.getbasetemp().rglob(f"{'synthetic' if about['system'] == 'prediction' else 'sentences'}.onnx")
+    (file,) = tmp_path_factory.getbasetemp().rglob(f"{NAMES[about['system']]}.onnx")
     assert file.stat().st_size < 2.3 * sum(weight.numel() for weight in model.net.parameters())
 
 
 def test_what_cannot_be_exported_is_said(tmp_path, monkeypatch, capsys):
     assert main(["export-onnx", "evaluator", "--out", str(tmp_path / "x.onnx")]) == 1
-    assert "expected one of prediction or text_to_motion" in capsys.readouterr().err
+    assert "expected one of prediction, inbetweening or text_to_motion" in capsys.readouterr().err
     with pytest.raises(ValueError, match="file is 'x.bin'; expected a name that ends in .onnx"):
         export_onnx(mw.load_run("synthetic"), Path("x.bin"))
     monkeypatch.setitem(sys.modules, "onnxscript", None)
