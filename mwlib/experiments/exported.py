@@ -18,7 +18,7 @@ from torch import Tensor, nn
 from mwlib.body.skeleton import Skeleton
 from mwlib.files import write_together
 from mwlib.inbetweening.bridge import Bridge
-from mwlib.inbetweening.network import SizedNetwork
+from mwlib.inbetweening.objective import SizedNetwork
 from mwlib.inbetweening.representation import LEAST
 from mwlib.inbetweening.space import PositionSpace
 from mwlib.networks.mdm import MDM
