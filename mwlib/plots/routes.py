@@ -20,6 +20,7 @@ GAP = 0.2  # metres along the way from body to body, on average, below which the
 SIDE = 0.24  # inches left and right of everything
 NAME, TIMES, FOOT = 0.24, 0.22, 0.46  # inches above a row, beneath it, and beneath all of them
 TALLEST, HIGHEST = 1.7, 8.4  # inches, of a row's bodies and of the figure
+LEAST = 3.7, 4.9  # inches that the words at the foot take, without and with those of bodies that are spread
 LABEL = 0.36  # inches that the time beneath a body takes
 CLOSEST, WIDEST = 0.42, 1.1  # metres from body to body where they are spread by time
 
@@ -148,15 +149,17 @@ def _sheet(rows: dict[str, _Row]) -> Panel:
     scale = min(room / widest, min(TALLEST, most) / (high - low))  # inches per metre
     pitch = (high - low) * scale + NAME + TIMES
     height = pitch * len(rows) + FOOT
-    fig = Figure(figsize=(WIDTH, height))
+    shown = {name: _fitted(row, room / scale) for name, row in rows.items()}
+    least = LEAST[all(row.spread for row in shown.values())]
+    wide = max(max(row.width for row in shown.values()) * scale + 2 * SIDE, least)  # no half of it empty
+    fig = Figure(figsize=(wide, height))
     ax = fig.add_axes((0.0, 0.0, 1.0, 1.0))
     ax.set_axis_off()
-    ax.set(xlim=(-SIDE / scale, (WIDTH - SIDE) / scale), ylim=(0, height / scale))
+    ax.set(xlim=(-SIDE / scale, (wide - SIDE) / scale), ylim=(0, height / scale))
     mixed = len({row.spread for row in rows.values()}) > 1
-    for number, (name, row) in enumerate(rows.items()):
-        fitted = _fitted(row, room / scale)
+    for number, (name, fitted) in enumerate(shown.items()):
         floor = (height - number * pitch - NAME) / scale - high
-        title = f"{name} (spread by time)" if row.spread and mixed else name
+        title = f"{name} (spread by time)" if fitted.spread and mixed else name
         ax.text(0, floor + high + 0.05 / scale, title, ha="left", va="bottom")
         left = -float(fitted.bodies[..., 0].min())
         _draw(ax, fitted, np.array([left, floor]), "truth" if name == "truth" else "predicted", scale)

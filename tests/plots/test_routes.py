@@ -84,3 +84,10 @@ def test_eight_rows_and_other_axes_fit_the_page():
     assert fig.get_size_inches() == pytest.approx(upright.get_size_inches())
     assert {*rows} <= {text.get_text() for text in ax.texts}
     legible(fig)
+
+
+def test_no_half_of_the_picture_is_empty():
+    for rows, spread in (({"a": _going(0.5), "b": _going(0.5)}, False), (dict.fromkeys("abcdefgh", WALK), True)):
+        fig, ax = plots.passages(rows, every=10, spread=spread)
+        points = np.concatenate([segment[:, 0] for group in _bodies(ax) for segment in group.get_segments()])
+        assert np.ptp(points) > 0.5 * np.ptp(ax.get_xlim()) or fig.get_figwidth() < 5  # what the words at its foot take
