@@ -224,7 +224,8 @@ def published_weights(file: str | Path) -> PublishedEvaluator:
     if file.suffix == ".safetensors":
         flat = load_file(file)
     else:
-        found = {part: state for part, state in _checkpoint(file).items() if isinstance(state, dict)}
+        tree = checkpoint(file)
+        found = {part: state for part, state in tree.items() if isinstance(state, dict)} if isinstance(tree, dict) else {}
         flat = {f"{part}.{name}": value for part, state in found.items() for name, value in state.items()}
     states = {part: _below(flat, f"{part}_encoder.") for part in ("text", "motion", "movement")}
     try:
@@ -244,13 +245,17 @@ def published_weights(file: str | Path) -> PublishedEvaluator:
     return made
 
 
-def _checkpoint(file: Path) -> dict[str, object]:
+def checkpoint(file: Path) -> object:
+    """What torch's checkpoint holds, if that is tensors, numbers and texts alone; nothing in it is run.
+
+    Raises:
+        ValueError: it holds something else, or is no checkpoint.
+    """
     try:
-        tree = torch.load(file, map_location="cpu", weights_only=True)
+        return torch.load(file, map_location="cpu", weights_only=True)
     except (UnpicklingError, RuntimeError, EOFError) as error:
         found = f"{file} is refused ({str(error).partition(chr(10))[0][:120]})"
         raise ValueError(f"{found}; expected a checkpoint of tensors and numbers alone") from None
-    return tree if isinstance(tree, dict) else {}
 
 
 def _sizes(shapes: dict[str, tuple[int, ...]]) -> tuple[int, int, int]:

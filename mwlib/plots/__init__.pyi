@@ -44,7 +44,6 @@ from .chapters.wavelets import (
     phase_circles,
     responses,
     same_spectrum,
-    scaling_and_wavelet,
     signal_and_coefficients,
     sliding_filter,
     tilings,
@@ -67,7 +66,7 @@ __all__ = [
     "loss_curves", "matrix", "metric_picture", "noised_rows", "noising", "overlay_futures", "overview", "padding_modes",
     "parallel_snr", "particles", "passages", "phase_circles", "player", "pose_grid", "predicted_curves", "projection_change",
     "recovery_by_coefficient", "responses", "results_table", "row_support", "same_spectrum", "sampling_paths", "save",
-    "save_table", "scaling_and_wavelet", "schedules", "show", "signal_and_coefficients", "significant",
+    "save_table", "schedules", "show", "signal_and_coefficients", "significant",
     "sliding_filter", "spectra", "storyboard", "style", "subbands", "tabg_diagram", "tilings", "training_view",
     "trajectories", "use_style", "ways", "windows_and_sinusoids",
 ]  # fmt: skip

@@ -8,14 +8,13 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping
 from pathlib import Path
-from pickle import UnpicklingError
 from typing import Any
 
-import torch
 from torch import Tensor
 
 from mwlib.data.formats.humanml import HUMANML3D, KIT
 from mwlib.data.untrusted import SMALL_TEXT, MotionFormatError, read_text
+from mwlib.networks.matching import checkpoint
 from mwlib.settings import shown
 from mwlib.text_to_motion.config import CLIP, Config
 from mwlib.text_to_motion.model import TextDenoiser, TextToMotion
@@ -94,11 +93,7 @@ def _arguments(file: Path) -> dict[str, Any]:
 
 def _weights(file: Path) -> dict[str, Tensor]:
     """Learnt weights by the names of `MDM`."""
-    try:
-        tree = torch.load(file, map_location="cpu", weights_only=True)
-    except (UnpicklingError, RuntimeError, EOFError) as error:
-        found = f"{file} is refused ({str(error).partition(chr(10))[0][:120]})"
-        raise ValueError(f"{found}; expected a checkpoint of tensors and numbers alone") from None
+    tree = checkpoint(file)
     parts = tree if isinstance(tree, Mapping) else {}
     tree = next((parts[name] for name in ("model_avg", "model") if isinstance(parts.get(name), Mapping)), tree)
     if not isinstance(tree, Mapping) or not all(isinstance(value, Tensor) for value in tree.values()):

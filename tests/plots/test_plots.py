@@ -56,8 +56,6 @@ PICTURES = {
     "trajectories of two methods": partial(plots.trajectories, X[:, 8], {"a": FUTURE[:, :, 8], "b": FUTURE[:1, :, 8]}, fps=FPS),
     "trajectories as lines": partial(plots.trajectories, X[:, 8], FUTURE[:, :, 8], fps=FPS, fan=False),
     "filters": partial(plots.filters, "bior2.8"),
-    "scaling_and_wavelet, biorthogonal": partial(plots.scaling_and_wavelet, "bior2.8"),
-    "scaling_and_wavelet, orthogonal": partial(plots.scaling_and_wavelet, "haar"),
     "signal_and_coefficients": partial(plots.signal_and_coefficients, X[:, 8], "bior2.8", fps=FPS),
     "padding_modes": partial(plots.padding_modes, X[:, 8], modes=("zero", "symmetric", "constant", "smooth")),
     "matrix": partial(plots.matrix, TF.analysis_time, split=16),

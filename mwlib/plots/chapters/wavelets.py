@@ -42,23 +42,6 @@ def filters(wavelet: str) -> Panels:
 
 
 @style()
-def scaling_and_wavelet(wavelet: str, level: int = 8) -> Panels:
-    """The scaling function and wavelet that the filters converge to; a biorthogonal family rebuilds with a second pair."""
-    *pairs, support = pywt.Wavelet(wavelet).wavefun(level=level)
-    rows = ["analysis", "synthesis"] if len(pairs) == 4 else [""]
-    fig, axes = canvas(len(rows), 2, height=0.6 + 1.5 * len(rows), sharex=True)
-    outer(axes, "position (samples)")
-    for row, name, pair in zip(axes, rows, zip(pairs[::2], pairs[1::2], strict=True), strict=True):
-        for ax, values, colour in zip(row, pair, CYCLE, strict=False):
-            rule(ax)
-            ax.plot(support, values, color=colour)
-        row[0].set_ylabel(name)
-    for ax, title in zip(axes[0], ("scaling function φ", "wavelet ψ"), strict=True):
-        ax.set_title(f"{wavelet}: {title}")
-    return fig, axes
-
-
-@style()
 def signal_and_coefficients(
     signal: Float[Array, " T"], wavelet: str, *, mode: str = "zero", fps: float, unit: str = "m"
 ) -> Panels:
