@@ -59,7 +59,7 @@ myst_heading_anchors = 3
 
 # The library
 default_role = "py:obj"
-templates_path = ["_templates"]
+templates_path = [str(HERE / "_templates")]  # autosummary looks in the sources, which lie elsewhere
 autodoc_typehints = "signature"
 autodoc_preserve_defaults = True
 autodoc_member_order = "bysource"

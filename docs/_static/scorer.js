@@ -2,9 +2,9 @@
 var Scorer = {
   objNameMatch: 11, objPartialMatch: 6, objPrio: {0: 15, 1: 5, 2: -5}, objPrioDefault: 0,
   title: 15, partialTitle: 7, term: 5, partialTerm: 2,
-  score: ([page, title, , , score, , kind]) => {
+  score: ([page, title, anchor, , score, , kind]) => {
     const asked = (new URLSearchParams(location.search).get("q") || "").trim().toLowerCase(), name = title.toLowerCase();
-    if (kind === "object" && (name === asked || name.endsWith("." + asked))) return score + 1000;
+    if (kind === "object" && (name === asked || (name.endsWith("." + asked) && !anchor.startsWith("#module-")))) return score + 1000;
     return score + ({notebooks: 200, howto: 200, api: -200}[page.split("/")[0]] || 0);
   },
 };

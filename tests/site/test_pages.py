@@ -84,6 +84,14 @@ def test_search_finds_a_function_without_a_network(page, address):
     assert "api/mwlib.transforms" in page.locator("ul.search li a").first.get_attribute("href")
 
 
+@pytest.mark.parametrize("word", ["guidance", "wavelet", "blender"])
+def test_search_finds_chapters_and_howtos_before_modules(page, address, word):
+    page.goto(address + f"search.html?q={word}")
+    page.wait_for_function("/found|finished/i.test(document.querySelector('.search-summary')?.textContent)")
+    found = page.eval_on_selector_all("ul.search li > a", "links => links.map(link => link.getAttribute('href'))")
+    assert found[0].startswith(("notebooks/", "howto/"))
+
+
 def test_dark_pages_are_dark(browser, address):
     shades = {}
     for scheme in ("light", "dark"):
