@@ -49,7 +49,8 @@ class GaussianBetween:
     """The mean of a Gaussian process given two frames, every channel by itself and all with one correlation over time.
 
     The correlation of frames i and j is estimated from training windows, whatever their place: rho(|i - j|). What lies between
-    is mean + k K⁻¹ (given - mean), the kriging predictor (Rasmussen and Williams 2006, Eq. 2.23).
+    is mean + k K⁻¹ (given - mean), the kriging predictor (Rasmussen and Williams 2006, Eq. 2.23). Own choice: K⁺ in place of K⁻¹,
+    as K is singular where nobody moves.
 
     Args:
         x: training windows as seen from their first frames.
@@ -60,12 +61,12 @@ class GaussianBetween:
         self.mean = x.mean((0, 1))
         centred = (x - self.mean) / x.flatten(0, 1).std(0).clamp_min(1e-4)
         gram = torch.einsum("ntc,nsc->ts", centred, centred).double()
-        gram = gram / gram.diagonal().mean()
+        gram = gram / gram.diagonal().mean().clamp_min(1e-12)
         lag = (torch.arange(frames)[:, None] - torch.arange(frames)).abs()
         rho = torch.zeros(frames, dtype=torch.float64).scatter_add_(0, lag.flatten(), gram.flatten())
         self.rho = rho / torch.bincount(lag.flatten())
         near, far = self.rho[lag[:, [0, -1]]], self.rho[lag[[0, -1]][:, [0, -1]]]
-        self.weights = torch.linalg.solve(far, near.T).T.float()  # (T, 2)
+        self.weights = (near @ torch.linalg.pinv(far, rtol=1e-6, hermitian=True)).float()  # (T, 2)
 
     def __call__(self, x: Float[Tensor, "N T C"]) -> Float[Tensor, "N T C"]:
         """Windows with everything but the first and last frame filled in."""

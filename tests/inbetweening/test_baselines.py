@@ -98,3 +98,14 @@ def test_the_gaussian_knows_the_process_that_it_was_shown(generator):
     x = torch.linalg.cholesky(covariance) @ torch.randn(20000, 9, 2, generator=generator)
     expected = covariance[:, [0, -1]] @ torch.linalg.inv(covariance[[0, -1]][:, [0, -1]])
     torch.testing.assert_close(GaussianBetween(x).weights, expected, atol=0.03, rtol=0)
+
+
+@pytest.mark.parametrize("poses", [torch.tensor([0.0, 1.0, 5.0]), torch.zeros(3)])
+def test_the_gaussian_of_people_who_stand_still_goes_between_the_two_frames(poses):
+    """The correlation of any two frames is one, and says nothing of which is nearer."""
+    still = poses[:, None, None].expand(3, 7, 2).clone()
+    torch.testing.assert_close(GaussianBetween(still)(still), still)
+    moved = still.clone()
+    moved[:, -1] += 1.0
+    if poses.any():
+        torch.testing.assert_close(GaussianBetween(still)(moved)[:, 1:-1], still[:, 1:-1] + 0.5)

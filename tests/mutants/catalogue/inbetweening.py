@@ -132,6 +132,7 @@ MUTANTS = [
         "inbetweening/baselines.py", "inbetweening/test_baselines.py",
         ("hermite-with-speed-at-its-ends", "u**2 * (3 - 2 * u)", "u * (3 - 2 * u)"),
         ("correlation-of-sums", "self.rho = rho / torch.bincount(lag.flatten())", "self.rho = rho"),
+        ("people-who-stand-still-divide-by-nothing", ".clamp_min(1e-12)", ""),
     ),
     *of(
         "inbetweening/bridge.py", "experiments/test_spoilt_calls.py",
