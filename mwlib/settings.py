@@ -27,6 +27,7 @@ NotNegative = Annotated[float, Ge(0)]
 
 ADVANCED = "advanced"  # marks a field that no preset, grid or chapter changes
 Field = TypeVar("Field")
+Kind = TypeVar("Kind")
 Advanced = Annotated[Field, ADVANCED]  # ``lr_period: Advanced[Count] = 15_620``: offered last
 
 
@@ -92,14 +93,13 @@ class Settings:
             ValueError: unknown preset or field; the message lists the valid ones. Or as in `from_yaml`.
             FileNotFoundError: there is no such file.
         """
-        if name.endswith(".yaml"):
-            return cls.from_yaml(Path(name)).override(**changes)
-        if name not in cls.presets:
-            names = ", ".join(sorted(cls.presets))
-            raise ValueError(
-                f"preset is {name!r}{near(name, cls.presets)}; expected one of {names}, or a file that ends in .yaml"
-            )
-        return cls().override(**cls.presets[name]).override(**changes)
+        word = str(name) if isinstance(name, str | Path) else ""
+        if word.endswith(".yaml"):
+            return cls.from_yaml(Path(word)).override(**changes)
+        if word not in cls.presets:
+            found, names = f"{shown(name)}{near(name, cls.presets)}", ", ".join(sorted(cls.presets))
+            raise ValueError(f"preset is {found}; expected one of {names}, or a file that ends in .yaml")
+        return cls().override(**cls.presets[word]).override(**changes)
 
     def override(self, **changes: Any) -> Self:
         """A copy with some fields changed; group names are not needed.
@@ -350,7 +350,7 @@ def checked(name: str, value: Any, hint: Any) -> Any:
         inner = get_args(kind)[0]
         return tuple(str(item) if inner is str else checked(name, item, inner) for item in value)
     if get_origin(kind) is Literal:
-        _check_choice(name, value, get_args(kind))
+        choice(name, value, get_args(kind))
         return value
     value = _number(value, kind) if kind in (int, float) else value
     if type(value) is not kind:
@@ -410,6 +410,28 @@ def real(name: str, value: object) -> float:
     return number
 
 
+def choice(name: str, value: object, choices: Iterable[str]) -> None:
+    """Refuse an argument that is none of some texts.
+
+    Raises:
+        ValueError: it is none of them; the message names the argument.
+    """
+    choices = [*choices]
+    if not isinstance(value, str) or value not in choices:
+        raise ValueError(f"{name} is {shown(value)}; expected one of {', '.join(choices)}{near(value, choices)}")
+
+
+def of_kind(name: str, value: Any, kind: type[Kind] | tuple[type[Kind], ...], expected: str = "") -> Kind:
+    """An argument that must be an object of some class.
+
+    Raises:
+        ValueError: it is none; the message names the argument, and says `expected` or the class's name.
+    """
+    if isinstance(value, kind):
+        return value
+    raise ValueError(f"{name} is {shown(value)}; expected " + (expected or f"a {getattr(kind, '__name__', kind)}"))
+
+
 def several(name: str, values: object, what: str) -> list[Any]:
     """An argument as a list of things.
 
@@ -461,14 +483,9 @@ def _article(kind: type | types.GenericAlias) -> str:
     return words.get(kind, str(kind))
 
 
-def _check_choice(name: str, value: Any, choices: Sequence[Any]) -> None:
-    if value not in choices:
-        raise ValueError(f"{name} is {value!r}; expected one of {', '.join(choices)}{near(value, choices)}")
-
-
 def _check_rule(name: str, value: Any, rule: Any) -> None:
     if isinstance(rule, OneOf):
-        _check_choice(name, value, rule.choices)
+        choice(name, value, rule.choices)
     elif isinstance(rule, Ge) and not value >= rule.ge:
         raise ValueError(f"{name} is {value}; expected at least {rule.ge}")
     elif isinstance(rule, Gt) and not value > rule.gt:

@@ -10,6 +10,7 @@ from jaxtyping import Float
 from mwlib.body.kinematics import AXES, horizontal
 from mwlib.body.rig import Rig
 from mwlib.body.skeleton import H36M17, HUMANML22, Skeleton, to_h36m17, to_humanml22
+from mwlib.settings import choice, of_kind, real, shown, whole
 
 RIG_SLACK = 1e-3, 1e-6  # metres, and share of the largest coordinate, between a position and its rig: more is another pose
 
@@ -31,8 +32,8 @@ class Motion:
             `positions` alone has to drop it.
 
     Raises:
-        ValueError: shape, rate or up-axis make no sense, or the rig puts the first or last frame's joints elsewhere; the
-            message says which and what was expected.
+        ValueError: an argument is of another kind, shape, rate or up-axis make no sense, or the rig puts the first or last
+            frame's joints elsewhere; the message says which and what was expected.
 
     >>> from mwlib.body.skeleton import H36M17
     >>> clip = Motion(np.zeros((101, 17, 3), np.float32), fps=50.0, skeleton=H36M17)
@@ -52,17 +53,21 @@ class Motion:
     rig: Rig | None = None
 
     def __post_init__(self) -> None:
-        expected = (len(self.skeleton), 3)
+        expected = (len(of_kind("skeleton", self.skeleton, Skeleton)), 3)
+        for label in ("subject", "action", "name"):
+            of_kind(label, getattr(self, label), str, "a text")
+        if not isinstance(self.positions, np.ndarray) or self.positions.dtype.kind not in "fiu":
+            found = getattr(self.positions, "dtype", "no numbers")
+            raise ValueError(f"positions is {shown(self.positions)} of {found}; expected a NumPy array of real numbers")
         if self.positions.ndim != 3 or self.positions.shape[1:] != expected or len(self.positions) == 0:
             raise ValueError(
                 f"positions have shape {self.positions.shape}; expected (T, {expected[0]}, 3) with T > 0 for {self.skeleton.name}"
             )
-        if not (np.isfinite(self.fps) and self.fps > 0):
+        if real("fps", self.fps) <= 0:
             raise ValueError(f"fps is {self.fps}; expected a positive number")
-        if self.up not in AXES:
-            raise ValueError(f"up is {self.up!r}; expected one of {sorted(AXES)}")
+        choice("up", self.up, AXES)
         if self.rig is not None:
-            self._check_rig(self.rig)
+            self._check_rig(of_kind("rig", self.rig, Rig, "a Rig or None"))
 
     def _check_rig(self, rig: Rig) -> None:
         if len(rig.root) != len(self) or len(rig.points) != len(self.skeleton):
@@ -100,7 +105,7 @@ class Motion:
         Raises:
             ValueError: no rate that a camera has; or more than a million frames, as of a clip whose rate is wrong.
         """
-        if not 0 < fps <= FASTEST:
+        if not 0 < real("fps", fps) <= FASTEST:
             raise ValueError(f"fps is {fps:g}; expected up to {FASTEST:g} frames per second")
         if fps == self.fps:
             return self
@@ -126,7 +131,12 @@ class Motion:
         return relative.reshape(len(self), -1)
 
     def with_up(self, up: str) -> Motion:
-        """Turn the axes so that `up` points up; right-handed, so left stays left."""
+        """Turn the axes so that `up` points up; right-handed, so left stays left.
+
+        Raises:
+            ValueError: `up` is neither "y" nor "z".
+        """
+        choice("up", up, AXES)
         if up == self.up:
             return self
         x, y, z = np.moveaxis(self.positions, -1, 0)
@@ -139,8 +149,11 @@ class Motion:
         """Turn the body about the up-axis through the world's origin, the first horizontal axis towards the second; radians.
 
         The same turn as `turn_heading` gives to the model's x.
+
+        Raises:
+            ValueError: the angle is no finite number.
         """
-        a, b, up = horizontal(self.up)
+        (a, b, up), angle = horizontal(self.up), real("angle", angle)
         cos, sin = np.cos(angle), np.sin(angle)
         positions = self.positions.copy()
         positions[..., a] = cos * self.positions[..., a] - sin * self.positions[..., b]
@@ -166,9 +179,9 @@ class Motion:
         result has no rig; `mwlib.body.fitting.fit_rig` finds rotations for its positions.
 
         Raises:
-            ValueError: no correspondence is known.
+            ValueError: `skeleton` is none, or no correspondence is known.
         """
-        if skeleton == self.skeleton:
+        if of_kind("skeleton", skeleton, Skeleton) == self.skeleton:
             return self
         if skeleton == HUMANML22 and (shares := to_humanml22(self.skeleton)) is not None:
             positions = (shares @ self.positions).astype(self.positions.dtype)
@@ -180,5 +193,11 @@ class Motion:
         return replace(self, positions=self.positions[:, picked], skeleton=skeleton, rig=None)
 
     def cut(self, start: int, stop: int) -> Motion:
-        """Frames start to stop (exclusive)."""
+        """Frames start to stop (exclusive), or to the last one if there are fewer.
+
+        Raises:
+            ValueError: there is no frame `start`, or `stop` is not behind it.
+        """
+        start = whole("start", start, 0, len(self) - 1)
+        stop = whole("stop", stop, start + 1)
         return replace(self, positions=self.positions[start:stop], rig=self.rig and self.rig.pick(slice(start, stop)))

@@ -10,6 +10,8 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float
 
+from mwlib.settings import of_kind, several, whole
+
 
 @dataclass(frozen=True)
 class Skeleton:
@@ -25,8 +27,8 @@ class Skeleton:
         humanml22: the same for HumanML3D's 22; "a:b:0.4" stands for the point at that share of the way from a to b.
 
     Raises:
-        ValueError: lengths differ, a parent does not precede its child, two joints have one name, sides do not pair up or share a
-            joint, or a part has a joint twice.
+        ValueError: an argument is of another kind, lengths differ, a parent does not precede its child, two joints have one name,
+            sides do not pair up or share a joint, or a part has a joint twice.
     """
 
     name: str
@@ -39,6 +41,15 @@ class Skeleton:
     humanml22: tuple[str, ...] = field(default=(), compare=False, repr=False)
 
     def __post_init__(self) -> None:
+        of_kind("name", self.name, str, "a text")
+        for name in ("joints", "h36m17", "humanml22"):
+            words = several(name, getattr(self, name), "names")
+            object.__setattr__(self, name, tuple(of_kind(f"{name}[{n}]", word, str, "a text") for n, word in enumerate(words)))
+        for name in ("parents", "left", "right"):
+            object.__setattr__(self, name, self._numbers(name, getattr(self, name), -(name == "parents")))
+        parts = of_kind("parts", self.parts, Mapping).items()
+        parts = {of_kind("a part", part, str, "a text"): self._numbers(f"parts[{part!r}]", joints) for part, joints in parts}
+        object.__setattr__(self, "parts", parts)
         if len(self.joints) != len(self.parents):
             raise ValueError(f"{self.name}: {len(self.joints)} joint names but {len(self.parents)} parents")
         for joint, parent in enumerate(self.parents):
@@ -51,6 +62,11 @@ class Skeleton:
         for what, one in (("joint", self.joints), ("joint of a side", (*self.left, *self.right)), *self.parts.items()):
             if twice := [each for n, each in enumerate(one) if each in one[:n]]:
                 raise ValueError(f"{self.name}: {what} {twice[0]!r} twice; expected each once")
+
+    def _numbers(self, name: str, values: object, least: int = 0) -> tuple[int, ...]:
+        """Numbers of joints, as plain ones."""
+        most, rows = len(self.joints) - 1, several(name, values, "numbers of joints")
+        return tuple(whole(f"{self.name}: {name}[{n}]", value, least, most) for n, value in enumerate(rows))
 
     def __len__(self) -> int:
         return len(self.joints)
@@ -74,10 +90,10 @@ class Skeleton:
             part: its name; or that of a joint, which a skeleton without parts has, too.
 
         Raises:
-            KeyError: the skeleton has no such part and no such joint, or it is the root; the message lists its parts.
+            ValueError: the skeleton has no such part and no such joint, or it is the root; the message lists its parts.
         """
-        if part not in self.parts and part not in self.joints[1:]:
-            raise KeyError(f"{self.name} has no part {part!r}; it has {sorted(self.parts)}, and joints but for the root")
+        if part not in (*self.parts, *self.joints[1:]):
+            raise ValueError(f"{self.name} has no part {part!r}; it has {sorted(self.parts)}, and joints but for the root")
         joints = np.asarray(self.parts[part] if part in self.parts else [self.joints.index(part)]) - 1
         return (3 * joints[:, None] + np.arange(3)).ravel()
 

@@ -26,7 +26,7 @@ from mwlib.data.untrusted import (  # isort: skip
     MOST_BYTES, BrokenFilesWarning, DoubtfulDataWarning, MotionFormatError, allowed, archive_names, array_header, bare_suffix,
     near_name, open_regular, read_archive, read_array, read_bytes, read_head, single, without_twins,
 )  # fmt: skip
-from mwlib.settings import real, shown
+from mwlib.settings import choice, real, shown
 
 HINTS = ("clips.csv", "skeleton.json")  # read along with motions that lie beside or below them
 MODELS = "body_models"  # and a folder of body models
@@ -116,8 +116,8 @@ def caller_says(
     skeleton = SKELETONS.get(skeleton, skeleton) if isinstance(skeleton, str) else skeleton
     if not isinstance(skeleton, Skeleton | None):
         raise ValueError(f"skeleton is {shown(skeleton)}; expected a Skeleton or one of {', '.join(sorted(SKELETONS))}")
-    if up is not None and (not isinstance(up, str) or up not in AXES):
-        raise ValueError(f"up is {up!r}; expected {' or '.join(AXES)}")
+    if up is not None:
+        choice("up", up, AXES)
     metres = None if unit is None else metres_per_unit(unit)
     return {"unit": metres, "up": up, "fps": file_fps, "fallback_skeleton": skeleton}
 

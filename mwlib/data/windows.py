@@ -245,8 +245,12 @@ class Windows:
         return [self.motions[i].action for i in self.clip.tolist()]
 
     def thin(self, count: int) -> Windows:
-        """At most `count` windows, spread evenly; 0 keeps all."""
-        pick = spread(len(self), count)
+        """At most `count` windows, spread evenly; 0 keeps all.
+
+        Raises:
+            ValueError: `count` is no whole number, or below 0.
+        """
+        pick = spread(len(self), whole("count", count, 0))
         if len(pick) == len(self):
             return self
         return Windows(self.x[pick], self.clip[pick], self.start[pick], self.history, self.motions)
@@ -374,9 +378,6 @@ def check_finite(name: str, motion: Motion) -> None:
     Raises:
         ValueError: some are not; the message names the first frame.
     """
-    kind = getattr(motion.positions.dtype, "kind", "?")
-    if kind not in "fiu":
-        raise ValueError(f"{name} has positions of {motion.positions.dtype}; expected real numbers")
     if not (good := np.abs(motion.positions) <= np.float64(LARGEST)).all():  # False for nan
         frame = int(np.argmin(good.all(axis=(1, 2))))
         called = f" ({motion.name})" if motion.name else ""

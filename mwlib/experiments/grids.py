@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 from mwlib.hashing import code_behind
 from mwlib.paths import course_folder
-from mwlib.settings import Settings, Written, near, read_tree, read_yaml, shown
+from mwlib.settings import Settings, Written, near, of_kind, read_tree, read_yaml, shown
 
 if TYPE_CHECKING:  # names of types alone: listing the systems waits for no torch
     from torch import Tensor
@@ -108,8 +108,12 @@ def system(name: str) -> System:
 
 
 def system_of(cfg: Settings) -> System:
-    """The system that a configuration belongs to."""
-    return system(cfg.system)
+    """The system that a configuration belongs to.
+
+    Raises:
+        ValueError: it is no configuration.
+    """
+    return system(of_kind("cfg", cfg, Settings, "a configuration, such as Config.preset('tiny')").system)
 
 
 def code_of(system: System) -> dict[str, str]:

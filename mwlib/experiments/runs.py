@@ -51,6 +51,8 @@ class Run:
     def __init__(self, cfg: Settings, data: Data | None = None) -> None:
         self.cfg, self.system, self.key = cfg, system_of(cfg), cfg.training_hash()
         self.data = self.system.load_data(cfg) if data is None else data
+        if not hasattr(self.data, "fingerprints"):
+            raise ValueError(f"data is {shown(data)}; expected what the system's load_data gives, or None")
         self.code = code_of(self.system)
         self.training, self.test = self.data.fingerprints()
         built_on, judged_by = (_models(getattr(self.system, role, lambda _: [])(cfg)) for role in ("built_on", "judged_by"))

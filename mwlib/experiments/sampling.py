@@ -95,9 +95,9 @@ def inbetween(
     ((32, 17, 3), 30.0, True)
     """
     model = model_of(run, Bridge, "in-betweening")
-    if model.cfg.model.hide and isinstance(end, Motion) and len(start) * len(end) == 1:
+    if model.cfg.model.hide and isinstance(start, Motion) and isinstance(end, Motion) and len(start) * len(end) == 1:
         log.warning("two poses say nothing of velocity, and samples are no nearer than a straight line; give two frames each")
-    elif model.cfg.model.hide and (frames or 0) > FORESEEN:
+    elif model.cfg.model.hide and isinstance(frames, int) and frames > FORESEEN:
         log.warning("more than %d frames apart samples are no nearer to what people did than a straight line", FORESEEN)
     return filled(
         model,

@@ -24,7 +24,7 @@ from mwlib.inbetweening.objective import KeyframeNetwork, SizedNetwork, WienerNe
 from mwlib.inbetweening.representation import Representation
 from mwlib.inbetweening.space import Space, space_from_json
 from mwlib.inbetweening.windows import given, parted
-from mwlib.settings import shown, whole, wholes
+from mwlib.settings import of_kind, whole, wholes
 from mwlib.training import TrainedModel, chunks, identities, with_weights
 
 CHUNK = 64  # motions sampled together on a processor
@@ -301,9 +301,7 @@ def _given_poses(
 
 def _checked(start: Motion, end: Motion | Sequence[int]) -> Motion | list[int]:
     """The last keyframe or the keyframes' numbers; poses are finite."""
-    if not isinstance(start, Motion):
-        raise ValueError(f"start is {shown(start)}; expected a Motion")
-    check_finite("start", start)
+    check_finite("start", of_kind("start", start, Motion))
     if isinstance(end, Motion):
         check_finite("end", end)
         return end

@@ -25,7 +25,7 @@ def joint_mask(skeleton: Skeleton, parts: Sequence[str], frames: int) -> Bool[Te
     Source: MotionWavelet Sec. 4.6.1. Own reading: C there is a set of joints and M is over channels: a joint stands for three.
 
     Raises:
-        KeyError: the skeleton has no such part or joint; the message lists its parts.
+        ValueError: the skeleton has no such part or joint; the message lists its parts.
     """
     mask = torch.zeros(frames, 3 * (len(skeleton) - 1), dtype=torch.bool)
     for part in parts:

@@ -240,3 +240,70 @@ def test_runs_that_are_none_are_refused_for_in_betweens(clips, predictor):
             ValueError, match=f"run is {found}; expected a run of in-betweening: its folder, its name or its model"
         ):
             mw.inbetween(clips[0], [8, 15], run=run)
+
+
+OBJECTS = [
+    *[("Motion", {"positions": value}, "positions is .*; expected a NumPy array of real numbers")
+      for value in (None, "x", 5, [[[0.0] * 3] * 17], torch.zeros(5, 17, 3), np.zeros((5, 17, 3), complex),
+                    np.full((5, 17, 3), None), np.full((5, 17, 3), "0"), np.zeros((5, 17, 3), bool))],
+    ("Motion", {"positions": np.zeros((5, 3))}, r"positions have shape \(5, 3\); expected \(T, 17, 3\)"),
+    *[("Motion", {"fps": value}, f"fps is {found}.*; expected a finite number") for value, found in RATES],
+    ("Motion", {"fps": None}, "fps is None; expected a finite"), ("Motion", {"fps": 0}, "fps is 0; expected a positive"),
+    ("Motion", {"skeleton": "H36M17"}, "skeleton is 'H36M17'; expected a Skeleton"),
+    *[("Motion", {name: 5}, f"{name} is 5; expected a text") for name in ("subject", "action", "name")],
+    ("Motion", {"up": ["z"]}, r"up is \['z'\] \(list\); expected one of y, z"),
+    ("Motion", {"rig": {}}, "rig is .*; expected a Rig"),
+    *[("resample", {"fps": value}, f"fps is {found}.*; expected a finite number") for value, found in RATES],
+    *[("turn", {"angle": value}, f"angle is {found}.*; expected a finite number") for value, found in RATES],
+    ("with_up", {"up": []}, r"up is \[\].*; expected one of y, z"), ("with_up", {"up": "x"}, "up is 'x'; expected one of y, z"),
+    ("retarget", {"skeleton": "CMU"}, "skeleton is 'CMU'; expected a Skeleton"),
+    *[("cut", {"start": value, "stop": 9}, f"start is {found}.*; expected a whole number") for value, found in NO_NUMBERS],
+    ("cut", {"start": -5, "stop": 9}, "start is -5; expected at least 0"),
+    ("cut", {"start": 900, "stop": 901}, "start is 900; .* most"),
+    ("cut", {"start": 5, "stop": 5}, "stop is 5; expected at least 6"),
+    ("cut", {"start": 0, "stop": None}, "stop is None; expected a wh"),
+    ("Skeleton", {"name": None}, "name is None; expected a text"),
+    ("Skeleton", {"joints": 5}, "joints is 5; expected several names"),
+    ("Skeleton", {"joints": "ab"}, "joints is 'ab'; expected several names"),
+    ("Skeleton", {"joints": ("a", 5)}, r"joints\[1\] is 5; expected a text"),
+    ("Skeleton", {"parents": (-1, 0.5)}, r"chain: parents\[1\] is 0.5; expected a whole number"),
+    ("Skeleton", {"left": (7,), "right": (1,)}, r"chain: left\[0\] is 7; expected at most 1"),
+    ("Skeleton", {"parts": 5}, "parts is 5; expected a Mapping"),
+    ("Skeleton", {"parts": {5: (1,)}}, "a part is 5; expected a text"),
+    ("Skeleton", {"parts": {"arm": (9,)}}, r"chain: parts\['arm'\]\[0\] is 9; expected at most 1"),
+    *[("channels", {"part": value}, f"H36M17 has no part {found}; it has") for value, found in ((None, "None"), ([], r"\[\]"))],
+    *[(name, {"motion": value}, f"motion is .*{type(value).__name__}.*; expected a Motion")
+      for name in ("write_bvh", "write_glb") for value in ([], np.zeros(3))],
+    *[(name, {"file": value}, "file is .*; expected a path") for name in ("write_bvh", "write_glb") for value in (None, b"x", 5)],
+    ("write_bvh", {"up": []}, r"up is \[\].*; expected one of y, z"),
+    ("thin", {"count": -3}, "count is -3; expected at least 0"),
+    ("thin", {"count": 2.5}, "count is 2.5; expected a whole number"),
+    ("get_run", {"cfg": None}, "cfg is None; expected a configuration"),
+    ("get_model", {"cfg": "tiny"}, "cfg is 'tiny'; expected a conf"),
+    ("get_run", {"data": 5}, "data is 5; expected what the system's load_data gives"),
+    ("preset", {"name": None}, "preset is None; expected one of"), ("preset", {"name": []}, r"preset is \[\].*; expected one of"),
+    ("preset", {"name": "tiny", "wavelet": []}, r"wavelet is \[\]"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("name, spoilt, message", OBJECTS)
+def test_what_people_make_and_write_themselves_is_refused(clips, tmp_path, name, spoilt, message):
+    walk, file = clips[0], {"motion": clips[0], "file": tmp_path / "walk.xyz"}
+    call, whole = {
+        "Motion": (mw.Motion, {"positions": np.zeros((5, 17, 3)), "fps": 25.0, "skeleton": walk.skeleton}),
+        "Skeleton": (mw.Skeleton, {"name": "chain", "joints": ("a", "b"), "parents": (-1, 0)}),
+        "write_bvh": (mw.write_bvh, file | {"file": tmp_path / "walk.bvh"}),
+        "write_glb": (mw.write_glb, file | {"file": tmp_path / "walk.glb"}),
+        "thin": (mw.windows(clips, 6, 14, 5).thin, {}), "channels": (walk.skeleton.channels, {}),
+        "get_run": (mw.get_run, {"cfg": mw.Config.preset("tiny")}), "get_model": (mw.get_model, {}),
+        "preset": (mw.Config.preset, {}),
+    }.get(name) or (getattr(walk, name), {})  # fmt: skip
+    with pytest.raises(ValueError, match=message):
+        call(**whole | spoilt)
+    assert not [*tmp_path.iterdir()]
+
+
+def test_a_skeleton_of_lists_and_numpy_numbers_is_the_one_of_tuples():
+    made = mw.Skeleton("chain", ["a", "b", "c"], list(np.array([-1, 0, 0])), [1], [2], {"arm": [1]})
+    assert made == mw.Skeleton("chain", ("a", "b", "c"), (-1, 0, 0), (1,), (2,), {"arm": (1,)})
+    assert hash(made) and repr(made.parents) == "(-1, 0, 0)"

@@ -196,7 +196,6 @@ def _motion(motion: mw.Motion, rng: random.Random) -> Any:
     x[rng.randrange(len(x)), rng.randrange(x.shape[1]), rng.randrange(3)] = np.float32(max(min(_number(rng), 3e38), -3e38))
     changes = rng.choice((
         {"positions": x}, {"positions": motion.positions * rng.choice((0, 0.1, 100, 1000, 1e30, -1))},
-        {"positions": x.astype(object)},
         {"positions": x.astype(np.float16)}, {"positions": x.astype(int)},
         {"positions": motion.positions.astype(np.float64) * 1e300},
         {"fps": rng.choice((1e-12, 1e-6, 0.01, 1.0, 1e3, 1e4, 1e9, 1e300))}, {"up": rng.choice("yz")}, {"positions": x[:1]},

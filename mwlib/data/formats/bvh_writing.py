@@ -15,6 +15,7 @@ from mwlib.body.rotation import euler_angles, euler_quaternions
 from mwlib.data.meaning import FASTEST, SLOWEST, metres_per_unit
 from mwlib.data.untrusted import LARGEST
 from mwlib.files import write_atomic
+from mwlib.settings import of_kind
 
 ALIKE = 1e-6  # metres and radians: far above the rounding of float32, far below what is seen
 DIGITS = 7  # after the point: 1e-9 m, and 2e-9 radians
@@ -39,8 +40,8 @@ def write_bvh(motion: Motion, file: str | Path, *, unit: float | str = "cm", up:
         Mean and largest distance, metres, of the joints in the file from `motion.positions`.
 
     Raises:
-        ValueError: positions are not finite or absurdly large, a joint's name or the rate cannot stand in a BVH file, the
-            name of the file ends otherwise, or an unknown unit. Nothing is written then.
+        ValueError: an argument is of another kind, positions are not finite or absurdly large, a joint's name or the rate cannot
+            stand in a BVH file, the name of the file ends otherwise, or an unknown unit. Nothing is written then.
 
     >>> import tempfile
     >>> from mwlib.data.load import load_motions
@@ -53,7 +54,8 @@ def write_bvh(motion: Motion, file: str | Path, *, unit: float | str = "cm", up:
     >>> again.fps, again.up, again.skeleton.name, np.allclose(again.with_up("z").positions, walk.positions, atol=1e-5)
     (50.0, 'y', 'H36M17', True)
     """
-    file, metres = Path(file), metres_per_unit(unit)
+    of_kind("motion", motion, Motion)
+    file, metres = Path(of_kind("file", file, (str, Path), "a path")), metres_per_unit(unit)
     if file.suffix.lower() != ".bvh":
         raise ValueError(f"file is {file.name!r}; expected a name that ends in .bvh")
     if not SLOWEST <= motion.fps <= FASTEST:

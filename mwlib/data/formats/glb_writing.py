@@ -17,6 +17,7 @@ from mwlib.body.motion import Motion
 from mwlib.body.rig import Rig
 from mwlib.data.untrusted import LARGEST
 from mwlib.files import write_atomic
+from mwlib.settings import of_kind
 from mwlib.version import __version__
 
 AROUND, RINGS = 12, 3  # vertices around a capsule, and rings of each of its caps
@@ -44,7 +45,8 @@ def write_glb(motion: Motion, file: str | Path) -> FitError:
         Mean and largest distance, metres, of the joints in the file from `motion.positions`.
 
     Raises:
-        ValueError: positions are not finite or absurdly large, or the name of the file ends otherwise. Nothing is written then.
+        ValueError: an argument is of another kind, positions are not finite or absurdly large, or the name of the file ends
+            otherwise. Nothing is written then.
 
     >>> import tempfile
     >>> from mwlib.synthetic.motions import synthetic_motions
@@ -52,7 +54,8 @@ def write_glb(motion: Motion, file: str | Path) -> FitError:
     >>> write_glb(walk, Path(tempfile.mkdtemp()) / "walk.glb").max < 1e-5
     True
     """
-    file = Path(file)
+    of_kind("motion", motion, Motion)
+    file = Path(of_kind("file", file, (str, Path), "a path"))
     if file.suffix.lower() != ".glb":
         raise ValueError(f"file is {file.name!r}; expected a name that ends in .glb")
     motion = motion.with_up("y")

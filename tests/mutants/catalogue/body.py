@@ -2,7 +2,21 @@
 
 from tests.mutants.mutant import of
 
+CALLS = "experiments/test_spoilt_calls.py::test_what_people_make_and_write_themselves_is_refused"
 MUTANTS = [
+    *of(
+        "body/motion.py", CALLS,
+        ("any-numbers-are-places", 'dtype.kind not in "fiu"', 'dtype.kind in "V"'),
+        ("clips-are-cut-from-the-end", 'whole("start", start, 0, len(self) - 1)', 'whole("start", start, -99, len(self) - 1)'),
+        ("a-cut-holds-nothing", 'whole("stop", stop, start + 1)', 'whole("stop", stop)'),
+    ),
+    *of(
+        "body/skeleton.py", CALLS,
+        ("a-side-is-anywhere", "whole(f\"{self.name}: {name}[{n}]\", value, least, most)",
+         "whole(f\"{self.name}: {name}[{n}]\", value, least)"),
+        ("numbers-stay-numpys", "object.__setattr__(self, name, self._numbers(name,", "(self._numbers(name,",
+         "experiments/test_spoilt_calls.py::test_a_skeleton_of_lists_and_numpy_numbers_is_the_one_of_tuples"),
+    ),
     *of(
         "body/fitting.py", "body/test_fitting.py",
         ("reflections-allowed", "sign[:, 2] = torch.det(u @ v).sign()", "pass"),
