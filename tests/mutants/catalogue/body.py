@@ -59,12 +59,12 @@ MUTANTS = [
         ("chords-in-spite-of-a-rig", "positions[between] = rig.pick(between).positions()", "pass"),
         ("left-becomes-right", "turned = (x, -z, y) if to_z", "turned = (x, z, y) if to_z"),
         ("mirrored-without-an-exchange", "self.positions[:, order] * flip", "self.positions * flip"),
-        ("rigs-elsewhere-are-taken", "            self._check_rig(self.rig)", "            pass"),
+        ("rigs-elsewhere-are-taken", 'self._check_rig(of_kind("rig", self.rig, Rig, "a Rig or None"))', "pass"),
         ("other-skeletons-keep-their-rig", "[:, picked], skeleton=skeleton, rig=None", "[:, picked], skeleton=skeleton"),
     ),
     *of(
         "body/skeleton.py", "prediction/test_control.py",
-        ("the-root-counts-as-a-part", "and part not in self.joints[1:]", "and part not in self.joints"),
+        ("the-root-counts-as-a-part", "*self.joints[1:])", "*self.joints)"),
         ("a-joint-for-its-part", "if part in self.parts else", "if part not in self.joints else"),
     ),
     *of(

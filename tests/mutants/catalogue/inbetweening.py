@@ -139,7 +139,7 @@ MUTANTS = [
         ("keyframes-however-far-apart", "if not speeds.max() <= FASTEST:", "if False:"),
         ("numbered-keyframes-however-far-apart", "    _check_speed(motion.positions[[*numbers], 0], numbers, motion.fps)\n", ""),
         ("speed-of-a-frame-less", "np.diff(frames)\n", "(np.diff(frames) + 1)\n"),
-        ("starts-of-no-numbers", '    check_finite("start", start)\n', ""),
+        ("starts-of-no-numbers", '    check_finite("start", of_kind("start", start, Motion))\n', ""),
         ("ends-of-no-numbers", 'check_finite("end", end)', 'str("end")'),
         ("the-end-of-any-size", 'zip(("start", "end"), (first, *last), strict=False)', '[("start", first)]'),
         ("fractions-as-frames", 'None if frames is None else whole("frames", frames, 1, MOST_FRAMES)', "frames"),
