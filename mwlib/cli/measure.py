@@ -1,6 +1,7 @@
-"""Commands that train and measure: train, grid-table, ship, storyboards, reproduction."""
+"""Commands that train and measure: train, judge, grid-table, ship, storyboards, reproduction."""
 
 from collections.abc import Sequence
+from json import dumps
 from pathlib import Path
 from typing import Any
 
@@ -8,17 +9,20 @@ from mwlib import plots
 from mwlib.cli import options
 from mwlib.cli.options import Repeated
 from mwlib.experiments import claims as claiming
-from mwlib.experiments import report, shipped
+from mwlib.experiments import judging, report, shipped
 from mwlib.experiments.grids import system as system_named
 from mwlib.experiments.runs import get_model, get_run
-from mwlib.experiments.sampling import model_of
+from mwlib.experiments.sampling import SENTENCE_MODEL, model_of
 from mwlib.experiments.tables import details, differences, lines, measure, provenance
-from mwlib.files import write_atomic
+from mwlib.files import write_atomic, write_json
 from mwlib.paths import CONFIG, run_folder
 from mwlib.prediction.config import Config
 from mwlib.prediction.predictor import Predictor
 from mwlib.prediction.system import load_data
-from mwlib.settings import parse_changes
+from mwlib.settings import parse_changes, whole
+from mwlib.text_to_motion.config import CLIP
+from mwlib.text_to_motion.judging import REAL, Protocol
+from mwlib.text_to_motion.system import METRICS
 
 
 def train(*, system: str = "prediction", preset: str = "laptop", set: Repeated[str] = ()) -> None:
@@ -32,6 +36,86 @@ def train(*, system: str = "prediction", preset: str = "laptop", set: Repeated[s
         set: change one setting, e.g. data=my/folder or lr=1e-3; may be repeated.
     """
     print(get_run(system_named(system).Config.preset(preset, **parse_changes(set)), progress=True))
+
+
+def _protocol(
+    *,
+    pool: int = 32,
+    clips: int = 0,
+    frames: int = 0,
+    whole: bool = False,
+    padded_words: bool = False,
+    own_statistics: bool = False,
+    best_of: int = 1,
+    repeated: int = 100,
+    repeats: int = 30,
+) -> dict[str, Any]:
+    """How motions are made and judged; as papers on HumanML3D do, but for what is said.
+
+    Args:
+        pool: of R-precision.
+        clips: motions that are made, spread evenly over the test set; 0 = one for each clip.
+        frames: of every motion that is made; 0 = as many as its clip has.
+        whole: take clips from their first frame, none shortened, in place of random pieces.
+        padded_words: read the padding behind a sentence as words.
+        own_statistics: show the judge motions in the model's scale in place of its own.
+        best_of: of each sentence keep that of so many motions which the judge likes best, as if it were the critic.
+        repeated: sentences of MultiModality.
+        repeats: motions of each of them.
+    """
+    return locals()
+
+
+def judge(
+    model: str | None = None,
+    *,
+    data: str = "",
+    evaluator: str = "",
+    clip_folder: str = CLIP,
+    replicates: int = 20,
+    seed: int = 0,
+    compare: bool = False,
+    json: bool = False,
+    out: Path = Path("build/judged"),
+    **protocol: Any,
+) -> None:
+    """Score a model of sentences as papers do: FID, R-precision, MM-Dist, Diversity, MultiModality, with 95 % intervals.
+
+    Each replicate has a file of its own; a command that was stopped goes on, and one that asks for more replicates adds them.
+    Intervals are over replicates: over noise, captions, pieces and pools, not over trainings.
+
+    Args:
+        model: a run, the name of a model that comes with the package, or a released file: MDM's model*.pt, or latest.tar of
+            StableMoFusion or Free-T2M (default: sentences).
+        data: people, cmu, or a folder of HumanML3D or KIT-ML (default: what the model was trained on).
+        evaluator: a run, a name that comes with the package, or a folder of the published one (default: that of the data).
+        clip_folder: of CLIP ViT-B/32, for a released file.
+        replicates: how often all is drawn again.
+        seed: of the first one; the others are 1000 apart.
+        compare: tell, too, how far each known way in which scores go wrong or differ moves each of them.
+        json: print JSON.
+        out: gets a folder for these settings.
+    """
+    whole("replicates", replicates, 1)
+    how = Protocol(**protocol)
+    model = model or SENTENCE_MODEL
+    opened = judging.open_all(model, data, evaluator, clip_folder)
+    folder, found = judging.replicates(opened, how, replicates, seed, out, compare, progress=True)
+    absolute = {name: judging.with_intervals([row[name] for row in found]) for name in (REAL, "model")}
+    less = [row["model"] for row in found]
+    moved = {n: judging.with_intervals([row[n] for row in found], less) for n in found[0] if n not in absolute}
+    told = {"model": model, "replicates": replicates, "scores": absolute, "moved": moved, "folder": str(folder)}
+    write_json(folder / "result.json", told)
+    tables = [_scores({REAL: absolute[REAL], model: absolute["model"]})] + ([_scores(moved)] if moved else [])
+    text = f"\n\nHow far each moves the scores of {model}:\n\n".join(map(repr, tables))
+    write_atomic(folder / "table.md", f"{text}\n")
+    print(dumps(told, indent=1) if json else f"{text}\n\n{replicates} replicates, 95 % intervals over them: {folder}")
+
+
+def _scores(rows: dict[str, dict[str, tuple[float, float]]]) -> plots.Table:
+    return plots.results_table([
+        {"": name, **{column.heading: row.get(metric) for metric, column in METRICS.items()}} for name, row in rows.items()
+    ])  # fmt: skip
 
 
 def grid_table(**choice_of: Any) -> None:

@@ -15,6 +15,7 @@ from mwlib.settings import real, several, shown, whole
 from mwlib.synthetic.sentences_typed import as_learnt
 from mwlib.text_to_motion.model import WHERE_WORDS, TextToMotion
 from mwlib.text_to_motion.motions import motion_of
+from mwlib.text_to_motion.released import CODES, open_released
 
 log = logging.getLogger(__name__)
 INBETWEENING_MODEL, SENTENCE_MODEL = "inbetween", "sentences"  # the models that come with the package
@@ -29,7 +30,7 @@ def model_of(run: str | Path | Model, kind: type[Model], system: str) -> Model:
     """A trained model of one system.
 
     Args:
-        run: folder of a finished run, a name that `load_run` knows, or the model itself.
+        run: folder of a finished run, a name that `load_run` knows, a file that `open_released` takes, or the model itself.
         kind: of the system's models.
         system: its name, for the message.
 
@@ -37,7 +38,10 @@ def model_of(run: str | Path | Model, kind: type[Model], system: str) -> Model:
         FileNotFoundError: there is no such run.
         ValueError: it is one of another system.
     """
-    model = load_run(run) if isinstance(run, str | Path) else run
+    if isinstance(run, str | Path):
+        model = open_released(run) if Path(run).suffix in CODES else load_run(run)
+    else:
+        model = run
     if isinstance(model, kind):
         return model
     if model is not run:
@@ -130,7 +134,8 @@ def generate(
         seconds: length of each motion, or one length for all; rounded to a multiple of four frames.
         samples: motions of each sentence, at most 1000.
         seed: of their noise. The first motions do not depend on how many are asked for.
-        run: folder of a finished run of text-to-motion, a name that `load_run` knows, or its model.
+        run: folder of a finished run of text-to-motion, a name that `load_run` knows, a file of a released model (see
+            `open_released`; data and CLIP lie in their usual folders), or the model.
         progress: show a bar.
         fused: read places, steps and contacts together (see `fused_joints`), which trembles less; else places alone, as usual.
 

@@ -1,18 +1,22 @@
-"""Models that the authors of MDM released, or that their code trained, opened without running anything in the files.
+"""Models of the codes of MDM, StableMoFusion and Free-T2M, opened without running anything in their files.
 
-Source: Tevet et al. 2023 and its code: ``model000475000.pt``, a state dictionary without CLIP, and ``args.json`` beside it.
+Source: Tevet et al. 2023 and its code: ``model000475000.pt``, a state dictionary without CLIP, and ``args.json`` beside it. Huang
+et al. 2024 and its code: ``model/latest.tar``, a checkpoint with CLIP in it, and ``opt.txt`` and ``meta`` in the folder above.
+Free-T2M replaces parts of both programs that write neither.
 """
 
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from torch import Tensor
 
-from mwlib.data.formats.humanml import HUMANML3D, KIT
+from mwlib.data.formats.humanml import HUMANML3D, KIT, FeatureLayout
+from mwlib.data.normalisation import Statistics
 from mwlib.data.untrusted import SMALL_TEXT, MotionFormatError, read_text
 from mwlib.networks.matching import checkpoint
 from mwlib.settings import shown
@@ -20,89 +24,195 @@ from mwlib.text_to_motion.config import CLIP, Config
 from mwlib.text_to_motion.model import TextDenoiser, TextToMotion
 from mwlib.text_to_motion.objective import published_statistics
 
-LAYOUTS = {"humanml": HUMANML3D, "kit": KIT}  # by the code's names
-# What names begin with there -> what they begin with in `MDM`.
-NAMES = {
-    "input_process.poseEmbedding.": "enter.",
-    "embed_timestep.time_embed.": "time.",
-    "embed_text.": "text.",
-    "seqTransEncoder.layers.": "encoder.stack.layers.",
-    "output_process.poseFinal.": "leave.",
-}
-FIXED = ("clip_model.", "sequence_pos_encoder.", "embed_timestep.sequence_pos_encoder.")  # CLIP, and sinusoids: not learnt
-# Settings of args.json -> the values that this package's network and diffusion have; a file may leave them out.
-EXPECTED: dict[str, tuple[Any, ...]] = {
-    "arch": ("trans_enc",), "text_encoder_type": ("clip",), "unconstrained": (False,), "sigma_small": (True,),
-    "dataset": tuple(LAYOUTS), "noise_schedule": ("cosine", "linear"),
-}  # fmt: skip
+LAYOUTS = {"humanml": HUMANML3D, "t2m": HUMANML3D, "kit": KIT}  # by the codes' names
 
 
-def open_mdm(file: str | Path, data: str | Path, clip_folder: str | Path = CLIP) -> TextToMotion:
-    """A model of MDM's code for HumanML3D or KIT-ML, on the CPU; it samples as published, with guidance 2.5.
-
-    Of a file with an average of the weights ("model_avg") the average is taken.
+class Code(NamedTuple):
+    """How a program leaves its models.
 
     Args:
-        file: ``model*.pt``, with ``args.json`` beside it.
-        data: folder of the collection, here or under MWLIB_DATA; its Mean.npy and Std.npy scale the features.
+        title: of what its networks are.
+        options: its file of settings, seen from the weights' folder.
+        dataset: the setting that names the data.
+        expected: setting -> the values that this package's network and diffusion have; a file may leave them out.
+        averaged, plain: where a checkpoint has the average of the weights, and the weights.
+        names: what a name begins with there -> what it begins with here, the first that fits.
+        inner: parts of a name there -> here.
+        fixed: what names of weights begin with that are not learnt, or are not the network's.
+        origin: where people get such models.
+    """
+
+    title: str
+    options: str
+    dataset: str
+    expected: dict[str, tuple[Any, ...]]
+    averaged: str
+    plain: str
+    names: dict[str, str]
+    inner: dict[str, str]
+    fixed: tuple[str, ...]
+    origin: str
+
+
+MDM = Code(
+    "MDM's trans_enc",
+    "args.json",
+    "dataset",
+    {"arch": ("trans_enc",), "text_encoder_type": ("clip",), "unconstrained": (False,), "sigma_small": (True,),
+     "dataset": ("humanml", "kit"), "noise_schedule": ("cosine", "linear"), "emb_policy": ("add",), "pred_len": (0,),
+     "context_len": (0,), "multi_target_cond": (False,)},
+    "model_avg",
+    "model",
+    {"input_process.poseEmbedding.": "enter.", "embed_timestep.time_embed.": "time.", "embed_text.": "text.",
+     "seqTransEncoder.layers.": "encoder.stack.layers.", "output_process.poseFinal.": "leave."},
+    {},
+    ("clip_model.", "sequence_pos_encoder.", "embed_timestep.sequence_pos_encoder."),
+    "the models that https://github.com/GuyTevet/motion-diffusion-model links",
+)  # fmt: skip
+STABLEMOFUSION = Code(
+    "StableMoFusion's U-Net",
+    "../opt.txt",
+    "dataset_name",
+    {"dataset_name": ("t2m", "humanml", "kit"), "prediction_type": ("sample",), "beta_schedule": ("linear",),
+     "diffusion_steps": (1000,), "no_adagn": (False,), "no_eff": (False,), "text_latent_dim": (256,), "time_dim": (512,)},
+    "model_ema",
+    "encoder",
+    {"embed_text.": "text.", "textTransEncoder.layers.": "text_encoder.stack.layers.", "text_ln.": "text_norm.",
+     "unet.time_mlp.1.": "time.0.", "unet.time_mlp.3.": "time.2.", r"unet.downs.(\d+).2.conv.": r"shrink.\1.",
+     "unet.downs.": "downs.", "unet.mid_block1.": "middle.0.", "unet.mid_block2.": "middle.1.",
+     r"unet.ups.(\d+).0.conv.": r"grow.\1.", r"unet.ups.(\d+).1.": r"ups.\1.0.", r"unet.ups.(\d+).2.": r"ups.\1.1.",
+     "unet.final_conv.": "leave."},
+    {"conv1d.blocks.0.block.": "convolutions.first.", "conv1d.blocks.0.group_norm.": "convolutions.first_norm.",
+     "conv1d.blocks.1.block.": "convolutions.second.", "conv1d.blocks.1.norm.": "convolutions.second_norm.",
+     "conv1d.time_mlp.1.": "convolutions.film.", "conv1d.residual_conv.": "convolutions.shortcut.",
+     "cross_attn.cross_attention.": "attention."},
+    ("clip_model.", "unet.time_mlp.0."),
+    "the models that https://github.com/h-y1heng/StableMoFusion links",
+)  # fmt: skip
+LEVELS = 4  # of StableMoFusion's U-Net, whatever its widths: its program pads frames to a multiple of 16
+CODES = {".pt": MDM, ".tar": STABLEMOFUSION}  # by the ending of the weights' file
+
+
+def open_released(file: str | Path, data: str | Path = "", clip_folder: str | Path = CLIP) -> TextToMotion:
+    """A model of one of these codes, on the CPU; it samples as published, with guidance 2.5.
+
+    MDM's samples by all its noising steps, StableMoFusion's by SDE-DPM-Solver++ in 10 steps. Of a file with an average of the
+    weights the average is taken. Own choice: float32, where StableMoFusion samples in float16; and the U-Net is always given 196
+    frames, where that code gives it as many as the longest motion of a batch has.
+
+    Args:
+        file: ``model*.pt``, with ``args.json`` beside it; or ``latest.tar``, with ``opt.txt`` in the folder above it.
+        data: folder of the collection, here or under MWLIB_DATA (default: HumanML3D or KIT-ML, as the settings say); its Mean.npy
+            and Std.npy scale the features, but where a ``latest.tar`` has ``meta/mean.npy`` and ``std.npy`` in the folder above.
         clip_folder: of CLIP ViT-B/32, here or under MWLIB_DATA.
 
     Raises:
-        FileNotFoundError: there is no such file, or CLIP's files are missing.
+        FileNotFoundError: there is no such file, or CLIP's files are missing; the message says where people get them.
         ImportError: as `ClipText`.
-        MotionFormatError: args.json, Mean.npy or Std.npy is missing or malformed.
+        MotionFormatError: settings or statistics are missing or malformed.
         ValueError: the file holds more than tensors and numbers, other weights, or a model of another kind.
     """
     file = Path(file)
-    args, weights = _arguments(file.parent / "args.json"), _weights(file)
-    layout = LAYOUTS[args["dataset"]]
-    layers = {name.split(".")[3] for name in weights if name.startswith("encoder.stack.layers.")}
-    steps = args.get("diffusion_steps", 1000)
+    code = CODES.get(file.suffix)
+    if code is None or not file.is_file():
+        known = "; ".join(f"*{ending} from {code.origin}" for ending, code in CODES.items())
+        raise FileNotFoundError(f"{file} is no file of a released model; expected {known}")
+    options = _options(file.parent / code.options, code)
+    layout, weights = LAYOUTS[options[code.dataset]], _weights(file, code)
+    data = str(data) or layout.name
     try:
-        cfg = Config.preset("mdm", data=str(data), clip_folder=str(clip_folder), steps=steps, layers=len(layers)).override(
-            width=weights["enter.weight"].shape[0],
-            feedforward=weights["encoder.stack.layers.0.linear1.weight"].shape[0],
-            schedule=args.get("noise_schedule", "cosine"),
-            mask_frames=args.get("mask_frames", False),
-            drop_text=float(args.get("cond_mask_prob", 0.1)),
-            shortest=layout.shortest,
-        )
-        net = TextDenoiser(cfg.model, layout.width, steps, ())
+        sizes = (_unet if code is STABLEMOFUSION else _mdm)(options, weights)
+        cfg = Config.preset(sizes.pop("preset"), data=data, clip_folder=str(clip_folder), shortest=layout.shortest, **sizes)
+        net = TextDenoiser(cfg.model, layout.width, cfg.forward.steps, ())
         net.body.load_state_dict(weights)
     except (KeyError, IndexError, RuntimeError) as error:
         found = str(error).strip().replace("\n", " ")[:200]
-        raise ValueError(f"{file} does not fit: {found}; expected MDM's trans_enc for {layout.name}, without its CLIP") from None
-    return TextToMotion(net.requires_grad_(False), published_statistics(cfg, layout), cfg)
+        raise ValueError(f"{file} does not fit: {found}; expected {code.title} for {layout.name}") from None
+    return TextToMotion(net.requires_grad_(False), _statistics(file, cfg, layout, options), cfg)
 
 
-def _arguments(file: Path) -> dict[str, Any]:
-    """args.json, of a model that can be opened."""
+def _mdm(options: Mapping[str, Any], weights: Mapping[str, Tensor]) -> dict[str, Any]:
+    """The preset of a model, and what it changes."""
+    layers = {name.split(".")[3] for name in weights if name.startswith("encoder.stack.layers.")}
+    return {
+        "preset": "mdm", "steps": options.get("diffusion_steps", 1000), "layers": len(layers),
+        "width": weights["enter.weight"].shape[0], "feedforward": weights["encoder.stack.layers.0.linear1.weight"].shape[0],
+        "schedule": options.get("noise_schedule", "cosine"), "mask_frames": options.get("mask_frames", False),
+        **_guidance(options),
+    }  # fmt: skip
+
+
+def _unet(options: Mapping[str, Any], weights: Mapping[str, Tensor]) -> dict[str, Any]:
+    """The same; the file's own tensors say the sizes, lest a few words ask for all memory."""
+    base, times = options.get("base_dim", 512), options.get("dim_mults", [2, 2, 2, 2])
+    widths = [weights[f"shrink.{level}.weight"].shape[0] for level in range(len(times))]
+    if len(widths) != LEVELS or [base * many for many in times] != widths:
+        found = f"base_dim {shown(base)} with dim_mults {shown(times)} where the weights have {widths}"
+        raise KeyError(f"{found}; the program pads frames for four levels")
+    return {"preset": "stablemofusion", "width": base, "multipliers": tuple(times), **_guidance(options)}
+
+
+def _guidance(options: Mapping[str, Any]) -> dict[str, float]:
+    dropped = float(options.get("cond_mask_prob", 0.1))
+    return {"drop_text": dropped} | ({} if dropped else {"guidance": 1.0})
+
+
+def _statistics(file: Path, cfg: Config, layout: FeatureLayout, options: Mapping[str, Any]) -> Statistics:
+    """Those that lie beside the model, else the collection's."""
+    meta = file.parent.parent / "meta"
+    if cfg.model.network == "mdm" or not meta.is_dir():
+        if (bias := options.get("feat_bias", 5)) != 5:
+            raise MotionFormatError(meta, "folder", "none", f"mean.npy and std.npy, as feat_bias is {shown(bias)} and not 5")
+        return published_statistics(cfg, layout)
+    found = Statistics.read(meta / "mean.npy", meta / "std.npy", "stablemofusion")
+    if found.layout != layout:
+        raise MotionFormatError(meta, "mean.npy", f"{found.layout.width} numbers", f"{layout.width} for {layout.name}")
+    return found
+
+
+def _options(file: Path, code: Code) -> dict[str, Any]:
+    """The settings of a model that can be opened."""
     if not file.is_file():
-        raise MotionFormatError(file, "file", "none", "the args.json that lies beside the model")
+        raise MotionFormatError(file, "file", "none", f"the {file.name} that lies with {code.title}")
+    text = read_text(file, SMALL_TEXT)
     try:
-        found = json.loads(read_text(file, SMALL_TEXT))
-    except ValueError as error:
-        raise MotionFormatError(file, "json", str(error)[:100], "the settings of a training of MDM") from None
-    if not isinstance(found, dict) or "dataset" not in found:
-        raise MotionFormatError(file, "json", shown(found), "the settings of a training of MDM, dataset among them")
-    for name, values in EXPECTED.items():
+        found = json.loads(text) if file.suffix == ".json" else dict(map(_option, re.findall(r"(\w+): (.*)", text)))
+    except (ValueError, RecursionError) as error:
+        raise MotionFormatError(file, "settings", str(error)[:100], f"those of a training of {code.title}") from None
+    if not isinstance(found, dict) or code.dataset not in found:
+        raise MotionFormatError(file, "settings", shown(found), f"those of a training of {code.title}, {code.dataset} among them")
+    for name, values in code.expected.items():
         if found.get(name, values[0]) not in values:
             raise ValueError(f"{file} says {name} {shown(found[name])}; expected {' or '.join(map(str, values))}")
     return found
 
 
-def _weights(file: Path) -> dict[str, Tensor]:
-    """Learnt weights by the names of `MDM`."""
+def _option(line: tuple[str, str]) -> tuple[str, Any]:
+    """Name and value of a line of opt.txt, which Python wrote."""
+    name, value = line[0], line[1].strip()
+    if value in ("True", "False"):
+        return name, value == "True"
+    try:
+        return name, json.loads(value)
+    except ValueError:
+        return name, value
+
+
+def _weights(file: Path, code: Code) -> dict[str, Tensor]:
+    """Learnt weights by the names of this package's networks."""
     tree = checkpoint(file)
     parts = tree if isinstance(tree, Mapping) else {}
-    tree = next((parts[name] for name in ("model_avg", "model") if isinstance(parts.get(name), Mapping)), tree)
+    tree = next((parts[name] for name in (code.averaged, code.plain) if isinstance(parts.get(name), Mapping)), tree)
     if not isinstance(tree, Mapping) or not all(isinstance(value, Tensor) for value in tree.values()):
-        raise ValueError(f"{file} holds {shown(type(tree).__name__)}; expected weights of MDM by their names")
+        raise ValueError(f"{file} holds {shown(type(tree).__name__)}; expected weights of {code.title} by their names")
     found = {}
     for name, value in tree.items():
-        prefix = next((prefix for prefix in NAMES if name.startswith(prefix)), None)
-        if prefix:
-            found[NAMES[prefix] + name.removeprefix(prefix)] = value.float()
-        elif not name.startswith(FIXED):
-            raise ValueError(f"{file} has weights {name!r}; expected those of MDM's trans_enc: {', '.join(NAMES)}")
+        own = re.sub(r"^(module\.|n_averaged$)", "", str(name))  # torch's averages have these
+        if not own or own.startswith(code.fixed):
+            continue
+        begins = next((old for old in code.names if re.match(old, own)), None)
+        if begins is None:
+            raise ValueError(f"{file} has weights {shown(name)}; expected those of {code.title}: {', '.join(code.names)}")
+        own = re.sub(begins, code.names[begins], own, count=1)
+        found[next((own.replace(old, new) for old, new in code.inner.items() if old in own), own)] = value.float()
     return found
