@@ -63,9 +63,10 @@ MUTANTS = [
     ),
     *of(
         "text_to_motion/released.py", "text_to_motion/test_released.py",
-        ("the-average-left-alone", 'for name in ("model_avg", "model")', 'for name in ("model", "model_avg")'),
+        ("the-average-left-alone", "for name in (code.averaged, code.plain)", "for name in (code.plain, code.averaged)"),
         ("any-kind-of-mdm", "if found.get(name, values[0]) not in values:", "if False:"),
-        ("unknown-weights-passed-over", "elif not name.startswith(FIXED):", "elif False:"),
+        ("unknown-weights-passed-over", "        if begins is None:\n", "        if begins is None:\n            continue\n"),
+        ("statistics-of-the-model-left-alone", "or not meta.is_dir():", "or meta.is_dir():"),
     ),
     *of(
         "networks/matching.py", "text_to_motion/test_released.py",
