@@ -79,31 +79,24 @@ def test_diagrams_hold_the_data_they_are_given():
 METRICS = ("apd", "ade", "fde", "mmade", "mmfde")
 
 
-def _row(name, value, paper):
-    return {
-        "name": name,
-        "paper": dict.fromkeys(METRICS, paper) if paper else {},
-        "mean": dict.fromkeys(METRICS, value),
-        "seed_deviation": dict.fromkeys(METRICS, 0.01),
-        "standard_error": dict.fromkeys(METRICS, 0.05),
+def test_claimed_and_measured_have_bars_of_two_errors():
+    changes = {
+        "on": {"APD (m)": (0.2, 0.05), "ADE": (-0.1, 0.3)},
+        "not in the paper": {"APD (m)": (-0.1, 0.2), "ADE": (0.0, 0.1)},
     }
-
-
-def test_claimed_and_measured_are_changes_from_the_reference():
-    found = [_row("off", 1.0, 6.0), _row("on", 1.2, 5.5), _row("not in the paper", 0.9, None)]
-    fig, axes = plots.claimed_and_measured(found)
-    assert [ax.get_title(loc="left") for ax in axes] == ["APD (m)", "ADE (m)", "FDE (m)"] and not plt.get_fignums()
-    lines = {line.get_label(): line.get_xdata() for line in axes[0].lines if len(line.get_xdata()) > 1}
-    np.testing.assert_allclose(np.array(lines["paper (Human3.6M)"], float), [0, -0.5])
+    fig, axes = plots.claimed_and_measured(changes, {"on": {"APD (m)": -0.5}})
+    assert [ax.get_title(loc="left") for ax in axes] == ["APD (m)", "ADE"] and not plt.get_fignums()
+    lines = {line.get_label(): line.get_xdata() for line in axes[0].lines}
+    np.testing.assert_allclose(np.array(lines["paper (Human3.6M)"], float), [-0.5])
     (bars,) = axes[0].containers
-    np.testing.assert_allclose(np.array(bars[0].get_xdata(), float), [0, 0.2, -0.1], atol=1e-12)
+    np.testing.assert_allclose(np.array(bars[0].get_xdata(), float), [0.2, -0.1], atol=1e-12)
+    np.testing.assert_allclose(bars[2][0].get_segments()[0][:, 0], [0.1, 0.3])
 
 
 @pytest.mark.parametrize("metrics", [METRICS[:3], METRICS[3:]], ids=["three panels", "two panels"])
 @pytest.mark.parametrize("error", [0.0039, 0.0054, 0.012, 0.03, 0.054, 0.37, 0.9])
 def test_numbers_of_an_axis_do_not_run_into_each_other(metrics, error):
-    row = _row("s 1.5, sigma 2.5, WMSG", 1.0, 1.0) | {"standard_error": dict.fromkeys(METRICS, error)}
-    fig, axes = plots.claimed_and_measured([row | {"seed_deviation": dict.fromkeys(METRICS, 0.0)}], metrics)
+    fig, axes = plots.claimed_and_measured({"s 1.5, sigma 2.5, WMSG": dict.fromkeys(metrics, (0.0, error))})
     with plots.style():
         fig.draw_without_rendering()
     for ax in axes:

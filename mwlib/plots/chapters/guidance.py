@@ -18,7 +18,7 @@ from mwlib.plots.look import (  # isort: skip
     CYCLE, FAINT, INK, LOOKS, OBSERVED, Array, Panel, Panels, array, canvas, colourbar, legend, signed, style,
 )  # fmt: skip
 
-HEADS = {"apd": "APD (m)", "ade": "ADE (m)", "fde": "FDE (m)", "mmade": "MMADE (m)", "mmfde": "MMFDE (m)"}
+NOTHING: Mapping[str, Any] = {}
 DASHED = {"linestyle": "--", "linewidth": 0.9}
 
 
@@ -233,40 +233,40 @@ def arrows(
 
 @style()
 def claimed_and_measured(
-    found: Sequence[Mapping[str, Any]], metrics: Sequence[str] = ("apd", "ade", "fde"), *, reference: int = 0
+    changes: Mapping[str, Mapping[str, tuple[float, float]]], claimed: Mapping[str, Mapping[str, float]] = NOTHING
 ) -> Panels:
-    """How far each setting moves each metric from a reference row: as the paper claims, and as measured.
+    """How far each setting moves each metric from a row of reference: measured in pairs, and as a paper claims.
 
-    The grey band is the standard error of the reference over test windows. Bars are the deviation over seeds.
+    A bar reaches two standard errors of the paired difference to either side: where it crosses zero, the sign is open.
 
     Args:
-        found: rows of `grids.measure`: "name", "paper", "mean", "seed_deviation", "standard_error".
-        metrics: one panel each.
-        reference: number of the row that the others are compared with.
+        changes: by setting, by heading of a metric the mean difference and its standard error; a panel for each metric.
+        claimed: the paper's differences, of those settings and metrics that it has.
 
     Raises:
-        ValueError: a metric without a panel title.
+        ValueError: no settings, or settings of different metrics.
     """
-    if unknown := [m for m in metrics if m not in HEADS]:
-        raise ValueError(f"metrics are {list(metrics)}; expected some of {', '.join(HEADS)}, not {unknown}")
-    fig, axes = canvas(1, len(metrics), height=1.2 + 0.3 * len(found), sharey=True)
-    base, places = found[reference], np.arange(len(found))
+    metrics = [*next(iter(changes.values()), ())]
+    if not metrics:
+        raise ValueError("no settings; expected one or more, with changes of metrics")
+    if unlike := [name for name, row in changes.items() if [*row] != metrics]:
+        raise ValueError(f"metrics of {unlike} differ; expected {metrics} of each")
+    fig, axes = canvas(1, len(metrics), height=1.2 + 0.3 * len(changes), sharey=True)
     for ax, metric in zip(axes[0], metrics, strict=True):
-        error = base["standard_error"][metric]
-        ax.axvspan(-error, error, color=FAINT, linewidth=0, zorder=0)
         ax.axvline(0, color=OBSERVED, linewidth=0.8)
-        claims = [(i - 0.16, row["paper"][metric] - base["paper"][metric]) for i, row in enumerate(found)
-                  if metric in row["paper"] and metric in base["paper"]]  # fmt: skip
-        if claims:
-            height, change = zip(*claims, strict=True)
+        told = [(place - 0.16, claimed[name][metric]) for place, name in enumerate(changes) if metric in claimed.get(name, ())]
+        if told:
+            height, change = zip(*told, strict=True)
             ax.plot(change, height, "D", color=CYCLE[1], markerfacecolor="white", label="paper (Human3.6M)")
-        changes = [row["mean"][metric] - base["mean"][metric] for row in found]
-        bars = [row["seed_deviation"][metric] or 0.0 for row in found]
-        ax.errorbar(changes, places + 0.16, xerr=bars, fmt="o", color=CYCLE[0], elinewidth=1.2, label="measured here")
-        ax.set(title=HEADS[metric], xlabel="change (m)")
+        middle, error = np.array([row[metric] for row in changes.values()], float).T
+        places = np.arange(len(changes)) + 0.16 * bool(claimed)
+        ax.errorbar(
+            middle, places, xerr=2 * error, fmt="o", color=CYCLE[0], elinewidth=1.2, label="measured, ± 2 standard errors"
+        )
+        ax.set(title=metric, xlabel="change")
         ax.set_xticks(_three_ticks(*ax.get_xlim()))
         ax.grid(axis="y")
-    axes[0, 0].set(yticks=places, yticklabels=[row["name"] for row in found])
+    axes[0, 0].set(yticks=np.arange(len(changes)), yticklabels=[*changes])
     axes[0, 0].invert_yaxis()
     legend(axes[0, 0], 2, "outside upper right")
     return fig, axes[0]
