@@ -25,8 +25,8 @@ from mwlib.synthetic.motions import synthetic_motions
 
 COMMANDS = commands()
 NAMES = """
-    check-data write-synthetic fetch predict export-bvh export-onnx loop inbetween generate train grid-table ship storyboards
-    reproduction lafan1-benchmark course run-notebook execute-notebooks learner-copies index-page claims site-sources
+    check-data write-synthetic fetch predict export-bvh export-onnx loop inbetween generate train judge grid-table ship
+    storyboards reproduction lafan1-benchmark course run-notebook execute-notebooks learner-copies index-page claims site-sources
     run-experiment
 """.split()
 WITHOUT_RUNS = {

@@ -79,10 +79,10 @@ def judge(
     out: Path = Path("build/judged"),
     **protocol: Any,
 ) -> None:
-    """Score a model of sentences as papers do: FID, R-precision, MM-Dist, Diversity, MultiModality, with 95 % intervals.
+    """Score a model of sentences as papers do: FID, R-precision, MM-Dist, Diversity, MultiModality, with intervals.
 
     Each replicate has a file of its own; a command that was stopped goes on, and one that asks for more replicates adds them.
-    Intervals are over replicates: over noise, captions, pieces and pools, not over trainings.
+    Intervals hold 95 %, over replicates: over noise, captions, pieces and pools, not over trainings.
 
     Args:
         model: a run, the name of a model that comes with the package, or a released file: MDM's model*.pt, or latest.tar of
