@@ -89,7 +89,7 @@ def deviations(how: Protocol, longest: int, clips: int) -> dict[str, dict[str, A
     }
 
 
-class PaddedWords:
+class PaddedWords(Vocabulary):
     """A vocabulary that reads the padding behind a sentence as unknown words, up to the longest sentence that there can be.
 
     Args:
@@ -100,11 +100,12 @@ class PaddedWords:
     """
 
     def __init__(self, vocabulary: Vocabulary | TaggedVocabulary) -> None:
-        self.vocabulary, tagged = vocabulary, isinstance(vocabulary, TaggedVocabulary)
-        self.unknown = vocabulary.words.index(UNKNOWN_WORD) if tagged else UNKNOWN
-        self.longest = 2 + (LONGEST if isinstance(vocabulary, TaggedVocabulary) else vocabulary.longest)
+        is_tagged = isinstance(vocabulary, TaggedVocabulary)
+        super().__init__(vocabulary.words, 2 + (LONGEST if is_tagged else vocabulary.longest))
+        self.vocabulary = vocabulary
+        self.unknown = vocabulary.words.index(UNKNOWN_WORD) if is_tagged else UNKNOWN
 
-    def ids(self, sentences: Sequence[str]) -> tuple[Tensor, ...]:
+    def ids(self, sentences: Sequence[str]) -> tuple[Tensor, ...]:  # pyright: ignore[reportIncompatibleMethodOverride]
         """As `Vocabulary.ids` or `TaggedVocabulary.ids`, all sentences being equally long."""
         words, counts, *parts = self.vocabulary.ids(sentences)
         after = torch.arange(self.longest) >= counts[:, None]
@@ -160,7 +161,7 @@ def scores(make: Once, judge: Matcher, test: Sequence[CaptionedClip], how: Proto
         judge.network,
         judge.movement,
         model.statistics if how.own_statistics else judge.statistics,
-        PaddedWords(judge.vocabulary) if how.padded_words else judge.vocabulary,  # pyright: ignore[reportArgumentType]
+        PaddedWords(judge.vocabulary) if how.padded_words else judge.vocabulary,
         judge.window,
     )
     picked = thinned(range(len(test)), how.clips)

@@ -1,12 +1,80 @@
-"""The papers' protocol: padding read as words, refusals, what is missing, intervals."""
+"""The papers' protocol: real motions as a model, each known deviation, padding read as words, refusals, intervals."""
 
 from __future__ import annotations
 
-import pytest
+from collections.abc import Sequence
+from dataclasses import replace
+from unittest.mock import Mock
 
+import pytest
+import torch
+
+from mwlib.data.captioned import piece
+from mwlib.data.formats.humanml import CaptionedClip
 from mwlib.experiments import judging as running
 from mwlib.matching.clips import TaggedCaption, TaggedVocabulary
-from mwlib.text_to_motion.judging import PaddedWords, Protocol
+from mwlib.matching.evaluators import Matcher
+from mwlib.text_to_motion.judging import REAL, Once, PaddedWords, Protocol, deviations, scores
+from mwlib.text_to_motion.model import TextToMotion
+from tests.matching.sample import toy_clips, untrained
+
+TEST = toy_clips(40, "test", seed=3)
+HOW = Protocol(pool=8, repeated=3, repeats=4)
+
+
+def copying(judge: Matcher, clips: Sequence[CaptionedClip], seed: int = 0) -> Mock:
+    """A model that answers with the test clip whose number it is given: its piece, or from its first frame on."""
+    full = torch.tensor([len(clip.features) for clip in clips])
+    lengths, starts = piece(full, *torch.rand(2, len(clips), generator=torch.Generator().manual_seed(seed + 1)))
+
+    def sample(texts, frames, seed, *, ids, progress):
+        numbers = [i % len(clips) for i in ids]
+        firsts = [int(starts[i]) if length == lengths[i] else 0 for i, length in zip(numbers, frames, strict=True)]
+        cuts = zip(numbers, firsts, frames, strict=True)
+        return [torch.from_numpy(clips[i].features[first : first + length]) for i, first, length in cuts]
+
+    model = Mock(spec=TextToMotion, statistics=judge.statistics, lengths=(4, 196))
+    model.sample.side_effect = sample
+    return model
+
+
+def asked(model: Mock) -> int:
+    """How many motions a model was asked for."""
+    return sum(len(call.args[0]) for call in model.sample.call_args_list)
+
+
+def test_real_motions_score_as_real_motions():
+    """By FID, R-precision, MM-Dist and Diversity; motions that never differ have no MultiModality."""
+    judge = untrained()
+    found = scores(Once(copying(judge, TEST), 0), judge, TEST, HOW)
+    model = found["model"]
+    assert model.pop("multimodality") == pytest.approx(0, abs=1e-5)
+    assert model == pytest.approx(found[REAL], abs=1e-6) and model["fid"] > 0
+
+
+def test_each_deviation_moves_the_model_and_not_the_measure_of_real_motions():
+    judge = untrained()
+    model = copying(judge, TEST)
+    model.statistics = replace(judge.statistics, mean=judge.statistics.mean + 0.3)
+    base = scores(Once(model, 0), judge, TEST, HOW)
+    changes = deviations(HOW, 24, 40)
+    moved = {name: scores(Once(model, 0), judge, TEST, replace(HOW, **change)) for name, change in changes.items()}
+    assert len(moved) == 7
+    for name, found in moved.items():
+        real, made = (found[who] != pytest.approx(base[who]) for who in (REAL, "model"))
+        assert real == (name in ("clips whole", "pool of 4")), name
+        assert made == (name != "best of 4 by the judge"), name  # four copies are one
+    assert all(moved["pool of 4"][who]["top1"] >= base[who]["top1"] for who in base)
+
+
+def test_motions_of_a_seed_are_made_once():
+    judge = untrained()
+    model = copying(judge, TEST)
+    once = Once(model, 0)
+    first = scores(once, judge, TEST, HOW)
+    assert asked(model) == 40 + 3 * 3  # one of the four of each repeated sentence is there
+    again = scores(once, judge, TEST, replace(HOW, pool=4))
+    assert asked(model) == 49 and again["model"]["fid"] == first["model"]["fid"]
 
 
 def test_padding_is_read_as_unknown_words():
