@@ -62,16 +62,6 @@ def test_windows_and_sinusoids(generator):
     assert np.array_equal(window.get_ydata(), panels["a"][0]) and window.get_xdata()[12] == 0
 
 
-def test_phase_circles_puts_the_cosine_across():
-    turn = np.linspace(0, 6, 30)[:, None]
-    code = np.concatenate([np.sin(turn), 0 * turn, np.cos(turn), 0 * turn], axis=1)
-    fig, axes = plots.phase_circles({"a": code, "b": 0.5 * code}, channels=[0, 1])
-    legible(fig)
-    assert axes.shape == (2, 2) and axes[0, 0].get_xlim() == axes[1, 1].get_ylim()
-    path = axes[0, 0].lines[1]
-    assert np.allclose(path.get_xdata(), np.cos(turn[:, 0])) and np.allclose(path.get_ydata(), np.sin(turn[:, 0]))
-
-
 def test_error_by_size():
     lines = {"one": ([32], [0.1]), "many": ([1, 2, 3], [0.3, 0.2, 0.1])}
     fig, axes = plots.error_by_size({"all": lines, "some": lines}, xlabel="numbers", ylabel="RMSE (m)")

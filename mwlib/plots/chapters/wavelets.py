@@ -364,33 +364,6 @@ def windows_and_sinusoids(
 
 
 @style()
-def phase_circles(codes: Mapping[str, Float[Array, "T 2M"]], *, channels: Sequence[int]) -> Panels:
-    """The path of a phase code in the plane of each channel, from its first frame (ring) to its last (dot).
-
-    Args:
-        codes: name -> (T, 2M): A sin 2πS of all channels, then A cos 2πS; a row each.
-        channels: which of the M, a column each.
-    """
-    planes = {name: np.split(array(code), 2, axis=-1) for name, code in codes.items()}
-    edge = 1.1 * max(limit(plane[:, channels]) for pair in planes.values() for plane in pair)
-    fig, axes = canvas(len(codes), len(channels), height=0.6 + 1.6 * len(codes), sharex=True, sharey=True)
-    outer(axes, "A cos 2πS")
-    for row, (name, (sine, cosine)) in zip(axes, planes.items(), strict=True):
-        for ax, channel in zip(row, channels, strict=True):
-            x, y = cosine[:, channel], sine[:, channel]
-            ax.plot(0, 0, "+", color=OBSERVED)
-            ax.plot(x, y, color=CYCLE[0], linewidth=1.4)
-            ax.plot(x[:1], y[:1], "o", color=CYCLE[0], markerfacecolor="white")
-            ax.plot(x[-1:], y[-1:], "o", color=CYCLE[0])
-            ax.set(xlim=(-edge, edge), ylim=(-edge, edge), aspect="equal")
-            ax.locator_params(nbins=3)
-        row[0].set_ylabel(f"{name}\nA sin 2πS")
-    for ax, channel in zip(axes[0], channels, strict=True):
-        ax.set_title(f"channel {channel + 1}")
-    return fig, axes
-
-
-@style()
 def error_by_size(
     panels: Mapping[str, Mapping[str, tuple[Sequence[float], Sequence[float]]]], *, xlabel: str, ylabel: str
 ) -> Panels:
