@@ -147,7 +147,7 @@ svg.addEventListener("pointermove", (event) => svg.hasPointerCapture(event.point
 svg.addEventListener("keydown", (event) => {
   const [ahead, left, angle] = { ArrowRight: [0.1, 0, 0], ArrowLeft: [-0.1, 0, 0], ArrowUp: [0, 0.1, 0], ArrowDown: [0, -0.1, 0], PageUp: [0, 0, 15], PageDown: [0, 0, -15] }[event.key] ?? [];
   if (ahead === undefined) return;
-  event.preventDefault();
+  event.preventDefault(), event.stopPropagation(); // else arrows turn the site's pages
   turn.value = ((Number(turn.value) + angle + 540) % 360) - 180;
   put(at[0] + ahead, at[1] + left);
 });

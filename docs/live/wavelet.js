@@ -79,7 +79,7 @@ svg.addEventListener("keydown", (event) => {
   if (along === undefined) return;
   cursor = Math.min(Math.max(cursor + along, 0), N - 1);
   x[cursor] = Math.min(Math.max(x[cursor] + up, -1), 1);
-  event.preventDefault();
+  event.preventDefault(), event.stopPropagation(); // else arrows turn the site's pages
   draw();
 });
 for (const name of ["focus", "blur"]) svg.addEventListener(name, draw);

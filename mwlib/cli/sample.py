@@ -91,7 +91,7 @@ def export_onnx(run: str, *, out: Path | None = None) -> None:
         run: folder of a finished run, or the name of a model that comes with the package.
         out: the file (default: build/onnx/NAME.onnx).
     """
-    model = sampling.model_of(run, TrainedModel, "prediction or text_to_motion")
+    model = sampling.model_of(run, TrainedModel, "prediction, inbetweening or text_to_motion")
     network, about = exported.export_onnx(model, out or Path("build/onnx") / f"{Path(run).name}.onnx")
     print(f"{network}: {network.stat().st_size} bytes, beside it {about.name}")
 

@@ -270,7 +270,9 @@ def test_a_signal_is_drawn_by_pointer_and_keys(page, address):
     page.mouse.up()
     drawn = svg.inner_html()
     assert drawn != before
+    svg.press("ArrowRight")
     svg.press("ArrowUp")
+    assert page.url.endswith("wavelet.html")
     assert svg.inner_html() != drawn and "sample" in svg.get_attribute("aria-valuetext")
     page.locator(".band input").last.uncheck()
     assert "off by nothing" not in page.locator("output.said").text_content()
