@@ -103,7 +103,7 @@ MUTANTS = [
     ),
     *of(
         "plots/chapters/wavelets.py", "plots/test_diffusion.py",
-        ("sine-across", "x, y = cosine[:, channel], sine[:, channel]", "x, y = sine[:, channel], cosine[:, channel]"),
+        ("windows-begin-at-zero", "np.arange(len(window)) - len(window) // 2", "np.arange(len(window))"),
     ),
     *of(
         "plots/chapters/free_t2m.py", "plots/test_sentences.py",
@@ -119,7 +119,7 @@ MUTANTS = [
     ),
     *of(
         "plots/chapters/guidance.py", "plots/test_guidance.py",
-        ("changes-from-nothing", 'row["mean"][metric] - base["mean"][metric]', 'row["mean"][metric]'),
+        ("bars-of-one-error", "xerr=2 * error", "xerr=error"),
         ("marks-beside-the-mask", "np.full(len(rows), -1.8), rows", "np.full(len(rows), -1.8), rows + 1"),
     ),
     *of(
