@@ -262,7 +262,7 @@ def test_the_committed_tables_come_back_as_lines(tmp_path):
         committed("table_9", METRICS)
     figures = course_folder() / "figures"
     places = dict.fromkeys(("bridges", "bridges_50", "bridges_100", "bridge_longer"), figures / "lafan1")
-    places |= {"bridge_parts": figures / "synthetic", "bridge_feet": figures / "bandai_namco"}
+    places |= dict.fromkeys(("bridge_parts", "bridge_steps"), figures / "synthetic") | {"bridge_feet": figures / "bandai_namco"}
     places |= {
         name: figures / "synthetic" for name in ("sentences_yardsticks", "free_t2m", "free_t2m_scratch", "free_t2m_readings")
     }
