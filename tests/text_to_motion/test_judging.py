@@ -57,6 +57,8 @@ def test_each_deviation_moves_the_model_and_not_the_measure_of_real_motions():
     model = copying(judge, TEST)
     model.statistics = replace(judge.statistics, mean=judge.statistics.mean + 0.3)
     base = scores(Once(model, 0), judge, TEST, HOW)
+    measured = {name: base["model"][name] for name in base[REAL]}
+    assert measured == pytest.approx(base[REAL], abs=1e-6), "the judge has statistics of its own"
     changes = deviations(HOW, 24, 40)
     moved = {name: scores(Once(model, 0), judge, TEST, replace(HOW, **change)) for name, change in changes.items()}
     assert len(moved) == 7
@@ -65,6 +67,16 @@ def test_each_deviation_moves_the_model_and_not_the_measure_of_real_motions():
         assert real == (name in ("clips whole", "pool of 4")), name
         assert made == (name != "best of 4 by the judge"), name  # four copies are one
     assert all(moved["pool of 4"][who]["top1"] >= base[who]["top1"] for who in base)
+
+
+def test_the_best_by_the_judge_is_nearest_to_its_sentence():
+    judge, model = untrained(), copying(untrained(), TEST)
+    copy = model.sample.side_effect
+    model.sample.side_effect = lambda texts, frames, seed, ids, progress: [
+        x * (1 + i // len(TEST)) for x, i in zip(copy(texts, frames, seed, ids=ids, progress=progress), ids, strict=True)
+    ]
+    one, best = (scores(Once(model, 0), judge, TEST, replace(HOW, best_of=n))["model"]["mm_dist"] for n in (1, 4))
+    assert best < one
 
 
 def test_motions_of_a_seed_are_made_once():
