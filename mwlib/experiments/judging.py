@@ -46,6 +46,7 @@ def open_all(name: str, data: str, evaluator: str, clip_folder: str) -> tuple[Te
     missing: list[str] = []
 
     def tried(opening: Callable[[], Opened], where: str = "") -> Opened | None:
+        """What is opened; None, and one line more of what is missing, where a file or package is."""
         try:
             return opening()
         except (FileNotFoundError, ImportError) as error:

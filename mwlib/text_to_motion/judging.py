@@ -168,6 +168,7 @@ def scores(make: Once, judge: Matcher, test: Sequence[CaptionedClip], how: Proto
     frames = [how.frames or min(max(len(x), model.lengths[0]), model.lengths[1]) for x in again]
 
     def made(numbers: Sequence[int], times: int) -> Float[Tensor, "N times E"]:
+        """Embeddings of so many motions of each numbered sentence."""
         each = [(i, k) for i in numbers for k in range(times)]
         motions = make([texts[i] for i, _ in each], [frames[i] for i, _ in each], [i + len(test) * k for i, k in each])
         return seen.embed_motions(motions).unflatten(0, (len(numbers), times))
