@@ -19,7 +19,7 @@ import nbformat
 from nbformat import NotebookNode
 from PIL import Image
 
-from mwlib.course.execute import PICTURES, WIDGET, is_table
+from mwlib.course.execute import ALWAYS, PICTURES, WIDGET, is_table
 from mwlib.course.learner import FUNCTION, HOLE
 from mwlib.course.notebooks import FOLDED, WRONG, ParameterError, exhibits_kept, read_parameters, source_hash, tags
 from mwlib.plots.loops import MOST_BYTES
@@ -47,6 +47,8 @@ SEEN_FOLDED = f"<details><summary>{SEEN}</summary>"
 MOST_WORDS, MOST_IN_ALL, MOST_TABLES, LEAST_HOLES, LEAST_WRONG = 3500, 85, 8, 6, 3  # of a chapter that has wrong answers
 ORDERS, TOLERANCE = (ast.Lt, ast.LtE, ast.Gt, ast.GtE), 1e-3  # of asserts about numbers
 IN_DETAILS = re.compile(r"<details><summary>[^<]+</summary>\n\n.*\n\n</details>$", re.S)
+HOLE_MARK, NEAR = "# your turn", 3  # a check stands within so many cells after its hole
+FILLING = {"append", "extend", "insert", "add", "update"}  # methods that put something into what they are called on
 EXERCISE = r"\bEx (\d+[a-z]?)\.(\d+)\b"
 
 
@@ -227,51 +229,86 @@ def compared(notebook: NotebookNode) -> Iterator[str]:
 def claims(notebook: NotebookNode) -> Iterator[str]:
     """What the data at hand show is claimed, not asserted.
 
-    Two kinds of asserts are refused: one that asks which preset or data it has; and one without a message, hence without a hint
-    for a reader, that orders numbers which follow from what `page.load` read, or compares them with what is typed.
+    Refused is an assert that asks which preset or data it has. Refused, too, is one that orders numbers which follow from what
+    `page.load` read, as a model's predictions do, or compares them with what is typed. Three kinds of these may stand: one that
+    allows for rounding; a check of the reader's answer, which has a message and uses what follows from an answer close by; and
+    what is true of any data, for the reason that the cell's metadata give under `always`. An equality of two measured numbers
+    passes: it may be one of code and library.
     """
     measured: set[str] = set()
-    for cell in code_cells(notebook):
-        _follow(parsed(cell).body, measured)
+    for cell, answers in _answered(notebook):
+        _follow(parsed(cell).body, measured, lambda node: "page.load(" in ast.unparse(node))
+        reason = cell.metadata.get(ALWAYS, "")
         for node in ast.walk(parsed(cell)):
             if not isinstance(node, ast.Assert):
                 continue
-            if _names(node.test) & {"preset", "data"}:
+            if (names := _names(node.test)) & {"preset", "data"}:
                 yield f"cell {cell.execution_count} asserts something of one preset or data; expected page.claim"
-            if (
-                _is_finding(node.test)
-                and not node.msg
-                and (found := _names(node.test) & measured)
-                and not _is_tolerance(node.test)
-            ):
+            checks_answer = node.msg and names & answers
+            if _is_finding(node.test) and names & measured and not (checks_answer or reason or _is_tolerance(node.test)):
                 yield (
-                    f"cell {cell.execution_count} asserts what was measured ({', '.join(sorted(found))}); "
-                    "expected page.claim, or a hint if it checks the reader's answer"
+                    f"cell {cell.execution_count} asserts what was measured ({', '.join(sorted(names & measured))}); expected "
+                    f"page.claim, or a hint if it checks the reader's answer, or why it is true of any data in metadata.{ALWAYS}"
                 )
         if "nbval-check-output" in tags(cell) and re.search(r"\bpage\.claim\(", cell.source):
             yield f"cell {cell.execution_count} is compared and claims; a claim's numbers follow from a training"
 
 
-def _follow(body: list[ast.stmt], measured: set[str]) -> None:
-    """Add the names that some statements make of measured data; take away those that they make of something else."""
+def _answered(notebook: NotebookNode) -> Iterator[tuple[NotebookNode, set[str]]]:
+    """Each code cell, with the names that follow from a hole at most three cells before, or from the exercise it stands in."""
+    answers, left, in_exercise = set[str](), 0, False
+    for cell in notebook.cells:
+        if headings := re.findall(r"^#+ .*", cell.source, re.M) if cell.cell_type == "markdown" else []:
+            in_exercise = re.search(EXERCISE, headings[-1]) is not None
+        if cell.cell_type != "code" or not cell.source.strip():
+            continue
+        lines, is_solution = cell.source.splitlines(), "solution" in tags(cell)
+        left = NEAR if HOLE_MARK in cell.source else left - (not {*FOLDED} & {*tags(cell)})
+        if left < 0 and not in_exercise:
+            answers.clear()
+        _follow(
+            parsed(cell).body,
+            answers,
+            lambda node, own=is_solution, of=lines: (
+                own or any(HOLE_MARK in line for line in of[node.lineno - 1 : node.end_lineno])
+            ),
+        )
+        yield cell, answers
+
+
+def _follow(body: list[ast.stmt], known: set[str], begins: Callable[[ast.stmt], bool]) -> None:
+    """Add the names that some statements make of those known, or where they begin; take away those made of something else."""
     for node in body:
-        if isinstance(node, ast.Assign):
-            targets, source = {name for target in node.targets for name in _names(target)}, node.value
-        elif isinstance(node, ast.For):
-            targets, source = _names(node.target), node.iter
-        else:
-            targets, source = set[str](), node
-        if _names(source) & measured or "page.load(" in ast.unparse(source):
-            measured |= targets
-        elif not isinstance(node, ast.Assign) or not any(isinstance(target, ast.Subscript) for target in node.targets):
-            measured -= targets
+        targets, source, own, changes = set[str](), ast.AST(), set[str](), False
+        match node:
+            case ast.Assign(targets=found, value=source):
+                targets = {name for target in found for name in _names(target)}
+                changes = any(isinstance(target, ast.Subscript) for target in found)
+            case ast.AnnAssign(target=target, value=ast.expr() as source):
+                targets = _names(target)
+            case ast.AugAssign(target=target, value=source):
+                targets, changes = _names(target), True
+            case ast.For(target=target, iter=source):
+                targets = _names(target)
+            case ast.FunctionDef(name=name):
+                targets, source = {name}, node
+                own = {part.id for part in ast.walk(node) if isinstance(part, ast.Name) and isinstance(part.ctx, ast.Store)}
+            case ast.Expr(value=ast.Call(func=ast.Attribute(value=target, attr=method)) as source) if method in FILLING:
+                targets, changes = _names(target), True
+            case _:
+                pass
+        if (_names(source) - own) & known or (targets and begins(node)):
+            known |= targets
+        elif not changes:
+            known -= targets
         if isinstance(node, (ast.For, ast.With, ast.If)):
-            _follow(node.body, measured)
+            _follow([*node.body, *getattr(node, "orelse", [])], known, begins)
 
 
 def _names(node: ast.AST) -> set[str]:
-    """The names in an expression, but those that its own loops bind."""
+    """The names in an expression, but those that its own loops and functions bind."""
     own = {name for part in ast.walk(node) if isinstance(part, ast.comprehension) for name in _names(part.target)}
+    own |= {part.arg for part in ast.walk(node) if isinstance(part, ast.arg)}
     return {part.id for part in ast.walk(node) if isinstance(part, ast.Name)} - own
 
 

@@ -89,10 +89,11 @@ def test_filter_drops_widgets_scripts_and_timing():
     notebook = model_notebook()
     notebook.metadata["widgets"] = {"state": {}}
     cell = cell_with(notebook, "energy")
+    cell.metadata |= {"always": "a sum of squares"}
     cell.metadata["execution"] = {"iopub.status.busy": "now"}
     cell.outputs = [new_output("display_data", data) for data in (widget, table, animation, frame)]
     filter_notebook(notebook)
-    assert "widgets" not in notebook.metadata and list(cell.metadata) == ["tags"]
+    assert "widgets" not in notebook.metadata and list(cell.metadata) == ["tags", "always"]
     assert [output.data for output in cell.outputs] == [table, {"text/plain": "   a\n0  1"}]
 
 
@@ -243,6 +244,22 @@ BREACHES = {
         append("energy", "\nfound = page.load(sum, [1])\nassert [found, 2] == [17, 2]"),
         "claims: .*asserts what was measured \\(found\\)",
     ),
+    "order asserted with a message, far from an answer": (
+        append("energy", "\nfound = page.load(sum, [1])\nassert found < level, 'is the sum right?'"),
+        "claims: .*asserts what was measured \\(found\\)",
+    ),
+    "order asserted with a message, of nothing that was answered": (
+        append("half == 2", "\nfound = page.load(sum, [1])\nassert found < level, 'is the sum right?'"),
+        "claims: .*asserts what was measured \\(found\\)",
+    ),
+    "order asserted of what a function makes": (
+        append("energy", "\nfound = page.load(sum, [1])\ndef twice(n):\n    return n * found\nassert twice(1) < level"),
+        "claims: .*asserts what was measured \\(twice\\)",
+    ),
+    "order asserted of what was gathered": (
+        append("energy", "\nrows = []\nfound = page.load(sum, [1])\nrows.append(found)\nassert rows[0] < level"),
+        "claims: .*asserts what was measured \\(rows\\)",
+    ),
     "claim compared": (append("energy", "\npage.claim('x', True)"), "claims: .*is compared and claims"),
     "no symbols": (edit("## Energy", source="## Energy\n$$x$$"), "symbols: "),
     "picture without text": (unnamed_picture, "described: .*alternative text"),
@@ -282,18 +299,44 @@ def test_every_rule_bites(model, tmp_path, breach):
 @pytest.mark.parametrize(
     "harmless",
     [
-        "assert found < level, 'is the sum right?'",  # a hint for the reader
         "assert abs(found - level) < 1e-6",  # rounding
         "assert found.shape == (3, 4) and found.sum() == 0",  # a size, and what may follow from the mathematics
         "found = level\nassert found < level",  # another thing under the same name
         "assert all(found < 3 for found in [level])",
         "assert found == level",
+        "def twice(found):\n    return 2 * found\nassert twice(1) < level",  # its own argument
     ],
 )
 def test_other_asserts_may_stand(model, tmp_path, harmless):
+    assert not problems_with_claims(model, tmp_path, append("energy", f"\nfound = page.load(sum, [1])\n{harmless}"))
+
+
+@pytest.mark.parametrize(
+    ("place", "check"),
+    [
+        ("half == 2", "assert found < half, 'is it half?'"),
+        ("half == 2", "share = found / half\nassert share < 1, 'is it half?'"),
+        ("twice == level", "assert found < twice, 'is it twice?'"),
+    ],
+)
+def test_a_readers_answer_may_be_checked(model, tmp_path, place, check):
+    assert not problems_with_claims(model, tmp_path, append(place, f"\nfound = page.load(sum, [1])\n{check}"))
+    assert problems_with_claims(model, tmp_path, append(place, f"\nfound = page.load(sum, [1])\n{check.partition(', ')[0]}"))
+
+
+def test_what_is_true_of_any_data_may_be_asserted(model, tmp_path):
+    def change(notebook: NotebookNode) -> None:
+        append("energy", "\nfound = page.load(sum, [1])\nassert found < level")(notebook)
+        cell_with(notebook, "energy").metadata["always"] = "an inequality of sums"
+
+    assert not problems_with_claims(model, tmp_path, change)
+
+
+def problems_with_claims(model: Path, folder: Path, change) -> list[str]:
+    """What the rule of claims finds in the model after a change."""
     notebook = nbformat.read(model, as_version=4)
-    append("energy", f"\nfound = page.load(sum, [1])\n{harmless}")(notebook)
-    assert not [problem for problem in check(save(notebook, tmp_path)) if problem.startswith("claims")]
+    change(notebook)
+    return [problem for problem in check(save(notebook, folder)) if problem.startswith("claims")]
 
 
 def test_size_is_limited(model, tmp_path):

@@ -35,7 +35,8 @@ PICTURES = ("image/png", "image/gif")
 KEPT_TYPES = (*PICTURES, "text/plain", "text/latex", "text/markdown")
 WIDGET = "application/vnd.jupyter.widget-view+json"
 QUIET = ["--log-level=CRITICAL"]  # else a kernel warns of its transport as it starts, and of an interrupt as it ends
-KEPT_CELL_METADATA = ("tags", "jupyter", WRONG)
+ALWAYS = "always"  # metadata of a cell whose asserts about measured numbers are true of any data: why they are
+KEPT_CELL_METADATA = ("tags", "jupyter", WRONG, ALWAYS)
 KEPT_METADATA = (*PICTURES, "mwlib")  # alternative texts, and the stem of an exhibit
 
 
