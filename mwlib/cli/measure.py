@@ -16,6 +16,7 @@ from mwlib.experiments.sampling import SENTENCE_MODEL, model_of
 from mwlib.experiments.tables import details, differences, lines, measure, provenance
 from mwlib.files import write_atomic, write_json
 from mwlib.paths import CONFIG, run_folder
+from mwlib.plots.lines import evidence
 from mwlib.prediction.config import Config
 from mwlib.prediction.predictor import Predictor
 from mwlib.prediction.system import load_data
@@ -194,6 +195,12 @@ def storyboards(
     print(out)
 
 
+EVIDENCE = (
+    "A strip of marks for each theme of claims: blue ones to the right of a grey band came out as the paper says, orange ones to "
+    "the left the other way, grey ones inside it are undecided."
+)
+
+
 def reproduction(*, claims: Path | None = None, tables: Path | None = None, out: Path = Path("REPRODUCTION.md")) -> None:
     """Write the report on the paper's claims: what holds, what does not, what cannot be tested, and where to look.
 
@@ -204,7 +211,13 @@ def reproduction(*, claims: Path | None = None, tables: Path | None = None, out:
     Args:
         claims: their file (default: figures/claims.yaml).
         tables: folder of measured tables (default: figures/cmu).
-        out: the page.
+        out: the page; its picture goes to figures/verdicts.png beside it.
     """
-    write_atomic(out, claiming.reproduction(claims, claiming.Tables(tables)))
+    measured = claiming.Tables(tables)
+    write_atomic(out, claiming.reproduction(claims, measured))
+    if rows := claiming.scores(claiming.findings(claims, measured)):
+        strips = {row["theme"]: [each["errors"] for each in rows if each["theme"] == row["theme"]] for row in rows}
+        figure, _ = evidence(strips, beyond=claiming.BEYOND)
+        origin = {"command": "mwlib reproduction"}
+        plots.save(figure, out.parent / "figures", "verdicts", data=rows, alt=EVIDENCE, provenance=origin)
     print(out)

@@ -104,7 +104,7 @@ def write_site_sources(folder: Path, root: Path) -> list[Path]:
         pages[f"notebooks/executed/{path.name}"] = path.read_bytes()
         pages[f"notebooks/learner/{path.name}"] = nbformat.writes(learner_copy(tree))
     committed = [file for folder in ("cmu", "lafan1", "bandai_namco", "synthetic") for file in _files(root / "figures" / folder)]
-    for file in [root / "figures" / "claims.yaml", *committed]:
+    for file in [*(root / "figures" / name for name in ("claims.yaml", "verdicts.png")), *committed]:
         if file.suffix != ".md":
             pages[file.relative_to(root).as_posix()] = file.read_bytes()
     trees = {path.stem: json.loads(path.read_text(encoding="utf-8")) for path in notebooks}

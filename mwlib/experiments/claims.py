@@ -236,13 +236,11 @@ def _over_trainings(comparison: Comparison, tables: Tables) -> float:
 
 
 def verdict(outcomes: list[Outcome]) -> str:
-    """The one rule: a claim holds if every comparison is beyond two errors its way, and is contradicted if some are beyond two
-    errors the other way and none its way."""
+    """The one rule: a claim holds if every comparison is beyond two errors its way, and is contradicted if every one is beyond
+    two errors the other way."""
     with_it, against = (sum(sign * outcome.score > BEYOND for outcome in outcomes) for sign in (1, -1))
-    if with_it == len(outcomes):
-        return KINDS[0]
-    if against and not with_it:
-        return KINDS[1]
+    if len(outcomes) in (with_it, against):
+        return KINDS[against > 0]
     return f"{KINDS[2]}: {with_it} of {len(outcomes)} comparisons as claimed, {against} the other way"
 
 
@@ -417,8 +415,8 @@ def decide(where: str, claim: Claim, tables: Tables) -> Finding:
     return Finding(claim, claim.verdict or verdict([*outcomes]), because, outcomes)
 
 
-def reproduction(file: Path | None = None, tables: Tables | None = None, notebooks: Path | None = None) -> str:
-    """The page about the claims, as Markdown; links start from the folder of the course.
+def findings(file: Path | None = None, tables: Tables | None = None, notebooks: Path | None = None) -> list[Finding]:
+    """All claims with their verdicts, each place in a notebook looked up.
 
     Args:
         file: of the claims; None = `figures/claims.yaml`.
@@ -429,23 +427,42 @@ def reproduction(file: Path | None = None, tables: Tables | None = None, noteboo
         FileNotFoundError, ValueError: a file is missing, a verdict does not follow from its comparisons, or a notebook lacks a
             heading or an output; the message names the file and the claim.
     """
-    from jinja2 import StrictUndefined, Template  # comes with the notebooks' packages
-
     file, tables = claims_file() if file is None else file, Tables() if tables is None else tables
     notebooks = course_folder() / "notebooks" if notebooks is None else notebooks
-    findings = []
+    found = []
     for claim in read_claims(file):
         for place in claim.shown:
             look(notebooks, place, claim.id)
-        findings.append(decide(str(file), claim, tables))
-    counts = Counter(finding.kind for finding in findings)
-    scores = [abs(outcome.score) for finding in findings for outcome in finding.outcomes if outcome.error]
-    corrected = NormalDist().inv_cdf(1 - 0.05 / 2 / max(len(scores), 1))  # Bonferroni
-    names = sorted({name for finding in findings if finding.because for name in finding.claim.tables})
+        found.append(decide(str(file), claim, tables))
+    return found
+
+
+def scores(found: list[Finding]) -> list[dict[str, Any]]:
+    """Comparisons with an error, of claims whose verdict follows from tables: theme, claim, column, difference in errors."""
+    told = [(f.claim, outcome) for f in found if not f.claim.verdict for outcome in f.outcomes if outcome.error]
+    names = [{"theme": claim.theme, "claim": claim.id, "column": outcome.comparison.column} for claim, outcome in told]
+    return [name | {"errors": outcome.score} for name, (_, outcome) in zip(names, told, strict=True)]
+
+
+def reproduction(file: Path | None = None, tables: Tables | None = None, notebooks: Path | None = None) -> str:
+    """The page about the claims, as Markdown; links start from the folder of the course.
+
+    Args:
+        file, tables, notebooks: as for `findings`, which raises the same. The file's `conclusions` open the page.
+    """
+    from jinja2 import StrictUndefined, Template  # comes with the notebooks' packages
+
+    file, tables = claims_file() if file is None else file, Tables() if tables is None else tables
+    found = findings(file, tables, notebooks)
+    counts = Counter(finding.kind for finding in found)
+    errors = [abs(outcome.score) for finding in found for outcome in finding.outcomes if outcome.error]
+    corrected = NormalDist().inv_cdf(1 - 0.05 / 2 / max(len(errors), 1))  # Bonferroni
+    names = sorted({name for finding in found if finding.because for name in finding.claim.tables})
     text = resources.files("mwlib.experiments").joinpath("reproduction.md.jinja").read_text(encoding="utf-8")
     page = Template(text, trim_blocks=True, lstrip_blocks=True, undefined=StrictUndefined)
-    found = {"findings": findings, "names": names, "scores": scores, "corrected": corrected, "beyond": BEYOND}
-    return page.render(counts={kind: counts[kind] for kind in KINDS}, tables=tables, **found).rstrip() + "\n"
+    told = {"findings": found, "names": names, "scores": errors, "corrected": corrected, "beyond": BEYOND, "tables": tables}
+    told["conclusions"] = [tables.filled(sentence) for sentence in read_yaml(file).get("conclusions", [])]
+    return page.render(counts={kind: counts[kind] for kind in KINDS}, **told).rstrip() + "\n"
 
 
 def look(notebooks: Path, place: Shown, claim: str) -> None:

@@ -206,6 +206,30 @@ def bars_per_action(values: Mapping[str, Mapping[str, float]], *, xlabel: str) -
     return fig, ax
 
 
+@style()
+def evidence(scores: Mapping[str, Sequence[float]], *, beyond: float = 2.0, edge: float = 12.0) -> Panel:
+    """Strips of comparisons in units of their errors: as claimed to the right, the other way to the left, undecided in a band.
+
+    Args:
+        scores: name of a strip -> differences over their errors, positive as claimed.
+        beyond: half the width of the band.
+        edge: marks that lie farther out are triangles there.
+    """
+    fig, ax = panel(0.9 + 0.46 * len(scores))
+    ax.axvspan(-beyond, beyond, color=FAINT, linewidth=0)
+    for height, values in enumerate(scores.values()):
+        places: dict[float, int] = {}  # marks that would cover each other are stacked around the strip's line
+        for value in sorted(values):
+            x = round(float(np.clip(value, -edge, edge)) / 0.45) * 0.45
+            places[x] = (number := places.get(x, 0)) + 1
+            colour = CYCLE[0] if value > beyond else CYCLE[1] if value < -beyond else OBSERVED
+            mark = "o" if abs(value) < edge else ">" if value > 0 else "<"
+            ax.plot(x, height + 0.12 * (-1) ** number * ((number + 1) // 2), mark, color=colour, markersize=4)
+    ax.set(yticks=range(len(scores)), yticklabels=list(scores), ylim=(len(scores) - 0.4, -0.6), xlim=(-edge - 1, edge + 1))
+    ax.set_xlabel("the other way  <  difference over its error  <  as claimed")
+    return fig, ax
+
+
 def plain(axis: Axis) -> None:
     """Plain figures at the ticks of a logarithmic axis, 0.1 and 100, and none between them."""
     axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))

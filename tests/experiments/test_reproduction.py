@@ -21,11 +21,15 @@ from mwlib.experiments.claims import (
     Tables,
     compare,
     decide,
+    findings,
     read_claims,
+    scores,
     verdict,
 )
 from mwlib.experiments.claims import reproduction as report
 from mwlib.experiments.grids import read_grids
+from mwlib.plots.lines import evidence
+from mwlib.plots.look import CYCLE, OBSERVED
 
 ROOT = Path(__file__).parents[2]
 CLAIMS = ROOT / "figures" / "claims.yaml"
@@ -76,6 +80,8 @@ def test_the_committed_report_is_what_the_command_writes(tmp_path, capsys):
     now = (tmp_path / "now.md").read_text(encoding="utf-8")
     assert (ROOT / "REPRODUCTION.md").read_text(encoding="utf-8") == now, "run `mwlib reproduction` and read what changed"
     assert capsys.readouterr().out.strip() == str(tmp_path / "now.md")
+    drawn = [folder / "figures" / "verdicts.csv" for folder in (ROOT, tmp_path)]
+    assert drawn[0].read_text(encoding="utf-8") == drawn[1].read_text(encoding="utf-8"), "its picture"
 
 
 def test_every_verdict_follows_and_is_counted():
@@ -151,7 +157,8 @@ def test_errors_of_a_comparison_by_hand(tables):
 @pytest.mark.parametrize(
     "scores, expected",
     [
-        ((2.1, 9), "holds"), ((-2.1, 1), "contradicted"), ((-3, -3), "contradicted"),
+        ((2.1, 9), "holds"), ((-2.1, -9), "contradicted"), ((-3, -3), "contradicted"),
+        ((-2.1, 1), "inconclusive: 0 of 2 comparisons as claimed, 1 the other way"),
         ((2.1, 1.9), "inconclusive: 1 of 2 comparisons as claimed, 0 the other way"),
         ((2.1, -2.1), "inconclusive: 1 of 2 comparisons as claimed, 1 the other way"),
         ((-1.9, 0), "inconclusive: 0 of 2 comparisons as claimed, 0 the other way"),
@@ -261,6 +268,25 @@ def test_a_changed_table_flips_a_committed_verdict(tmp_path):
     assert decide("", claim, Tables()).verdict == "holds"
     rigid = with_changed_cell(tmp_path / "cmu", "cosine", "bone jitter (mm)", 0.01)
     assert decide("", claim, rigid).kind == "inconclusive"
+
+
+def test_the_picture_has_each_comparison_that_decides(tmp_path, tables):
+    """None without an error, none of a claim whose verdict was written."""
+    number = {"higher": "table_6|cosine", "than": 6, "in": "APD"}
+    written = {**ONE, "id": "written", "verdict": "not tested: too short", "shown": [PLACE]}
+    path = write(tmp_path, {**ONE, "measured": [LOWER, number, {**LOWER, "than": 5, "in": "seeds"}]}, written)
+    first, second = scores(findings(path, tables, ROOT / "notebooks"))
+    assert first["claim"] == second["claim"] == "linear-apd" and first["theme"] == "Schedules"
+    assert first["errors"] > 2 and second["errors"] == pytest.approx((6.2968 - 6) / 0.2079)
+    colours = [line.get_color() for line in evidence({"A": [3.0, -3.0, 0.5, 30.0], "B": [0.5]})[1].lines]
+    assert colours == [CYCLE[1], OBSERVED, CYCLE[0], CYCLE[0], OBSERVED]
+
+
+def test_conclusions_open_the_page_with_their_numbers(tmp_path, tables):
+    path = write(tmp_path, ONE)
+    told = {"conclusions": ["Linear has {table_6|linear|APD ± sd}."]}
+    path.write_text(yaml.safe_dump(yaml.safe_load(path.read_text(encoding="utf-8")) | told), encoding="utf-8")
+    assert "* Linear has 4.65 ± 0.23.\n" in report(path, tables, ROOT / "notebooks").partition("| verdict |")[0]
 
 
 def test_sentences_print_three_digits_and_spreads_two(tables):
