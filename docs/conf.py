@@ -87,6 +87,9 @@ html_math_renderer = "katex"
 katex_prerender = True
 katex_css_path = "katex/katex.min.css"
 katex.NODEJS_BINARY = NODE
+katex.STARTUP_TIMEOUT = 60.0  # seconds: machines are busy
+# It may connect to its own socket before anybody listens there; this one tries again
+katex.KaTeXServer.start_server_process = katex.KaTeXServer.start_network_socket
 katex.KATEX_DEFAULT_OPTIONS = {"throwOnError": True, "strict": "error"}
 
 LOG = logging.getLogger(__name__)

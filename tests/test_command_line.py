@@ -135,6 +135,7 @@ def test_help_and_mistyped_words_wait_for_no_torch(words):
         (["trian"], "mwlib: there is no command 'trian', did you mean train?; mwlib --help lists all\n"),
         (["exportbvh", "runs/1"], "did you mean export-bvh?"), (["xyz"], "there is no command 'xyz'; mwlib --help lists all"),
         (["--quiet", "train"], "'--quiet' comes before the command; expected mwlib COMMAND --quiet"),
+        (["--versoin"], "'--versoin' is not understood, did you mean --version?"),
         (["predict", "runs/1", "synthetic", "--sample=3"], ""), (["predict", "runs/1"], "required: SOURCE"),
         (["train", "--sets", "lr=1"], "'--sets' is not understood, did you mean --set?"),
         (["train", "--preste=tiny"], "did you mean --preset?"),
@@ -175,6 +176,21 @@ def test_a_mistake_is_told_in_a_sentence(capsys):
     assert capsys.readouterr().err == "mwlib: unknown setting 'zzz'; mwlib train --system prediction --help lists all\n"
     assert main(["run-notebook", "06_trainin"]) == 1
     assert "no notebook '06_trainin' (did you mean '06_training'?)" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    "words, meant",
+    [
+        (["run-notebook", "5c"], "05_diffusion_of_one_number"), (["run-notebook", "3x"], "03_choosing_a_wavelet"),
+        (["check-data", "synthtic"], "synthetic"), (["export-onnx", "synthetik"], "synthetic"),
+        (["train", "--system", "inbetwening"], "inbetweening"), (["train", "--preset", "lptop"], "laptop"),
+        (["train", "--set", "wavelet=haarr"], "haar"), (["run-notebook", "3", "--set", "presett=tiny"], "preset"),
+        (["grid-table", "table_44", "--out", "x"], "table_4"),
+    ],
+)  # fmt: skip
+def test_a_mistyped_value_is_answered_with_a_near_one(words, meant, capsys):
+    assert main(words) == 1
+    assert f"(did you mean {meant!r}?)" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("said, expected", [("3", "03"), ("03", "03"), ("5", "05"), ("5b", "05b"), ("05b", "05b"), ("10", "10")])

@@ -88,7 +88,9 @@ def _overview(words: Sequence[str], known: dict[str, Command]) -> NoReturn:
         parser.exit(2, f"mwlib: there is no command {words[0]!r}{_near(words[0], known)}; mwlib --help lists all\n")
     _, unknown = parser.parse_known_args(words)
     if unknown:
-        parser.exit(2, f"mwlib: {unknown[0]!r} comes before the command; expected mwlib COMMAND {unknown[0]}\n")
+        meant = _near(unknown[0], ["--help", "--version"], 0.7)
+        expected = f" is not understood{meant}" if meant else f" comes before the command; expected mwlib COMMAND {unknown[0]}"
+        parser.exit(2, f"mwlib: {unknown[0]!r}{expected}\n")
     parser.print_help()
     parser.exit()
 
@@ -107,8 +109,8 @@ def _help(parser: argparse.ArgumentParser, words: Sequence[str]) -> None:
     parser.exit()
 
 
-def _near(word: str, known: Iterable[str]) -> str:
-    near = difflib.get_close_matches(word, [*known], n=1, cutoff=0.5)
+def _near(word: str, known: Iterable[str], cutoff: float = 0.5) -> str:
+    near = difflib.get_close_matches(word, [*known], n=1, cutoff=cutoff)
     return f", did you mean {near[0]}?" if near else ""
 
 
@@ -117,7 +119,7 @@ def _complete() -> None:
     parser = Parser("mwlib")
     parts = parser.add_subparsers()
     for name, command in commands().items():
-        _fill(part := parts.add_parser(name), name, command)
+        _fill(part := parts.add_parser(name, help=command.summary), name, command)
         for action in part._actions:
             if fitting := FITTING.get((name, action.dest)):
                 action.completer = fitting  # pyright: ignore[reportAttributeAccessIssue]  (argcomplete reads it)

@@ -24,7 +24,7 @@ from mwlib.experiments import exported, sampling
 from mwlib.experiments.results import of_older_code
 from mwlib.files import write_atomic, write_together
 from mwlib.networks.text import words_of
-from mwlib.plots.loops import FORMATS
+from mwlib.plots.loops import FILM, FORMATS
 from mwlib.prediction.predictor import Predictor, predicted_motions
 from mwlib.settings import whole
 from mwlib.synthetic.sentences import RECIPES, examples
@@ -123,7 +123,7 @@ def loop(
         out: .webp, .gif, .png, or .mp4 where ffmpeg is installed.
     """
     whole("width", width, 16, 10_000)
-    expect_ending("out", out, *FORMATS)
+    expect_ending("out", out, *FORMATS, FILM)
     predictor, motions = _predictor(run, samples), load_motions(source, **meaning)
     named = [motion for motion in motions if clip in ("", motion.name)]
     if not named:

@@ -52,8 +52,10 @@ def find_notebook(name: str, folder: Path = NOTEBOOKS) -> Path:
     stems = {path.stem: path for path in course(folder)}
     found = [path for stem, path in stems.items() if stem == name or chapter_number(path) in (name, f"0{name}")]
     if len(found) != 1:
-        names = ", ".join(stems) or "nothing"
-        raise FileNotFoundError(f"no notebook {name!r}{near(name, stems)}; expected a path, a name or a number of: {names}")
+        names, number = ", ".join(stems) or "nothing", re.match(r"\d+", name)
+        alike = [stem for stem in stems if number and int(stem[:2]) == int(number[0])]  # 5c is 05, or 05b
+        hint = near(alike[0], alike) if alike else near(name, stems)
+        raise FileNotFoundError(f"no notebook {name!r}{hint}; expected a path, a name or a number of: {names}")
     return found[0]
 
 

@@ -26,7 +26,7 @@ from mwlib.data.untrusted import (  # isort: skip
     MOST_BYTES, BrokenFilesWarning, DoubtfulDataWarning, MotionFormatError, allowed, archive_names, array_header, bare_suffix,
     near_name, open_regular, read_archive, read_array, read_bytes, read_head, single, without_twins,
 )  # fmt: skip
-from mwlib.settings import choice, real, shown
+from mwlib.settings import choice, near, real, shown
 
 HINTS = ("clips.csv", "skeleton.json")  # read along with motions that lie beside or below them
 MODELS = "body_models"  # and a folder of body models
@@ -151,7 +151,8 @@ def find_source(source: str | Path) -> Path:
     where = " nor ".join(map(str, dict.fromkeys(places)))
     hint = "" if os.environ.get("MWLIB_DATA") or path.is_absolute() else "; MWLIB_DATA, the folder of your data, is not set"
     hint += "; mwlib fetch lists what can be downloaded"
-    raise FileNotFoundError(f"no motions at {where}{hint}; expected a path, 'synthetic' or one of {', '.join(NAMED_SOURCES)}")
+    expected = f"a path, 'synthetic' or one of {', '.join(NAMED_SOURCES)}{near(source, ['synthetic', *NAMED_SOURCES])}"
+    raise FileNotFoundError(f"no motions at {where}{hint}; expected {expected}")
 
 
 def motion_files(path: Path) -> list[Path]:

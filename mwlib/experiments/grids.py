@@ -103,7 +103,8 @@ def system(name: str) -> System:
     if name in MODULES:
         return importlib.import_module(MODULES[name])  # pyright: ignore[reportReturnType]  (checked by a test)
     if name not in _REGISTERED:
-        raise ValueError(f"system is {name!r}; expected one of {', '.join([*MODULES, *_REGISTERED])}")
+        known = [*MODULES, *_REGISTERED]
+        raise ValueError(f"system is {name!r}; expected one of {', '.join(known)}{near(name, known)}")
     return _REGISTERED[name]
 
 

@@ -21,7 +21,7 @@ from mwlib.experiments.grids import Data, code_of, read_config, system_of
 from mwlib.files import sweep, write_json, write_together
 from mwlib.hashing import digest, file_hash
 from mwlib.paths import CONFIG, run_folder, shipped
-from mwlib.settings import Settings, shown
+from mwlib.settings import Settings, near, shown
 from mwlib.training import CHECKPOINT, CURVES, MODEL, TrainingStep, read_model, read_outcome, train
 from mwlib.training.checkpoint import NOT_BY_EDITING, changes, check_trained, flat, read_curves
 
@@ -283,7 +283,7 @@ def load_run(folder: str | Path) -> Any:
         raise ValueError(f"folder is {shown(folder)}; expected the folder of a run or one of {', '.join(shipped())}")
     found = run_folder(folder)
     if found is None:
-        known = f"; models that come with mwlib: {', '.join(shipped())}"
+        known = f"; models that come with mwlib: {', '.join(shipped())}{near(folder, shipped())}"
         raise FileNotFoundError(f"{Path(folder) / CONFIG} is missing: no training run in this folder{known}")
     cfg = read_config(found / CONFIG)
     model = _opened(cfg, found)

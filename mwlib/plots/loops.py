@@ -190,6 +190,7 @@ BAR = 0.2  # inches below the bodies for the line that tells the time
 MARGIN = 0.015  # of the width, beside that line
 SHADOW = "#d9dce1"
 FORMATS = {".png": "PNG", ".webp": "WEBP", ".gif": "GIF"}
+FILM = ".mp4"
 
 
 class Loop:
@@ -230,10 +231,10 @@ class Loop:
         Raises:
             ValueError: another ending; or .mp4, and there is no ffmpeg or it fails.
         """
-        if ending == ".mp4":
+        if ending == FILM:
             return self._film()
         if ending not in FORMATS:
-            raise ValueError(f"the ending is {ending!r}; expected one of {', '.join(FORMATS)}, .mp4")
+            raise ValueError(f"the ending is {ending!r}; expected one of {', '.join([*FORMATS, FILM])}")
         buffer, (first, *others) = io.BytesIO(), self._pictures
         own = {".webp": {"lossless": True, "quality": 60, "method": 4}, ".gif": {"disposal": 1}, ".png": {"compress_level": 9}}[
             ending

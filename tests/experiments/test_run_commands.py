@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 
 import numpy as np
 import pytest
@@ -70,6 +71,9 @@ def test_loop_writes_a_moving_picture_that_says_what_it_is(run, tmp_path, capsys
     assert "P2_walk (walk)" in out.with_suffix(".txt").read_text() and "20 pictures" in capsys.readouterr().out
     about = json.loads(out.with_suffix(".json").read_text())
     assert (about["clip"], about["start_frame"], about["samples"], about["seeds"]) == ("P2_walk", 5, 2, {"sampling": 0})
+    film, has_ffmpeg = tmp_path / "walk.mp4", shutil.which("ffmpeg") is not None
+    assert main([*words[:-1], str(film)]) == int(not has_ffmpeg) and film.exists() == has_ffmpeg
+    assert has_ffmpeg or "there is no ffmpeg" in capsys.readouterr().err
     assert main([*words, "--clip", "nobody"]) == 1 and main([*words, "--start", "9999"]) == 1
     told = capsys.readouterr().err
     assert "clip is 'nobody'; synthetic has P1_walk" in told and "start is 9999; P1_walk has" in told
