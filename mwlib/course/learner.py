@@ -103,9 +103,11 @@ COPIES = "colab"  # folder of the site's sources, and branch of the repository, 
 WIDGETS = "anywidget>=0.9.13,<1"  # what a chapter needs beside the library in a Jupyter that is there already
 INSTALL = """# Installs the course where it is missing: this copy of the chapter runs anywhere.
 import importlib.util
+import os
 import subprocess
 import sys
 
+os.environ.setdefault("OMP_NUM_THREADS", "1")  # on busy processors more threads wait for each other: ten times as slow
 if importlib.util.find_spec("mwlib") is None:
     subprocess.run([sys.executable, "-m", "pip", "install", "--quiet", {source!r}, {widgets!r}], check=True)"""
 

@@ -70,6 +70,7 @@ CARD = """````{{container}} chapter
 """
 TAUGHT = r"^\| \[{stem}\]\([^)]*\) \| (.*?) \|"  # in README's table of the course
 FOLDER_LINK = re.compile(r"\]\((\.\./)?figures/cmu/?\)")
+FOLDER_PAGE = r"](\1figures/cmu/index.md)"
 
 
 def write_site_sources(folder: Path, root: Path) -> list[Path]:
@@ -153,7 +154,7 @@ def site_text(text: str) -> str:
     (lossless)=
     ### The transform loses nothing
     """
-    return FOLDER_LINK.sub(r"](\1figures/cmu/index.md)", ANCHOR.sub(r"(\2)=\n\1 ", text))
+    return FOLDER_LINK.sub(FOLDER_PAGE, ANCHOR.sub(r"(\2)=\n\1 ", text))
 
 
 def site_copy(notebook: NotebookNode, name: str, launch: str = "") -> NotebookNode:
@@ -179,9 +180,11 @@ def site_copy(notebook: NotebookNode, name: str, launch: str = "") -> NotebookNo
 
 
 def _folded(cell: NotebookNode) -> NotebookNode:
-    """Solutions in words fold themselves: the structure rules of the notebooks see to it."""
+    """Solutions in words fold themselves: the structure rules of the notebooks see to it. Links to folders go to their pages."""
     cell = NotebookNode(cell.copy())
     cell.metadata = NotebookNode({key: value for key, value in cell.metadata.items() if key != WRONG})
+    if cell.cell_type == "markdown":
+        cell.source = FOLDER_LINK.sub(FOLDER_PAGE, cell.source)
     if cell.cell_type == "code" and (kind := next((name for name in FOLDED if name in tags(cell)), "")):
         prompts = {"code_prompt_show": f"Show the {PROMPTS[kind]}", "code_prompt_hide": f"Hide the {PROMPTS[kind]}"}
         cell.metadata = NotebookNode(tags=[*tags(cell), "hide-cell"], mystnb=prompts)

@@ -1,11 +1,13 @@
-"""What Blender makes of a BVH file. For a Python that has bpy: look.py IN.bvh OUT.npz [OUT.png]
+"""What Blender makes of a BVH or GLB file. For a Python that has bpy: look.py IN.bvh OUT.npz [OUT.png]
 
-OUT.npz gets `positions` (frames, joints, 3) in Blender's units with y up, `names` and `fps`, as Blender has them after its own
-import; OUT.png a picture of some frames side by side, spheres at the joints and sticks for the bones, rendered on the CPU.
+OUT.npz gets `positions` (frames, joints, 3) in Blender's units with y up, `names`, `fps` and `heights` (frames, 2), the lowest
+and highest point of a skinned body, as Blender has them after its own import; OUT.png a picture of some frames side by side,
+spheres at the joints and sticks for the bones, rendered on the CPU.
 """
 
 from __future__ import annotations
 
+import json
 import sys
 
 import bpy
@@ -25,6 +27,33 @@ def open_bvh(file: str):
         update_scene_duration=True,
     )  # fmt: skip
     return next(thing for thing in bpy.data.objects if thing.type == "ARMATURE")
+
+
+def open_glb(file: str):
+    """The same of a GLB file; the scene first gets the file's rate, as Blender counts keys in frames."""
+    bpy.ops.wm.read_factory_settings(use_empty=True)
+    with open(file, "rb") as opened:
+        opened.seek(12)
+        fps = json.loads(opened.read(int.from_bytes(opened.read(4), "little") + 4)[4:])["asset"]["extras"]["fps"]
+    bpy.context.scene.render.fps, bpy.context.scene.render.fps_base = round(fps), round(fps) / fps
+    bpy.ops.import_scene.gltf(filepath=file)
+    return next(thing for thing in bpy.data.objects if thing.type == "ARMATURE")
+
+
+def bodies(armature) -> np.ndarray:
+    """Lowest and highest point of the meshes that the armature moves, frame by frame."""
+    scene = bpy.context.scene
+    first, last = (round(frame) for frame in armature.animation_data.action.frame_range)
+    found = []
+    for frame in range(first, min(last, first + MOST_FRAMES - 1) + 1):
+        scene.frame_set(frame)
+        graph, heights = bpy.context.evaluated_depsgraph_get(), []
+        for thing in bpy.data.objects:
+            if thing.type == "MESH" and thing.find_armature() is armature:
+                shown = thing.evaluated_get(graph)
+                heights += [(shown.matrix_world @ vertex.co).z for vertex in shown.to_mesh().vertices]
+        found.append([min(heights), max(heights)] if heights else [0.0, 0.0])
+    return np.array(found)
 
 
 def joints(armature) -> np.ndarray:
@@ -89,12 +118,14 @@ def render(size: float, file: str) -> None:
 
 
 def main(source: str, target: str, image: str | None = None) -> None:
-    armature = open_bvh(source)
+    armature = open_glb(source) if source.endswith(".glb") else open_bvh(source)
     places, bones = joints(armature), list(armature.pose.bones)
     names = [bone.name for bone in bones]
     parents = [bones.index(bone.parent) if bone.parent else -1 for bone in bones]
     fps = bpy.context.scene.render.fps / bpy.context.scene.render.fps_base
-    np.savez(target, positions=places[:, :, [0, 2, 1]] * [1, 1, -1], names=np.array(names), fps=fps)
+    np.savez(
+        target, positions=places[:, :, [0, 2, 1]] * [1, 1, -1], names=np.array(names), fps=fps, heights=bodies(armature)
+    )  # fmt: skip
     if image is not None:
         picture(places, names, parents, image)
 

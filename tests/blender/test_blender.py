@@ -1,4 +1,4 @@
-"""Blender sees the joints that are in our BVH files. `make test-blender` runs this; without MWLIB_BLENDER it is passed over.
+"""Blender sees the joints that are in our BVH and GLB files. `make test-blender` runs this, else it is passed over.
 
 MWLIB_BLENDER is a Python that has bpy. It is no dependency: a gigabyte, and it wants a NumPy of its own.
 """
@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import os
 import subprocess
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -18,6 +19,7 @@ from mwlib.body.motion import Motion
 from mwlib.body.skeleton import Skeleton
 from mwlib.data.collections.lafan1 import LAFAN1
 from mwlib.data.formats.bvh_writing import write_bvh
+from mwlib.data.formats.glb_writing import write_glb
 from mwlib.data.load import load_motions, motion_files, read_motion_file
 from mwlib.experiments import inbetween
 from mwlib.synthetic.motions import synthetic_motions
@@ -33,14 +35,14 @@ def look(file: Path, picture: Path | None = None):
     done = subprocess.run(command, capture_output=True, text=True)
     assert done.returncode == 0, done.stdout[-2000:] + done.stderr[-2000:]
     seen = np.load(out)
-    return seen["positions"], list(seen["names"]), float(seen["fps"])
+    return seen["positions"], list(seen["names"]), float(seen["fps"]), seen["heights"]
 
 
 def agrees(motion: Motion, folder: Path, picture: Path | None = None) -> None:
     """Write, let Blender read, compare joint by joint with our own reader."""
     write_bvh(motion, folder / "a.bvh")
     (ours,) = load_motions(folder / "a.bvh", unit="cm")
-    positions, names, fps = look(folder / "a.bvh", picture)
+    positions, names, fps, _ = look(folder / "a.bvh", picture)
     rig = ours.rig
     moving = [joint for joint, channels in enumerate(rig.channels) if channels is not None]
     at = [names.index(rig.skeleton.joints[joint].replace(" ", "_")) for joint in moving]
@@ -80,3 +82,15 @@ def test_an_in_between(tmp_path):
     heights = np.ptp(look(tmp_path / "a.bvh")[0][..., 1], axis=1)
     assert 1.0 < heights.min() < heights.max() < 2.5, "a person is as tall as one, in Blender's units"
     assert 0.01 < (np.asarray(Image.open(picture).convert("L")) < 250).mean() < 0.3
+
+
+@pytest.mark.parametrize("fps", [25.0, 60.0])
+def test_a_body_in_a_glb(tmp_path, fps):
+    walk = replace(synthetic_motions(subjects=1, seconds=1.0)[0].with_up("y"), fps=fps)
+    write_glb(walk, tmp_path / "a.glb")
+    positions, names, seen, heights = look(tmp_path / "a.glb")
+    assert len(positions) == len(walk) and seen == pytest.approx(fps, rel=1e-6)
+    at = [names.index(joint) for joint in walk.skeleton.joints]
+    np.testing.assert_allclose(positions[:, at], walk.positions, atol=1e-4)
+    tips = walk.positions[..., 1]
+    assert np.abs(heights - np.stack([tips.min(1), tips.max(1)], axis=1)).max() < 0.2, "the body follows its skeleton"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 import subprocess
 from pathlib import Path
@@ -73,9 +74,11 @@ def test_a_copy_installs_what_is_missing_before_anything_is_imported(monkeypatch
     nbformat.validate(copy)
     assert len(copy.cells) == len(notebook.cells) + 1 and copy.cells[0].cell_type == "markdown"
     asked = []
+    monkeypatch.setenv("OMP_NUM_THREADS", "")  # put back after the test
+    monkeypatch.delenv("OMP_NUM_THREADS")
     monkeypatch.setattr(subprocess, "run", lambda words, check: asked.append(words))
     exec(copy.cells[1].source, {})
-    assert asked == []
+    assert asked == [] and os.environ["OMP_NUM_THREADS"] == "1"
     monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
     exec(copy.cells[1].source, {})
     (words,) = asked

@@ -158,6 +158,8 @@ def test_downloads_are_the_committed_notebooks_and_the_learners(sources):
 
 def test_anchors_of_claims_become_targets():
     assert site_text('a\n\n### <a id="x-1"></a>T\n[all](figures/cmu)') == "a\n\n(x-1)=\n### T\n[all](figures/cmu/index.md)"
+    chapter = nbformat.v4.new_notebook(cells=[nbformat.v4.new_markdown_cell(text) for text in ("# T", "[all](../figures/cmu)")])
+    assert site_copy(chapter, "02_a.ipynb").cells[2].source == "[all](../figures/cmu/index.md)"
 
 
 def test_the_library_is_listed(sources):
