@@ -23,7 +23,8 @@ from mwlib.plots.bodies import COLOURS, AnyMotion, camera, draw_bodies, poses, p
 from mwlib.plots.lines import draw, plain
 
 from mwlib.plots.look import (  # isort: skip
-    BAND_NAMES, CYCLE, FAINT, INK, LOOKS, TRUTH, WIDTH, Array, Curves, Panel, Panels, array, canvas, panel, rule, signed, style,
+    BAND_NAMES, CYCLE, FAINT, INK, LOOKS, TRUTH, WIDTH, Array, Curves, Panel, Panels, array, canvas, legend, panel, rule,
+    signed, style,
 )  # fmt: skip
 from mwlib.plots.loops import Loop
 from mwlib.plots.tables import significant
@@ -193,10 +194,10 @@ def schedules(curves: Curves) -> Panels:
 
 @style()
 def band_snr(deviations: Mapping[str, float], alpha_bar: Float[Array, " M"]) -> Panel:
-    """How far each sub-band stands above the noise at every diffusion index; below 0 dB the noise is the stronger.
+    """How far parts of a movement stand above the noise at every diffusion index; below 0 dB the noise is the stronger.
 
     Args:
-        deviations: band -> standard deviation of its coefficients, in units of the noise (metres for raw coefficients).
+        deviations: part, e.g. a sub-band -> standard deviation of its coefficients, in units of the noise (metres for raw ones).
         alpha_bar: (M,) schedule.
     """
     ratios, marks = {}, {}
@@ -204,14 +205,14 @@ def band_snr(deviations: Mapping[str, float], alpha_bar: Float[Array, " M"]) -> 
         ratio, label = _decibel(array(alpha_bar)) + 20 * np.log10(deviation), f"{band}: σ = {significant(deviation)}"
         if (ratio < 0).any():
             drowned = int(np.argmax(ratio < 0))
-            label += f", under the noise from t = {drowned}"
+            label += f", drowned from t = {drowned}"
             marks[label] = drowned
         ratios[label] = ratio
-    fig, ax = panel(3.2)
+    fig, ax = panel(3.4)
     rule(ax)
     draw(ax, ratios, marks=marks)
     ax.set(xlabel="diffusion index t", ylabel="signal to noise (dB)", ylim=(-80, 50))
-    ax.legend(loc="upper right")
+    legend(ax, 2)
     return fig, ax
 
 
