@@ -205,7 +205,7 @@ def band_snr(deviations: Mapping[str, float], alpha_bar: Float[Array, " M"]) -> 
         ratio, label = _decibel(array(alpha_bar)) + 20 * np.log10(deviation), f"{band}: σ = {significant(deviation)}"
         if (ratio < 0).any():
             drowned = int(np.argmax(ratio < 0))
-            label += f", drowned from t = {drowned}"
+            label += f", lost at t = {drowned}"
             marks[label] = drowned
         ratios[label] = ratio
     fig, ax = panel(3.4)
