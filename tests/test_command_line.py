@@ -13,6 +13,7 @@ import typing
 from pathlib import Path
 
 import pytest
+from tqdm import tqdm
 
 from mwlib.cli import main, parse
 from mwlib.cli.options import choice_of
@@ -205,10 +206,9 @@ def test_what_is_no_chapter_is_refused(said):
 
 
 def test_bars_are_left_out_where_somebody_says_so(monkeypatch, capsys):
-    """By tqdm's own variable, which kernels inherit."""
-    monkeypatch.setenv("TQDM_DISABLE", "")
-    assert main(["train", "--preset", "nothing"]) == 1 and os.environ["TQDM_DISABLE"] == ""
-    assert main(["train", "--preset", "nothing", "--quiet"]) == 1 and os.environ["TQDM_DISABLE"] == "1"
+    monkeypatch.setattr("mwlib.cli.data.fetch", lambda **_: len([*tqdm(range(3), disable=False)]))
+    assert main(["fetch", "--quiet"]) == 3 and capsys.readouterr().err == ""
+    assert main(["fetch"]) == 3 and "3/3" in capsys.readouterr().err
 
 
 def test_an_interrupted_command_ends_without_a_traceback(monkeypatch, capsys):

@@ -11,7 +11,8 @@ import importlib
 import os
 import re
 import sys
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager, nullcontext
 from typing import Any, NoReturn
 
 from mwlib.cli.source import MAINTAIN, Command, arguments, commands, names_of, settings_text
@@ -141,6 +142,20 @@ FITTING = {  # what argcomplete calls for the words of an argument that takes an
 }
 
 
+@contextmanager
+def _silent() -> Iterator[None]:
+    """No bar is shown, whatever asks for one."""
+    from tqdm import tqdm
+
+    begun = tqdm.__init__
+    hidden: Any = lambda bar, *given, **named: begun(bar, *given, **{**named, "disable": True})  # noqa: E731
+    tqdm.__init__ = hidden
+    try:
+        yield
+    finally:
+        tqdm.__init__ = begun
+
+
 def main(words: Sequence[str] | None = None) -> int:
     """Run one command; 0 if all is well, 1 if not, 2 if its words are not understood, 130 if it was interrupted."""
     if "_ARGCOMPLETE" in os.environ:
@@ -148,10 +163,10 @@ def main(words: Sequence[str] | None = None) -> int:
     command, given = parse(sys.argv[1:] if words is None else words)
     if given.pop("accept_older_code", False):
         os.environ["MWLIB_ACCEPT_OLDER_CODE"] = "1"  # kernels that a command starts inherit it
-    if given.pop("quiet", False):
-        os.environ["TQDM_DISABLE"] = "1"  # so do they
+    quiet = given.pop("quiet", False)
     try:
-        return getattr(importlib.import_module(command.module), command.definition.name)(**given) or 0
+        with _silent() if quiet else nullcontext():
+            return getattr(importlib.import_module(command.module), command.definition.name)(**given) or 0
     except KeyboardInterrupt:
         print("mwlib: interrupted", file=sys.stderr)
         return INTERRUPTED

@@ -28,6 +28,7 @@ MUTANTS = [
     *of(
         "cli/__init__.py", "test_command_line.py",
         ("defaults-of-options-that-are-not-given", "argument_default=argparse.SUPPRESS", "argument_default=None"),
+        ("quiet-shows-bars", '"disable": True', '"disable": False'),
         ("nothing-is-near", "cutoff: float = 0.5", "cutoff: float = 1.0"),
         ("settings-of-prediction-whatever-the-system", ".parse_known_args(words)[0].system", ".get_default('system')"),
     ),
