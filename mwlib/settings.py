@@ -170,16 +170,15 @@ class Settings:
         return yaml.safe_dump({"system": self.system, **json.loads(json.dumps(self._tree()))}, sort_keys=False)
 
     @classmethod
-    def from_yaml(cls, source: str | Path, whole: bool = False) -> Self:
-        """Read what `to_yaml` wrote; groups or fields left out keep their defaults.
+    def from_yaml(cls, source: str | Path) -> Self:
+        """Read what `to_yaml` wrote; nothing may be left out but the fields of `newer`.
 
         Args:
             source: a file, or text.
-            whole: nothing may be left out but the fields of `newer`; so it is with the file of a run.
 
         Raises:
-            ValueError: the text is not of this system, was written by a former version, holds an unknown field, one
-                twice, or a bad value, or is not `whole`; the file is not UTF-8.
+            ValueError: the text is not of this system, was written by a former version, lacks a field, holds an unknown one, one
+                twice, or a bad value; the file is not UTF-8.
         """
         tree = read_tree(source)
         if tree.pop("system") != cls.system:
@@ -189,14 +188,14 @@ class Settings:
             raise ValueError(
                 f"{_place(source)} has {sorted(tree)}; expected the groups {', '.join(cls.groups())}, each a mapping"
             )
-        if whole and (absent := cls._absent(tree)):
-            raise ValueError(
-                f"{_place(source)} lacks {', '.join(absent)}; expected every setting, as the run wrote it (cut or edited since)"
-            )
         try:
-            return cls().override(**{k: v for group in tree.values() for k, v in (group or {}).items()})
+            found = cls().override(**{k: v for group in tree.values() for k, v in (group or {}).items()})
         except (TypeError, ValueError) as error:
             raise ValueError(f"{_place(source)}: {error}") from None
+        if absent := cls._absent(tree):
+            expected = "every setting, as the run wrote it (cut or edited since); changes to a preset are given by --set"
+            raise ValueError(f"{_place(source)} lacks {', '.join(absent)}; expected {expected}")
+        return found
 
     @classmethod
     def _absent(cls, tree: Mapping[str, Any]) -> list[str]:

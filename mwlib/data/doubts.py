@@ -1,4 +1,4 @@
-"""Doubts about motions that a statement settles: up-axis, frame rate and first frame; and rows of a clips.csv without files."""
+"""Doubts about what motions mean: up-axis, rate, first frame, people, order of joints; and rows of a clips.csv without files."""
 
 import difflib
 import os
@@ -14,7 +14,7 @@ from mwlib.body.kinematics import AXES, bone_lengths
 from mwlib.body.motion import Motion
 from mwlib.body.skeleton import Skeleton, is_cmu
 from mwlib.data.collections.cmu import recorded_at
-from mwlib.data.meaning import LEVELS_UP, OTHERWISE, STATE_AXIS, UPRIGHT, Reading, head_and_feet, rows_of
+from mwlib.data.meaning import LEVELS_UP, OTHERWISE, STATE_AXIS, UPRIGHT, Reading, head_and_feet, rows_of, standing
 from mwlib.data.untrusted import PACKED, MotionFormatError, bare_name
 
 MOST_NAMES = 12
@@ -26,7 +26,7 @@ def doubted(clips: Sequence[tuple[str, Reading]]) -> list[str]:
     Args:
         clips: names, such as the files', and what was read.
     """
-    return [text for kind in (_up_doubts, _rate_doubts, _people_doubts) for text in kind(clips)]
+    return [text for kind in (_up_doubts, _rate_doubts, _people_doubts, _order_doubts) for text in kind(clips)]
 
 
 def begin_with_a_jump(clips: Sequence[tuple[str, Reading]]) -> list[str]:
@@ -101,6 +101,59 @@ def _people_doubts(clips: Sequence[tuple[str, Reading]]) -> list[str]:
     alike = [" and ".join(map(repr, names)) for names in spellings.values() if len(names) > 1]
     remedy = "give one person one name in the column subject of clips.csv, and two people names that differ more"
     return [f"subjects of like names are taken for several people: {some(alike)}; {remedy}"] if alike else []
+
+
+def _order_doubts(clips: Sequence[tuple[str, Reading]]) -> list[str]:
+    """Joints that likely have each other's names."""
+    names = [f"{name} ({reason})" for name, reading in clips if (reason := misnamed(reading))]
+    remedy = "joint names in the order of the columns, left ones on the left, and right-handed axes"
+    return [f"joints likely have each other's names: {some(names)}; expected {remedy}"] if names else []
+
+
+BACKWARDS = 0.05  # mean sine of the knees' bend, away from where knees bend; recorded people have -0.067 and less
+UNEVEN = 0.15  # by how much of themselves bones of both sides differ, over all pairs
+
+
+def misnamed(reading: Reading) -> str:
+    """Why a body likely has the joints' names in another order than their places; "" without a doubt.
+
+    Own choice: both sides have bones of like lengths, heads are above feet in most frames, and knees bend forwards: thigh x shin
+    points to the left, whichever axis is up.
+    """
+    motion, skeleton = reading.motion, reading.motion.skeleton
+    places = motion.positions[np.linspace(0, len(motion) - 1, min(len(motion), 200)).astype(int)].astype(float)
+    lengths = dict(zip((child for _, child in skeleton.bones), np.median(bone_lengths(places, skeleton), axis=0), strict=True))
+    left, right = (np.array([lengths.get(joint, 0.0) for joint in side]) for side in (skeleton.left, skeleton.right))
+    if np.abs(left - right).sum() > UNEVEN * np.maximum(left, right).sum():
+        joint = int(np.argmax(np.abs(left - right)))
+        first, second = skeleton.joints[skeleton.left[joint]], skeleton.joints[skeleton.right[joint]]
+        return f"bones to {first} and {second} are {left[joint]:.2g} and {right[joint]:.2g} m long"
+    if reading.up.is_users and standing(places, skeleton, motion.up)[::2] == (f"-{motion.up}", True):
+        return f"the head is below the feet along {motion.up}, which {reading.up.source} says is up"
+    return "knees bend backwards" if _bend(places, skeleton) < -BACKWARDS else ""
+
+
+def _bend(places: Float[np.ndarray, "T joints 3"], skeleton: Skeleton) -> float:
+    """Mean sine of the angle by which knees bend forwards; 0 where no legs are known."""
+    pairs = dict(zip(skeleton.left, skeleton.right, strict=True))
+    feet = [joint for joint in head_and_feet(skeleton)[1] if joint in pairs]
+    left = [joint for joint in _above(feet[-1], skeleton) if joint in pairs] if feet else []
+    if len(left) < 3:
+        return 0.0
+    lengths = np.median(np.linalg.norm(np.diff(places[:, left], axis=1), axis=-1), axis=0)
+    hip = int(np.argmax(np.minimum(lengths[1:], lengths[:-1])))  # the two longest bones in a row are thigh and shin
+    leg = left[hip : hip + 3]
+    sines = []
+    for side in (leg, [pairs[joint] for joint in leg]):
+        (thigh, shin), across = np.diff(places[:, side], axis=1).swapaxes(0, 1), places[:, leg[0]] - places[:, pairs[leg[0]]]
+        size = np.prod([np.linalg.norm(way, axis=-1) for way in (thigh, shin, across)], axis=0)
+        sines.append((np.cross(thigh, shin) * across).sum(-1) / np.maximum(size, 1e-9))
+    return float(np.mean(sines))
+
+
+def _above(joint: int, skeleton: Skeleton) -> list[int]:
+    """The way from the root to a joint."""
+    return [0] if joint == 0 else [*_above(skeleton.parents[joint], skeleton), joint]
 
 
 def recorded_slower(reading: Reading) -> bool:

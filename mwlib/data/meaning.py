@@ -243,6 +243,9 @@ def standing(positions: Float[np.ndarray, "T joints 3"], skeleton: Skeleton, up:
     return Standing("xyz"[axis], float(extent[here] / max(extent[axis], 1e-9)), is_clear)
 
 
+TURN = "turn the positions so that y or z points up, and say which by up="
+
+
 def check_up(positions: Float[np.ndarray, "T joints 3"], skeleton: Skeleton, up: Stated[str], file: Path) -> None:
     """Refuse a body that clearly stands along another axis, unless the user stated which one is up.
 
@@ -253,7 +256,7 @@ def check_up(positions: Float[np.ndarray, "T joints 3"], skeleton: Skeleton, up:
     if up.is_users or not found.is_clear:
         return
     fits = found.axis in AXES
-    say = f"say up={found.axis}" if fits else "turn the positions so that y or z points up, and say which by up="
+    say = f"say up={found.axis}" if fits else f"{TURN}, or put the joints' names into the order of the columns"
     expected = f"{up.value} up, as {up.source} has it; {say} {STATE_AXIS}; if somebody lies there, up={up.value}"
     raise MotionFormatError(file, "up-axis", f"a body that stands along {found.axis}", expected)
 
@@ -285,8 +288,8 @@ class Hints:
     """What a reader may use beyond the file itself.
 
     One order holds for unit, up-axis and frame rate: what the caller says, else the file's row in clips.csv, else the file
-    or the skeleton.json beside it, else what its format or skeleton implies; a unit that is still open is told from the
-    body's size (`infer_unit`).
+    or the skeleton.json beside it, which must agree, else what its format or skeleton implies; a unit that is still open is told
+    from the body's size (`infer_unit`).
 
     Args:
         unit: metres per unit; None: neither caller nor clips.csv say.
@@ -416,6 +419,9 @@ def _clips(table: Path, *_state: int) -> dict[str, dict[str, str]]:
         lines = [(reader.line_num, cells) for cells in islice(reader, MOST_ROWS + 1)]
     except csv.Error as error:
         raise MotionFormatError(table, "table", str(error), "comma-separated values with a header line") from error
+    if not columns or not any(any(cells) for _, cells in lines):
+        found = "a header without rows" if columns else "nothing"
+        raise MotionFormatError(table, "table", found, "a header with a column named file, and a row for each file")
     if len(lines) > MOST_ROWS:
         raise MotionFormatError(table, "table", f"more than {MOST_ROWS} rows", "at most that")
     rows: dict[str, dict[str, str]] = {}
@@ -424,8 +430,8 @@ def _clips(table: Path, *_state: int) -> dict[str, dict[str, str]]:
         cells = [" ".join(_visible(cell).split()) for cell in cells]
         if not any(cells):
             continue
-        row = dict(zip(columns, cells + [""] * (len(columns) - len(cells)), strict=False))
-        _check_row(row, cells[len(columns) :], line, table)
+        row = dict(zip(columns, cells, strict=False))
+        _check_row(row, len(cells) if any(cells[len(columns) :]) else min(len(cells), len(columns)), columns, line, table)
         key = _key(tuple(posixpath.normpath(row["file"].replace("\\", "/")).split("/")))
         if key in first:
             raise MotionFormatError(table, f"line {line}", f"{row['file']}, as in line {first[key]}", "one row for each file")
@@ -453,9 +459,9 @@ def _header(cells: list[str], table: Path) -> list[str]:
     return columns
 
 
-def _check_row(row: dict[str, str], more: list[str], line: int, table: Path) -> None:
-    if any(more):
-        expected = f"{len(row)} cells; a text with a comma stands in quotes"
-        raise MotionFormatError(table, f"line {line}", f"{len(row) + len(more)} cells", expected)
+def _check_row(row: dict[str, str], cells: int, columns: list[str], line: int, table: Path) -> None:
+    if cells != len(columns):
+        expected = f"{len(columns)} cells, empty ones as well; a text with a comma stands in quotes"
+        raise MotionFormatError(table, f"line {line}", f"{cells} cells", expected)
     if not row.get("file"):
         raise MotionFormatError(table, f"line {line}", "no file", "a file in every row")

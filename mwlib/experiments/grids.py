@@ -133,7 +133,7 @@ def read_config(file: Path) -> Settings:
         config = system(name).Config
     except ValueError as error:
         raise ValueError(f"{file}: {error}") from None
-    return config.from_yaml(file, whole=True)
+    return config.from_yaml(file)
 
 
 NAME = re.compile(r"[a-z0-9_]+")

@@ -293,7 +293,7 @@ def read_run(kind: type[Chosen], folder: Path) -> tuple[Chosen, dict[str, Tensor
         FileNotFoundError, DamagedFileError: as in `read_model`.
         ValueError: config.yaml is not whole or not valid, or is not the configuration that trained the model.
     """
-    cfg = kind.from_yaml(folder / CONFIG, whole=True)
+    cfg = kind.from_yaml(folder / CONFIG)
     parts = read_model(folder)
     check_trained(cfg, parts[2], folder / CONFIG)
     return cfg, *parts

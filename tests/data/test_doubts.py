@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 import warnings
 from dataclasses import replace
@@ -14,7 +15,7 @@ from mwlib import Motion, MotionFormatError, load_motions, write_bvh
 from mwlib.body.skeleton import SCHEMES
 from mwlib.cli import main
 from mwlib.data.check import check_data
-from mwlib.data.doubts import other_axis, unsettled
+from mwlib.data.doubts import misnamed, other_axis, unsettled
 from mwlib.data.load import readings
 from mwlib.data.meaning import Reading, Stated
 from mwlib.data.untrusted import DoubtfulDataWarning
@@ -214,3 +215,37 @@ def test_none_of_the_real_clips_is_doubted(data_folder):
         skeleton = replace(found.motion.skeleton, joints=tuple(f"b{i}" for i in range(len(found.motion.skeleton))), h36m17=())
         assert other_axis(replace(found, motion=replace(found.motion, skeleton=skeleton, rig=None))) == ""
         assert found.first.value or not unsettled(found.motion)
+
+
+OTHER_ORDERS = {
+    "names in reverse": ({"joints": WALK.skeleton.joints[::-1]}, slice(None), 1, r"bones to left_\w+ and right_\w+ are 0\.\d"),
+    "columns in reverse": ({}, slice(None, None, -1), 1, r"bones to left_\w+ and right_\w+ are [\d.]+ and [\d.]+ m long"),
+    "left for right": ({}, WALK.skeleton.mirror, 1, "knees bend backwards"),
+    "left-handed axes": ({}, slice(None), [-1, 1, 1], "knees bend backwards"),
+    "upside down": ({}, slice(None), [-1, 1, -1], "the head is below the feet along z, which skeleton.json says is up"),
+}
+
+
+@pytest.mark.parametrize("said, order, signs, reason", OTHER_ORDERS.values(), ids=OTHER_ORDERS)
+def test_joints_with_names_of_others_are_doubted(tmp_path, capsys, said, order, signs, reason):
+    about = {"name": "mine", "joints": WALK.skeleton.joints, "parents": WALK.skeleton.parents, "fps": 50, "unit": "m", "up": "z"}
+    (tmp_path / "skeleton.json").write_text(json.dumps(about | said))
+    np.save(tmp_path / "a.npy", WALK.positions[:, order] * signs)
+    with pytest.warns(
+        DoubtfulDataWarning, match=rf"^joints likely have each other's names: a.npy \({reason}.*\); expected joint n"
+    ):
+        load_motions(tmp_path)
+    assert main(["check-data", str(tmp_path)]) == 1 and "each other's names" in capsys.readouterr().out
+    (tmp_path / "skeleton.json").write_text(json.dumps(about))
+    np.save(tmp_path / "a.npy", WALK.positions)
+    load_motions(tmp_path)
+    assert main(["check-data", str(tmp_path)]) == 0
+
+
+def test_sides_of_other_lengths_are_doubted():
+    places = WALK.positions.copy()
+    for joint in WALK.skeleton.parts["left_arm"][1:]:  # a forearm for a hand, as where names are one too far
+        places[:, joint] += 2 * (places[:, joint] - places[:, WALK.skeleton.parents[joint]])
+    reading = Reading(replace(WALK, positions=places, rig=None), Stated(1.0, ""), Stated("z", ""), Stated(50.0, ""))
+    assert re.fullmatch(r"bones to left_\w+ and right_\w+ are 0\.\d+ and 0\.\d+ m long", misnamed(reading))
+    assert misnamed(replace(reading, motion=WALK)) == ""

@@ -68,10 +68,10 @@ def test_every_setting_of_a_run_is_there_but_newer_ones():
         tree = yaml.safe_load(cfg.to_yaml())
         del tree[group][name]
         if name in type(cfg).newer:
-            assert type(cfg).from_yaml(yaml.safe_dump(tree), whole=True) == cfg
+            assert type(cfg).from_yaml(yaml.safe_dump(tree)) == cfg
             continue
         with pytest.raises(ValueError, match=f"the configuration lacks {name}; expected every setting"):
-            type(cfg).from_yaml(yaml.safe_dump(tree), whole=True)
+            type(cfg).from_yaml(yaml.safe_dump(tree))
 
 
 def test_a_cut_or_edited_configuration_opens_no_model(run):

@@ -54,16 +54,19 @@ def read_positions(arrays: dict[str, Shaped[np.ndarray, "*shape"]], file: Path, 
     """Make a motion of the entries of an .npz file.
 
     `positions` (T, J, 3) is needed; `fps`, `unit`, `up`, `subject`, `action` and `skeleton` (the name of a known skeleton)
-    may be there; what is not comes from skeleton.json beside the file or above it. `Hints` says who is believed first; an axis
-    up that nobody states is z.
+    may be there; what is not comes from skeleton.json beside the file or above it, which must not contradict them where it is
+    about this skeleton. `Hints` says who is believed first; an axis up that nobody states is z.
 
     Raises:
-        MotionFormatError: shapes, values or the skeleton do not fit, or nobody states the skeleton or the frame rate.
+        MotionFormatError: shapes, values or the skeleton do not fit, nobody states the skeleton or the frame rate, or the file
+            and skeleton.json state two of something while neither the caller nor clips.csv decides.
     """
     beside = _layout_beside(file, arrays["positions"].shape)
     said = {name: single(array, file, name) for name, array in arrays.items() if name != "positions"}
     inside = layout_of(said, file, ENTRY)
     skeleton = inside.skeleton or beside.skeleton or hints.fallback_skeleton
+    if skeleton == (beside.skeleton or skeleton):
+        _check_agreement(inside, beside, file, hints)
     fps = hints.fps or inside.fps or beside.fps
     if skeleton is None or fps is None:
         missing, ways = (
@@ -81,6 +84,15 @@ def read_positions(arrays: dict[str, Shaped[np.ndarray, "*shape"]], file: Path, 
     who, what = (label(str(said.get(name, "")), file, name) for name in ("subject", "action"))
     motion = Motion(positions.astype(np.float32), fps.value, skeleton, who, what, up=up.value)
     return Reading(hints.label(motion, file), unit, up, fps)
+
+
+def _check_agreement(inside: Layout, beside: Layout, file: Path, hints: Hints) -> None:
+    """Refuse a file that says something else than the skeleton.json beside it, unless somebody else says what is right."""
+    for name, argument in (("fps", "file_fps"), ("unit", "unit"), ("up", "up")):
+        one, other = (getattr(layout, name) for layout in (inside, beside))
+        if one and other and one.value != other.value and getattr(hints, name) is None:
+            expected = f"one value; or a column {name} in clips.csv, or {argument}="
+            raise MotionFormatError(file, name, f"{one.value} in {one.source}, {other.value} in {other.source}", expected)
 
 
 def _layout_beside(file: Path, shape: tuple[int, ...]) -> Layout:
@@ -154,9 +166,20 @@ def _skeleton(tree: dict, file: Path) -> Skeleton:
     left, right = paired(tuple(names)) if by_name else (tuple(tree.get(side, [])) for side in ("left", "right"))
     parts = {part: tuple(row) for part, row in parts.items()}
     try:
-        return known_skeleton(Skeleton(tree["name"], tuple(names), tuple(parents), left, right, parts))
+        found = known_skeleton(Skeleton(tree["name"], tuple(names), tuple(parents), left, right, parts))
     except ValueError as error:
         raise MotionFormatError(file, "skeleton", str(error), "a tree") from error
+    _check_sides(found, file)
+    return found
+
+
+def _check_sides(skeleton: Skeleton, file: Path) -> None:
+    """Refuse pairs of joints that their names contradict."""
+    told = dict(zip(*paired(skeleton.joints), strict=True))
+    for one, other in zip(skeleton.left, skeleton.right, strict=True):
+        if told.get(one) != other and {one, other} & {*told, *told.values()}:
+            found = f"{skeleton.joints[one]!r} on the left and {skeleton.joints[other]!r} on the right"
+            raise MotionFormatError(file, "left, right", found, "pairs as the joints' names say, in the same order")
 
 
 def layout_of(said: dict, file: Path, source: str) -> Layout:

@@ -34,18 +34,44 @@ def test_the_skeleton_file_beside_says_everything(tmp_path):
     (tmp_path / "skeleton.json").write_text(json.dumps(OWN))
     (tmp_path / "a").mkdir()
     np.save(tmp_path / "a" / "walk.npy", POSITIONS)
-    np.savez(tmp_path / "a" / "07_03.npz", positions=POSITIONS.astype(np.float64), fps=30, subject="Ann", action="run")
+    np.savez(tmp_path / "a" / "07_03.npz", positions=POSITIONS.astype(np.float64), fps=25, subject="Ann", action="run")
     run, walk = load_motions(tmp_path)
     for motion in (run, walk):
         np.testing.assert_allclose(motion.positions, POSITIONS / 100, rtol=1e-6)
         assert (motion.skeleton.name, motion.skeleton.joints[1], motion.up) == ("cross", "left", "y")
         assert motion.skeleton.parts == {"arms": (1, 2)}
     assert (walk.fps, walk.name, walk.subject) == (25.0, "walk", "")
-    assert (run.fps, run.name, run.subject, run.action) == (30.0, "07_03", "Ann", "run")  # the file itself knows best
+    assert (run.fps, run.name, run.subject, run.action) == (25.0, "07_03", "Ann", "run")
+
+
+@pytest.mark.parametrize("name, value, other", [("fps", 30, 25.0), ("unit", "m", 0.01), ("up", "z", "y")])
+def test_two_files_that_contradict_each_other_need_a_word(tmp_path, name, value, other):
+    (tmp_path / "skeleton.json").write_text(json.dumps(OWN))
+    np.savez(tmp_path / "a.npz", positions=POSITIONS, **{name: value})
+    argument = {"fps": "file_fps"}.get(name, name)
+    found = f"{name}: found .* in its own entry, {other} in skeleton.json; expected one value; or a column {name} in clips.csv, "
+    with pytest.raises(MotionFormatError, match=f"a.npz, {found}or {argument}="):
+        load_motions(tmp_path / "a.npz")
+    assert len(load_motions(tmp_path / "a.npz", **{argument: value})) == 1
+    (tmp_path / "clips.csv").write_text(f"file,{name}\na.npz,{value}\n")
+    assert len(load_motions(tmp_path / "a.npz")) == 1
+
+
+@pytest.mark.parametrize("left, right", [([2], [1]), ([1, 3], [4, 2]), ([1], [3])], ids=["sides", "order", "another"])
+def test_pairs_that_the_names_contradict_are_refused(tmp_path, left, right):
+    joints = ["hips", "left_knee", "right_knee", "left_foot", "right_foot"]
+    own = {"name": "legs", "joints": joints, "parents": [-1, 0, 0, 1, 2], "left": left, "right": right, "fps": 25}
+    (tmp_path / "skeleton.json").write_text(json.dumps(own))
+    np.save(tmp_path / "a.npy", np.zeros((3, 5, 3)))
+    found = (
+        f"found '{joints[left[0]]}' on the left and '{joints[right[0]]}' on the right; expected pairs as the joints' names say"
+    )
+    with pytest.raises(MotionFormatError, match=f"skeleton.json, left, right: {found}"):
+        load_motions(tmp_path)
 
 
 def test_the_caller_says_what_nobody_else_does(tmp_path):
-    array = np.random.default_rng(0).normal(size=(3, 17, 3))
+    array = WALK.positions[:3]
     np.save(tmp_path / "a.npy", array)
     with pytest.raises(
         MotionFormatError, match="skeleton: found none; expected a skeleton.json beside the file .*, or skeleton="
@@ -62,11 +88,11 @@ def test_the_caller_says_what_nobody_else_does(tmp_path):
 
 
 def test_a_known_skeleton_goes_by_its_name(tmp_path):
-    array = np.random.default_rng(0).normal(size=(3, 17, 3))
+    array = 1000 * WALK.positions[:3]
     np.savez(tmp_path / "a.npz", positions=array, skeleton="H36M17", fps=50.0, unit="mm", up="z")
     (motion,) = load_motions(tmp_path / "a.npz")
     np.testing.assert_allclose(motion.positions, array / 1000, rtol=1e-6)
-    (tmp_path / "skeleton.json").write_text(json.dumps({"name": "H36M17", "fps": 50, "unit": 1.0}))
+    (tmp_path / "skeleton.json").write_text(json.dumps({"name": "H36M17", "fps": 50, "unit": 0.001}))
     np.save(tmp_path / "b.npy", array)
     (motion,) = load_motions(tmp_path / "b.npy", up="z")
     assert motion.skeleton == H36M17

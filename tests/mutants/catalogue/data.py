@@ -63,7 +63,10 @@ MUTANTS = [
         ("marks-of-no-width-make-a-person", '"".join(c for c in whole if unicodedata.category(c) != "Cf")', "whole"),
         ("quotes-without-an-end", ".splitlines(), strict=True)", ".splitlines())"),
         ("blanks-make-a-column", 'columns = [" ".join(cell.split()) for cell in cells]', "columns = [*cells]"),
-        ("cells-without-a-column-are-dropped", "if any(more):", "if more and False:"),
+        ("cells-without-a-column-are-dropped", "len(cells) if any(cells[len(columns) :]) else", "0 and len(cells) or"),
+        ("cells-that-lack-are-empty", "if cells != len(columns):", "if cells > len(columns):"),
+        ("a-table-without-rows", "not any(any(cells) for _, cells in lines)", "False"),
+        ("a-table-of-nothing", "if not columns or not any", "if columns and not any"),
         ("two-ways-to-one-file", "if len(listed) > 1:", "if len(listed) > 2:"),
         ("a-table-is-old-by-its-time-only", "state.st_mtime_ns, state.st_size)", "state.st_mtime_ns)"),
     ),
@@ -76,6 +79,10 @@ MUTANTS = [
     ),
     *of(
         "data/doubts.py", "data/test_doubts.py",
+        ("knees-bend-either-way", "_bend(places, skeleton) < -BACKWARDS", "_bend(places, skeleton) > BACKWARDS"),
+        ("one-leg-bends", "for side in (leg, [pairs[joint] for joint in leg]):", "for side in (leg, leg[::-1]):"),
+        ("a-head-anywhere", 'if reading.up.is_users and standing(', 'if standing('),
+        ("sides-of-any-length", "UNEVEN = 0.15", "UNEVEN = 0.95"),
         ("nameless-bodies-stand-as-said", "is_other = abs(lean[axis]) > OTHERWISE and lean[here] < UPRIGHT", "is_other = False"),
         ("a-stated-axis-is-doubted",
          "if reading.up.is_users or all(head_and_feet(skeleton)):", "if all(head_and_feet(skeleton)):"),
@@ -121,6 +128,10 @@ MUTANTS = [
     ),
     *of(
         "data/formats/arrays.py", "data/formats/test_arrays.py",
+        ("two-rates-of-one-file", "one and other and one.value != other.value", "one and other and one.value is None"),
+        ("a-word-of-the-user-changes-nothing", "and getattr(hints, name) is None:", "and name:"),
+        ("skeletons-of-other-files-contradict", "if skeleton == (beside.skeleton or skeleton):", "if skeleton:"),
+        ("any-joint-is-left", "if told.get(one) != other and {one, other} &", "if told.get(one) == other and {one, other} &"),
         ("keys-of-any-name", 'check_names(tree, KEYS, "key"', 'check_names((), KEYS, "key"'),
     ),
     *of(

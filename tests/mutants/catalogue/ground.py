@@ -23,7 +23,7 @@ MUTANTS = [
     ),
     *of(
         "settings.py", "experiments/test_believed_runs.py::test_every_setting_of_a_run_is_there_but_newer_ones",
-        ("a-part-is-all", "if whole and (absent", "if False and (absent"),
+        ("a-part-is-all", "if absent := cls._absent(tree):", "if False and (absent := cls._absent(tree)):"),
         ("newer-settings-are-missed", "and n not in tree[g] and n not in cls.newer", "and n not in tree[g]"),
     ),
     *of(
