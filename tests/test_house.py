@@ -20,12 +20,12 @@ ROOT = Path(__file__).parents[1]
 LEAVES = ("hashing", "files", "paths", "version")
 SYSTEMS = ("prediction", "inbetweening", "text_to_motion")
 ROOMS = (
-    LEAVES, ("settings",), ("body",), ("transforms",), ("networks",), ("synthetic",), ("data",),
+    LEAVES, ("settings",), ("arguments",), ("body",), ("transforms",), ("networks",), ("synthetic",), ("data",),
     ("diffusion",), ("metrics",), ("training",), ("matching",),
     SYSTEMS, ("plots",), ("experiments",), ("course",), ("cli",), ("__main__", "__init__"),
 )  # fmt: skip
 FLOOR = {room: floor for floor, rooms in enumerate(ROOMS) for room in rooms}
-MOST_LINES, MOST_LINES_OF_A_FUNCTION, MOST_MODULES_OF_A_SYSTEM = 500, 45, 65
+MOST_LINES, MOST_LINES_OF_A_FUNCTION, MOST_MODULES_OF_A_SYSTEM = 500, 45, 66
 A_QUESTION = re.compile(r"(What|Who|How|Which|Whether)\b")
 CATCH_ALL = {"utils", "util", "helpers", "helper", "common", "misc", "tools"}
 

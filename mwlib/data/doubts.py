@@ -128,7 +128,7 @@ def misnamed(reading: Reading) -> str:
         joint = int(np.argmax(np.abs(left - right)))
         first, second = skeleton.joints[skeleton.left[joint]], skeleton.joints[skeleton.right[joint]]
         return f"bones to {first} and {second} are {left[joint]:.2g} and {right[joint]:.2g} m long"
-    if reading.up.is_users and standing(places, skeleton, motion.up)[::2] == (f"-{motion.up}", True):
+    if standing(places, skeleton, motion.up)[::2] == (f"-{motion.up}", True):
         return f"the head is below the feet along {motion.up}, which {reading.up.source} says is up"
     return "knees bend backwards" if _bend(places, skeleton) < -BACKWARDS else ""
 

@@ -14,6 +14,7 @@ from jaxtyping import Float, Int
 from torch import Tensor
 
 from mwlib.body.skeleton import Skeleton
+from mwlib.settings import Positive
 
 from mwlib.metrics.prediction import (  # isort: skip
     ERRORS, Metric, MultimodalFutures, Predictions, ade, by_action, check_shapes, cmd, fde, mean_ade, step_length,
@@ -25,7 +26,7 @@ HORIZONS = (0.2, 0.4, 1.0)  # seconds ahead at which errors are reported beside 
 BANDS = (0.5, 0.9)  # shares of the samples in whose middle the truth is looked for
 
 
-def speed(p: Float[Tensor, "N S F C"], fps: float) -> Float[Tensor, " N"]:
+def speed(p: Float[Tensor, "N S F C"], fps: Positive) -> Float[Tensor, " N"]:
     """How fast a joint moves, m/s: mean over samples, joints and frames of the way in 0.2 s.
 
     Source: own choice.
@@ -55,7 +56,7 @@ def pose_change(p: Float[Tensor, "N S F C"]) -> Float[Tensor, " N"]:
     return (p[:, :, -1] - p[:, :, 0]).norm(dim=-1).mean(1)
 
 
-def jerk(p: Float[Tensor, "N S F C"], fps: float) -> Float[Tensor, " N"]:
+def jerk(p: Float[Tensor, "N S F C"], fps: Positive) -> Float[Tensor, " N"]:
     """Third derivative of a joint's place, m/s³: mean length over samples, joints and frames of the third difference.
 
     Source: own choice; Flash and Hogan, 1985, take it as the measure of smoothness.
@@ -71,7 +72,7 @@ def jerk(p: Float[Tensor, "N S F C"], fps: float) -> Float[Tensor, " N"]:
     return _jerks(p, fps).mean((1, 2, 3))
 
 
-def median_jerk(p: Float[Tensor, "N S F C"], fps: float) -> Float[Tensor, " N"]:
+def median_jerk(p: Float[Tensor, "N S F C"], fps: Positive) -> Float[Tensor, " N"]:
     """The median over frames of the jerk there, m/s³: a twitch at one end does not make up for a stiff middle.
 
     Source: own choice, as `jerk`.
@@ -83,7 +84,7 @@ def median_jerk(p: Float[Tensor, "N S F C"], fps: float) -> Float[Tensor, " N"]:
     return _jerks(p, fps).mean((1, 3)).median(dim=1).values
 
 
-def seam_jerk(p: Float[Tensor, "N S F C"], x_history: Float[Tensor, "N H C"], fps: float) -> Float[Tensor, " N"]:
+def seam_jerk(p: Float[Tensor, "N S F C"], x_history: Float[Tensor, "N H C"], fps: Positive) -> Float[Tensor, " N"]:
     """Jerk where the future begins, m/s³: the largest of the three third differences that straddle it, each a mean over samples
     and joints.
 
@@ -131,7 +132,7 @@ def _last(x_history: Float[Tensor, "N H C"], frames: int) -> Float[Tensor, "N _f
     return x_history[:, -frames:]
 
 
-def error_at(p: Float[Tensor, "N S F C"], g: Float[Tensor, "N F C"], fps: float, seconds: float) -> Float[Tensor, " N"]:
+def error_at(p: Float[Tensor, "N S F C"], g: Float[Tensor, "N F C"], fps: Positive, seconds: float) -> Float[Tensor, " N"]:
     """Error of the best sample at one time ahead, metres over the C values: `fde`, had the prediction ended there.
 
     Raises:

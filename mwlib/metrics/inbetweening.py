@@ -19,6 +19,7 @@ from mwlib.body.kinematics import bones_of, horizontal
 from mwlib.body.rotation import continuous
 from mwlib.body.skeleton import Skeleton
 from mwlib.metrics.prediction import sample_ade
+from mwlib.settings import Positive
 
 POWERS = ("real", "magnitude")
 
@@ -267,7 +268,7 @@ def path_length(path: Float[Tensor, "*lead T axes"]) -> Float[Tensor, "*lead"]:
 def foot_contacts(
     joints: Float[Tensor, "*lead T J 3"],
     feet: Sequence[int],
-    fps: float,
+    fps: Positive,
     *,
     up: str = "z",
     floor: float | Float[Tensor, "*#lead"] = 0.0,
@@ -301,7 +302,7 @@ def foot_contacts(
 def foot_skate(
     x: Float[Tensor, "*lead T C"],
     feet: Sequence[int],
-    fps: float,
+    fps: Positive,
     *,
     up: str = "z",
     floor: float = 0.0,

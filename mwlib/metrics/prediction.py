@@ -17,6 +17,7 @@ from torch import Tensor
 from mwlib.body.kinematics import bones_of
 from mwlib.body.skeleton import Skeleton
 from mwlib.metrics.table import Column
+from mwlib.settings import of_kind
 
 
 @dataclass(frozen=True)
@@ -347,6 +348,7 @@ def check_shapes(p: Tensor, g: Tensor | None = None, *, windows: Tensor | None =
     Raises:
         ValueError: the message has the shapes, or the number of the first bad window.
     """
+    of_kind("p", p, Tensor, "a tensor (N, S, F, C)")
     if p.ndim != 4 or p.shape[1] < 1 or p.shape[2] < frames:
         raise ValueError(f"p has shape {tuple(p.shape)}; expected (N, S, F, C) with S >= 1 and F >= {frames}")
     if g is not None and g.shape != (p.shape[0], *p.shape[2:]):

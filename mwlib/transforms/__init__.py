@@ -2,5 +2,8 @@
 
 import lazy_loader
 
+from mwlib.arguments import checking
+
 # What is imported at its first use stands in __init__.pyi: a system opens what it needs.
-__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
+_door, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
+__getattr__ = checking(_door)

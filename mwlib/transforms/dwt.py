@@ -10,6 +10,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
+from mwlib.settings import choice, shown, whole
 from mwlib.transforms.linear import Constant, LinearTransform
 
 
@@ -55,11 +56,9 @@ def wavelet_matrices(length: int, wavelet: str, mode: str, level: int) -> tuple[
         ValueError: unknown wavelet or mode, or a level below 1.
     """
     if wavelet not in pywt.wavelist(kind="discrete"):
-        raise ValueError(f"wavelet is {wavelet!r}; expected a discrete PyWavelets wavelet, e.g. 'bior2.8'")
-    if mode not in pywt.Modes.modes:
-        raise ValueError(f"mode is {mode!r}; expected one of {', '.join(pywt.Modes.modes)}")
-    if level < 1:
-        raise ValueError(f"level is {level}; expected at least 1")
+        raise ValueError(f"wavelet is {shown(wavelet)}; expected a discrete PyWavelets wavelet, e.g. 'bior2.8'")
+    choice("mode", mode, pywt.Modes.modes)
+    whole("level", level, 1)
     filters = pywt.Wavelet(wavelet)
     analysis, synthesis = _level_matrices(length, filters, mode)
     sizes = (len(analysis) // 2,) * 2
@@ -104,7 +103,8 @@ class WaveletTransform(LinearTransform):
     """
 
     def __init__(self, frames: int, channels: int, wavelet: str = "bior2.8", mode: str = "zero", level: int = 1) -> None:
-        self.frames, self.channels, self.wavelet, self.mode, self.level = frames, channels, wavelet, mode, level
+        self.frames, self.channels = whole("frames", frames, 1), whole("channels", channels, 1)
+        self.wavelet, self.mode, self.level = wavelet, mode, level
         self.analysis_time, self.synthesis_time, self.rows = wavelet_matrices(frames, wavelet, mode, level)
         self.analysis_space, self.synthesis_space, self.columns = wavelet_matrices(channels, wavelet, mode, level)
         self.shape = (self.rows[0], 4 * self.columns[0]) if level == 1 else (sum(self.rows), sum(self.columns))
@@ -115,19 +115,19 @@ class WaveletTransform(LinearTransform):
 
     def __call__(self, x: Float[Tensor, "... T C"]) -> Float[Tensor, "... rows columns"]:
         """y = DWT(x)."""
-        self._check(x, (self.frames, self.channels))
+        self._expect(x, (self.frames, self.channels))
         left, right = (m.like(x) for m in self._analysis)
         return self._side_by_side((left @ x) @ right)
 
     def inverse(self, y: Float[Tensor, "... rows columns"]) -> Float[Tensor, "... T C"]:
         """x = iDWT(y), cropped to T x C."""
-        self._check(y, self.shape)
+        self._expect(y, self.shape)
         left, right = (m.like(y) for m in self._synthesis)
         return left @ (self._blocks(y) @ right)
 
     def project(self, y: Float[Tensor, "... rows columns"]) -> Float[Tensor, "... rows columns"]:
         """DWT(iDWT(y)), Eq. 8: onto the range of the DWT."""
-        self._check(y, self.shape)
+        self._expect(y, self.shape)
         left, right = (m.like(y) for m in self._projection)
         return self._side_by_side((left @ self._blocks(y)) @ right)
 
@@ -163,10 +163,6 @@ class WaveletTransform(LinearTransform):
             return y
         return y.unflatten(-1, (2, 2, -1)).movedim(-2, -4).flatten(-4, -3).flatten(-2)
 
-    def _check(self, array: Tensor, expected: tuple[int, int]) -> None:
-        if tuple(array.shape[-2:]) != expected:
-            raise ValueError(f"last two axes are {tuple(array.shape[-2:])}; expected {expected}")
-
 
 class TimeWaveletTransform(LinearTransform):
     """DWT of every channel along time, periodised; one row of coefficients for each stretch of 2^level frames.
@@ -194,9 +190,9 @@ class TimeWaveletTransform(LinearTransform):
     """
 
     def __init__(self, frames: int, channels: int, wavelet: str = "bior6.8", level: int = 3, omit: int = 0) -> None:
-        if level < 1:
-            raise ValueError(f"level is {level}; expected at least 1")
-        if not 0 <= omit < level:
+        for name, count in (("frames", frames), ("channels", channels), ("level", level)):
+            whole(name, count, 1)
+        if not 0 <= whole("omit", omit) < level:
             raise ValueError(f"omit is {omit}; expected 0 to {level - 1}, below the level ({level})")
         if frames < 2**level:
             raise ValueError(f"level is {level} of {frames} frames; expected at most {frames.bit_length() - 1}")
@@ -217,10 +213,12 @@ class TimeWaveletTransform(LinearTransform):
 
     def __call__(self, x: Float[Tensor, "... T C"]) -> Float[Tensor, "... rows columns"]:
         """Coefficients of the kept levels."""
+        self._expect(x, (self.frames, self.channels))
         return self._rows(self._analysis.like(x) @ x)
 
     def inverse(self, y: Float[Tensor, "... rows columns"]) -> Float[Tensor, "... T C"]:
         """The motion with these coefficients, those left out being zero."""
+        self._expect(y, self.shape)
         return self._synthesis.like(y) @ self.along_time(y)
 
     def time_rows(self) -> Float[np.ndarray, "all T"]:

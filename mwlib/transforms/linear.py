@@ -10,6 +10,8 @@ from jaxtyping import Float
 from scipy.fft import dct, dst
 from torch import Tensor
 
+from mwlib.settings import choice, of_kind, whole
+
 
 def pad_history(x_history: Float[Tensor, "... H C"], frames: int) -> Float[Tensor, "... T C"]:
     """Hold the last observed pose over the unknown future, so that a transform over T frames can be applied.
@@ -53,6 +55,17 @@ class Transform(ABC):
     """A frequency view of motions of T frames and C channels. Leading axes are free; gradients flow."""
 
     shape: tuple[int, int]
+    frames: int
+    channels: int
+
+    def _expect(self, array: Tensor, expected: tuple[int, int]) -> None:
+        """Refuse what is no motion, or no coefficients, of this transform.
+
+        Raises:
+            ValueError: the last two axes are not these.
+        """
+        if tuple(of_kind("the argument", array, Tensor, "a tensor").shape[-2:]) != expected:
+            raise ValueError(f"last two axes are {tuple(array.shape[-2:])}; expected {expected}")
 
     @abstractmethod
     def __call__(self, x: Float[Tensor, "... T C"]) -> Float[Tensor, "... rows columns"]:
@@ -101,16 +114,19 @@ class OrthonormalRows(LinearTransform):
     """
 
     def __init__(self, rows: Float[np.ndarray, "rows T"], channels: int, name: str) -> None:
-        self.frames, self.channels, self.shape, self.name = rows.shape[1], channels, (len(rows), channels), name
+        self.frames, self.channels, self.name = rows.shape[1], whole("channels", channels, 1), name
+        self.shape = (len(rows), channels)
         self.analysis_time, self.synthesis_time = rows, rows.T
         self._forward, self._backward = Constant(self.analysis_time), Constant(self.synthesis_time)
 
     def __call__(self, x: Float[Tensor, "... T C"]) -> Float[Tensor, "... rows columns"]:
         """The coefficients."""
+        self._expect(x, (self.frames, self.channels))
         return self._forward.like(x) @ x
 
     def inverse(self, y: Float[Tensor, "... rows columns"]) -> Float[Tensor, "... T C"]:
         """The motion with these coefficients and no others."""
+        self._expect(y, self.shape)
         return self._backward.like(y) @ y
 
     def time_rows(self) -> Float[np.ndarray, "all T"]:
@@ -144,7 +160,7 @@ class DCTTransform(OrthonormalRows):
         rows: L, number of kept coefficients, at most T; None keeps all (then the inverse is exact).
 
     Raises:
-        ValueError: rows is not between 1 and frames.
+        ValueError: a count is not whole or too small, or rows exceeds frames.
 
     >>> tf = DCTTransform(frames=40, channels=48, rows=8)
     >>> still = torch.ones(40, 48)
@@ -154,9 +170,7 @@ class DCTTransform(OrthonormalRows):
     """
 
     def __init__(self, frames: int, channels: int, rows: int | None = None) -> None:
-        rows = frames if rows is None else rows
-        if not 1 <= rows <= frames:
-            raise ValueError(f"rows is {rows}; expected 1 to {frames} (frames)")
+        rows = whole("rows", whole("frames", frames, 1) if rows is None else rows, 1, frames)
         super().__init__(np.asarray(dct(np.eye(frames), norm="ortho", axis=0))[:rows], channels, "dct")
 
 
@@ -171,7 +185,7 @@ class DSTTransform(OrthonormalRows):
         rows: number of kept coefficients, at most T - 2; None keeps all.
 
     Raises:
-        ValueError: rows is not between 1 and frames - 2.
+        ValueError: a count is not whole or too small, or rows exceeds frames - 2.
 
     >>> tf = DSTTransform(frames=6, channels=1)
     >>> bridge = torch.tensor([0.0, 1.0, 3.0, 2.0, 1.0, 0.0])[:, None]
@@ -180,10 +194,9 @@ class DSTTransform(OrthonormalRows):
     """
 
     def __init__(self, frames: int, channels: int, rows: int | None = None) -> None:
-        rows = frames - 2 if rows is None else rows
-        if not 1 <= rows <= frames - 2:
-            raise ValueError(f"rows is {rows}; expected 1 to {frames - 2} (frames without the first and the last)")
-        sines = np.asarray(dst(np.eye(frames - 2), type=1, norm="ortho", axis=0))[:rows]
+        inner = whole("frames", frames, 3) - 2
+        rows = whole("rows", inner if rows is None else rows, 1, inner)
+        sines = np.asarray(dst(np.eye(inner), type=1, norm="ortho", axis=0))[:rows]
         super().__init__(np.pad(sines, ((0, 0), (1, 1))), channels, "dst")
 
 
@@ -209,6 +222,7 @@ def fit_scale(tf: Transform, x: Float[Tensor, "N T C"], kind: str) -> tuple[Tens
     >>> mean.shape, bool((deviation - 0.3).abs().max() < 0.1)
     (torch.Size([20, 6]), True)
     """
+    choice("kind", kind, ("none", "band", "coefficient"))
     if kind == "none":
         return torch.zeros(tf.shape), torch.ones(tf.shape)
     y = torch.cat([tf(part) for part in x.split(4096)])
@@ -228,6 +242,9 @@ class ScaledTransform(Transform):
         base: the transform underneath.
         mean, deviation: as `fit_scale` returns them; in metres, shape `base.shape`.
 
+    Raises:
+        ValueError: base is no transform, or a scale is no tensor of its shape.
+
     >>> x = torch.randn(200, 20, 6) * 0.3
     >>> base = mw.DCTTransform(20, 6)
     >>> tf = ScaledTransform(base, *fit_scale(base, x, "band"))
@@ -236,7 +253,11 @@ class ScaledTransform(Transform):
     """
 
     def __init__(self, base: Transform, mean: Tensor, deviation: Tensor) -> None:
-        self.base, self.mean, self.deviation, self.shape = base, mean.numpy(), deviation.numpy(), base.shape
+        self.base, self.shape = of_kind("base", base, Transform), base.shape
+        for name, scale in (("mean", mean), ("deviation", deviation)):
+            if of_kind(name, scale, Tensor, "a tensor").shape != self.shape:
+                raise ValueError(f"{name} has shape {tuple(scale.shape)}; expected {self.shape}")
+        self.mean, self.deviation = mean.numpy(), deviation.numpy()
         self._mean, self._deviation = Constant(self.mean), Constant(self.deviation)
 
     def __call__(self, x: Float[Tensor, "... T C"]) -> Float[Tensor, "... rows columns"]:

@@ -10,6 +10,7 @@ from jaxtyping import Float
 from torch import Tensor, nn
 from torch.nn import functional as nnf
 
+from mwlib.settings import whole
 from mwlib.transforms.linear import Transform
 
 # Added to powers (of latents of about unit size): a window that stands still has amplitude and frequency 0, and gradients.
@@ -159,15 +160,17 @@ class PhaseTransform(Transform):
         straight: see `PeriodicAutoencoder`.
 
     Raises:
-        ValueError: window is not an odd number from 3 on.
+        ValueError: window is not an odd number from 3 on, or a count is none.
     """
 
     def __init__(
         self, frames: int, channels: int, phases: int = 8, window: int = 25, fps: float = 25.0, seed: int = 0,
         straight: bool = False,
     ) -> None:  # fmt: skip
-        if window < 3 or window % 2 == 0:
+        if whole("window", window, 3) % 2 == 0:
             raise ValueError(f"window is {window}; expected an odd number of frames, at least 3")
+        for name, count in (("frames", frames), ("channels", channels), ("phases", phases)):
+            whole(name, count, 1)
         self.frames, self.channels, self.phases, self.window, self.fps = frames, channels, phases, window, fps
         self.shape, self.seed, self._fitted = (frames, 4 * phases), seed, False
         with torch.random.fork_rng([]):
@@ -250,8 +253,7 @@ class PhaseTransform(Transform):
     def _run(self, array: Tensor, expected: tuple[int, int], function: Callable[[PeriodicAutoencoder, Tensor], Tensor]) -> Tensor:
         if not self._fitted:
             raise RuntimeError("this PhaseTransform is untrained: call fit or restore first")
-        if tuple(array.shape[-2:]) != expected:
-            raise ValueError(f"last two axes are {tuple(array.shape[-2:])}; expected {expected}")
+        self._expect(array, expected)
         net, flat = self.net.to(array.device), array.reshape(-1, *expected).float()
         with torch.autocast(array.device.type, enabled=False):
             out = torch.cat([function(net, part) for part in flat.split(_CHUNK)])

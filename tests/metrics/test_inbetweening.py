@@ -342,7 +342,7 @@ ONES = torch.ones(3 * J)
         (lambda: metrics.l2p(sequences(), sequences(), ONES[:9], ONES), r"mean \(9,\) and deviation \(12,\); expected \(12,\)"),
         (lambda: metrics.l2p(sequences(), sequences(), ONES, 0 * ONES), "smallest deviation is 0"),
         (lambda: metrics.l2p(sequences() / 0, sequences(), ONES, ONES), r"p is not finite at \[0, 0, 0\]"),
-        (lambda: metrics.l2q(sequences(0, 2, 3, 4, 3), sequences(0, 2, 3, 4, 3)), "expected .* quaternions"),
+        (lambda: metrics.l2q(sequences(0, 2, 3, 4, 3), sequences(0, 2, 3, 4, 3)), r"of float numbers \(.*, 4\)"),
         (lambda: metrics.l2q(quaternions(N, F, J), quaternions(N, F, J), quaternions(N, F, J)), "expected one frame"),
         (lambda: metrics.NPSS("phase"), "power is 'phase'; expected one of real, magnitude"),
         (lambda: metrics.npss(sequences()[:, :0], sequences()[:, :0]), r"p has shape \(5, 0, 12\)"),

@@ -116,15 +116,15 @@ def test_given_poses_stand_as_ghosts_in_every_form():
         (X, {"keyframes": [250]}, "keyframe 250 is outside of the film; expected 0 to 249, or down to -250"),
         (X, {"keyframes": {3: WALK.positions[3]}}, "given with its root, the motions without"),
         (X, {"keyframes": {3: X[3, :6]}}, r"has shape \(1, 6\)"),
-        (X, {"layout": "stack"}, "layout is 'stack'; expected one of 'side', 'overlay'"),
+        (X, {"layout": "stack"}, "layout is 'stack'; expected 'side' or 'overlay'"),
         (X, {"shown_as": "gif"}, "shown_as is 'gif'"),
         (X, {"speed": 0.0}, "speed is 0.0; expected a positive"),
         (X, {"alt": " "}, "alternative text is empty"),
-        ({"a": "walk"}, {}, "motion 'a' is str of <U4; expected a Motion or an array of numbers"),
+        ({"a": "walk"}, {}, r"motions\['a'\] is 'walk'; expected a Motion or an array of real numbers"),
     ],
 )
 def test_what_makes_no_sense_is_refused(motions, options, message):
-    with pytest.raises(TypeError if "is str" in message else ValueError, match=message):
+    with pytest.raises(ValueError, match=message):
         plots.player(motions, **{"skeleton": H36M17, "fps": FPS, **options})
 
 

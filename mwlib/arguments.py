@@ -1,0 +1,155 @@
+"""Arguments of the functions that a room offers, held against their annotations where callers come in."""
+
+from __future__ import annotations
+
+import functools
+import inspect
+import math
+import operator
+import types
+import typing
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from numbers import Real
+from typing import Any
+
+import numpy as np
+from annotated_types import Gt
+
+from mwlib.settings import shown
+
+KINDS = {float: "a number", int: "a whole number", bool: "true or false", str: "a text", types.NoneType: "None"}
+
+
+def checking(door: Callable[[str], Any]) -> Callable[[str], Any]:
+    """The door of a room, its `__getattr__`, whose functions refuse what their annotations do not name.
+
+    Modules of the library import each other's functions by another way and spare the time.
+
+    Raises:
+        ValueError: (the functions) an argument is of another kind; the message names it, what was found and what was expected.
+    """
+
+    @functools.wraps(door)
+    def opened(name: str) -> Any:
+        found = door(name)
+        return _checked(found) if isinstance(found, types.FunctionType) else found
+
+    return opened
+
+
+@functools.cache
+def _checked(function: types.FunctionType) -> Callable[..., Any]:
+    """The function behind a check of its arguments."""
+    signature, hints = inspect.signature(function), typing.get_type_hints(function, include_extras=True)
+    plain = {name for name, one in signature.parameters.items() if one.kind not in (one.VAR_POSITIONAL, one.VAR_KEYWORD)}
+
+    @functools.wraps(function)
+    def call(*words: Any, **named: Any) -> Any:
+        for name, value in signature.bind(*words, **named).arguments.items():
+            if found := fault(name, value, hints.get(name, Any)) if name in plain else "":
+                raise ValueError(found)
+        return function(*words, **named)
+
+    return call
+
+
+def fault(name: str, value: Any, hint: Any, inside: bool = False) -> str:
+    """A sentence on an argument that is not what its annotation names; "" if it is, or nobody can tell.
+
+    Own choice: of numbers `inside` a mapping or a list only that they are some is asked, as pictures draw whatever they are.
+
+    >>> fault("fps", "25", float), fault("fps", 25, float)
+    ("fps is '25'; expected a number", '')
+    """
+    origin, parts = typing.get_origin(hint), typing.get_args(hint)
+    if origin is typing.Annotated:
+        above = next((float(rule.gt) for rule in parts[1:] if isinstance(rule, Gt)), -math.inf)  # pyright: ignore[reportArgumentType]
+        is_beyond = isinstance(value, int | float) and not above < value < math.inf
+        return fault(name, value, parts[0], inside) or (
+            f"{name} is {value}; expected a number above {above:g}" if is_beyond else ""
+        )
+    if origin in (typing.Union, types.UnionType):
+        faults = [fault(name, value, part, inside) for part in parts]
+        if not all(faults):
+            return ""
+        deeper = [found for found in faults if not found.startswith(f"{name} is ")]
+        return deeper[0] if deeper else _said(name, value, hint)
+    within: Iterable[tuple[str, Any, Any]] = ()
+    if origin is not None and isinstance(origin, type) and issubclass(origin, Mapping):
+        fits = isinstance(value, Mapping)
+        within = ((f"{name}[{key!r}]", each, parts[1]) for key, each in value.items()) if fits else ()
+    elif origin in (tuple, list, Sequence):
+        is_array = getattr(value, "ndim", 0) > 0 and str(getattr(value, "dtype", "object")) != "object"
+        fits = is_array or isinstance(value, Sequence) and not isinstance(value, str | bytes)
+        if fits and isinstance(value, list | tuple):
+            kinds = parts if origin is tuple and parts[-1] is not Ellipsis else parts[:1] * len(value)
+            fits = len(kinds) == len(value)
+            within = ((f"{name}[{n}]", each, kind) for n, (each, kind) in enumerate(zip(value, kinds, strict=False)))
+    else:
+        fits = inside and _are_numbers(value, hint) or _fits(value, hint, origin, parts)
+    return next(filter(None, (fault(*each, inside=True) for each in within)), "") if fits else _said(name, value, hint)
+
+
+def _are_numbers(value: Any, hint: Any) -> bool:
+    """Whether numbers are wanted, and these are some, in whatever shape."""
+    wanted = hint is float or hint is np.ndarray or hasattr(hint, "dim_str")
+    is_array = str(getattr(value, "dtype", "object")) != "object"
+    return wanted and (is_array or isinstance(value, list | tuple | Real))
+
+
+def _fits(value: Any, hint: Any, origin: Any, parts: tuple[Any, ...]) -> bool:
+    """Whether a value is of a kind that holds no others."""
+    if origin is typing.Literal:
+        return value in parts if isinstance(value, str) else False
+    if hasattr(hint, "dim_str"):
+        return _fits_array(value, hint)
+    if hint in (float, int):
+        return isinstance(value, Real) and not isinstance(value, bool) and (hint is float or hasattr(value, "__index__"))
+    if hint is bool:
+        return "bool" in type(value).__name__
+    kind = origin or hint
+    return not isinstance(kind, type) or isinstance(value, kind)
+
+
+def _fits_array(value: Any, hint: Any) -> bool:
+    """Whether an array has the library, the kind of numbers and the axes of a jaxtyping annotation.
+
+    Own choice: what is for NumPy goes through `np.asarray` there, so lists of numbers and whole numbers fit, too.
+    """
+    words = hint.dim_str.split()
+    axes = [word for word in words if not word.startswith("*") and word != "..."]
+    if issubclass(hint.array_type, np.ndarray):
+        array = np.asarray(value if isinstance(value, list | tuple | np.ndarray) else None)
+        is_known = array.dtype.kind in "fiub"
+    else:
+        array, is_dense = value, isinstance(value, hint.array_type) and not value.is_meta and not value.is_sparse
+        is_known = is_dense and str(value.dtype).rpartition(".")[2] in hint.dtypes
+    if not is_known:
+        return False
+    sizes = list(array.shape)
+    is_of_size = all(not axis.isdigit() or int(axis) == size for axis, size in zip(axes[::-1], sizes[::-1], strict=False))
+    return is_of_size and (operator.ge if len(axes) < len(words) else operator.eq)(len(sizes), len(axes))
+
+
+def _said(name: str, value: Any, hint: Any) -> str:
+    return f"{name} is {shown(value)}; expected {' or '.join(dict.fromkeys(_words(hint)))}"
+
+
+def _words(hint: Any) -> list[str]:
+    """What an annotation names, in words."""
+    origin, parts = typing.get_origin(hint), typing.get_args(hint)
+    if origin in (typing.Union, types.UnionType):
+        return [word for part in parts if part is not types.NoneType for word in _words(part)]
+    if origin is typing.Annotated:
+        return _words(parts[0])
+    if origin is typing.Literal:
+        return [repr(part) for part in parts]
+    if hasattr(hint, "dim_str"):
+        kind = "an array" if hint.array_type.__name__ == "ndarray" else "a tensor"
+        numbers = hint.__name__.split("[")[0].lower().replace("num", "real")
+        return [f"{kind} of {numbers} numbers ({', '.join(hint.dim_str.split())})"]
+    if origin is not None and isinstance(origin, type) and issubclass(origin, Mapping):
+        return [f"a mapping of names to {_words(parts[1])[0]}"]
+    if origin in (tuple, list, Sequence):
+        return [f"several of {_words(parts[0])[0]}"]
+    return [KINDS.get(hint) or f"a {getattr(origin or hint, '__name__', hint)}"]
