@@ -1,6 +1,6 @@
-"""The in-betweening model that comes with the package, beside slerp and truth, at gaps of 5 to 90 frames, on people it never saw.
+"""The in-betweening model that comes with the package beside slerp, its own curve and truth, at gaps of 5 to 90 frames.
 
-Needs CMU's, Bandai-Namco's and LaFAN1's files under MWLIB_DATA:
+The people are ones it never saw. Needs CMU's, Bandai-Namco's and LaFAN1's files under MWLIB_DATA:
 python benchmarks/inbetweening_gaps.py figures
 """
 
@@ -22,6 +22,7 @@ from mwlib.data.collections import acknowledgement
 from mwlib.files import write_together
 from mwlib.inbetweening.bridge import Bridge
 from mwlib.inbetweening.gaps import by_gap, table
+from mwlib.inbetweening.windows import coasting
 
 SETS = {  # folder of the figures -> data, and who is tested; nobody: everybody
     "cmu": ("cmu/asfamc", ("2", "7", "29")),
@@ -44,6 +45,18 @@ def slerped(motions: list[Motion]):
     return straight
 
 
+def curved(motions: list[Motion], frames: float):
+    """The curve that the model departs from, without the model: it leaves and arrives with the velocities at the keyframes."""
+
+    def curve(clip: int, first: int, last: int) -> Float[np.ndarray, "T joints 3"]:
+        x = torch.from_numpy(motions[clip].positions[first - 1 : last + 2]).flatten(-2)
+        ends = torch.zeros(last - first + 1, dtype=torch.bool)
+        ends[[0, -1]] = True
+        return coasting(x[1:-1], x[:1], ends, frames, x[-1:]).unflatten(-1, (-1, 3)).numpy()
+
+    return curve
+
+
 def main() -> None:
     """Write a table for each set, and print it."""
     torch.set_num_threads(1)
@@ -53,11 +66,12 @@ def main() -> None:
         motions = [m.with_up("z") for m in mw.load_motions(source, fps=30.0) if not people or m.subject in people]
         motions = [m for m in motions if len(m) > 9]
         prepared = model.space.bodies.prepare(motions)
-        rows = []
-        for known in (True, False):
-            found = by_gap(model, prepared, known, WINDOWS, slerped(motions))
-            rows += [{"velocities": "known" if known else "not known", **row} for row in found]
-            print(f"{name}, velocities {'known' if known else 'not known'}\n{table(found)}", flush=True)
+        rows, line, curve = [], slerped(motions), curved(prepared, model.cfg.model.coast)
+        for known, beside, straight in ((True, "slerp", line), (False, "slerp", line), (True, "curve", curve)):
+            found = by_gap(model, prepared, known, WINDOWS, straight)
+            against = {"velocities": "known" if known else "not known", "beside": beside}
+            rows += [{**against, **row} for row in found]
+            print(f"{name}, {against}\n{table(found)}", flush=True)
         about = {"rows": rows, "data": source, "samples": 10, **acknowledgement(source)}
         write_together({out / name / "inbetweening_gaps.json": json.dumps(about, indent=1)})
 

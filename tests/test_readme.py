@@ -1,4 +1,4 @@
-"""README's Python examples run, in order, as they stand there, but with a shorter training."""
+"""README's Python example runs as it stands there, but with a shorter training, and its first screen is short."""
 
 from __future__ import annotations
 
@@ -8,25 +8,29 @@ from pathlib import Path
 import mwlib as mw
 
 README = (Path(__file__).parents[1] / "README.md").read_text(encoding="utf-8")
-RUN = re.compile(r"runs/[0-9a-f]{8}-[0-9a-f]{8}")  # stands for any run's folder
 
 
 def test_examples_run(monkeypatch, tmp_path, capsys):
     monkeypatch.setenv("MWLIB_RUNS", str(tmp_path / "runs"))
     monkeypatch.chdir(tmp_path)
-    for number, motion in enumerate(mw.load_motions("synthetic")[:3]):
-        mw.write_bvh(motion, tmp_path / "my" / "folder" / f"clip_{number}.bvh")
     known: dict[str, object] = {}
-    blocks = re.findall(r"```python\n(.*?)```", README, re.S)
-    assert len(blocks) == 2 and README.index(blocks[0]) < 1500, "code belongs into the first screen"
-    for number, block in enumerate(blocks):
-        for folder in (tmp_path / "runs").glob("*-*/config.yaml"):
-            block = RUN.sub(folder.parent.relative_to(tmp_path).as_posix(), block)
-        assert number or "train_steps=200" in block
-        block = block.replace("train_steps=200", "train_steps=2")
-        exec(compile(block, "README.md", "exec"), known)
-    assert tuple(known["futures"].shape) == (3, 50, 30, 48) and (tmp_path / "copy.bvh").is_file()
+    (block,) = re.findall(r"```python\n(.*?)```", README, re.S)
+    assert len(re.findall(r"^\S", block, re.M)) <= 10 and "train_steps=200" in block
+    exec(compile(block.replace("train_steps=200", "train_steps=2"), "README.md", "exec"), known)
+    assert tuple(known["futures"].shape) == (4, 10, 100, 48) and (tmp_path / "between.bvh").is_file()
     assert "tensor" in capsys.readouterr().out
+    for number, motion in enumerate(known["motions"][:3]):
+        mw.write_bvh(motion, tmp_path / "my" / "folder" / f"clip_{number}.bvh")
+    yours = known["model"].predict(mw.load_motions("my/folder"), samples=2, seed=0)
+    assert tuple(yours.shape) == (3, 2, 100, 48), "a folder of BVH files in place of the embedded people"
+
+
+def test_the_first_screen_says_what_it_is_for():
+    """A moving picture, one sentence why, two commands, ten lines; the rest is a page, and the how-tos have it."""
+    before, _, screen = README.partition("```python")[0].partition("walk.webp")
+    assert len(before) < 300 and README.index("```python") < 1800
+    assert screen.count("**Why:**") == 1 and len(re.findall(r"^\| `make [a-z]+` ", screen, re.M)) == 2
+    assert len(README.split()) < 1100
 
 
 def test_commands_named_in_readme_exist(capsys):
