@@ -13,7 +13,9 @@ import pytest
 
 from mwlib import MotionFormatError, load_motions
 from mwlib.data.formats.pickles import unpickle, unpickle_words
-from tests.sample_motions import mutate, python2_pickle, write_positions_3d
+from tests.sample_motions import RANDOM_BODIES, mutate, python2_pickle, write_positions_3d
+
+pytestmark = RANDOM_BODIES
 
 ARRAY = np.arange(4 * 17 * 3, dtype=np.float32).reshape(4, 17, 3)
 TREE = {"S1": {"Walking": ARRAY}}
