@@ -8,10 +8,6 @@ import struct
 from pathlib import Path
 
 import numpy as np
-import pytest
-
-# Bodies of random places have sides of other lengths.
-RANDOM_BODIES = pytest.mark.filterwarnings("ignore:joints likely have each other's names")
 
 # A stick figure in centimetres: 2.3 m along the bones from a foot to the other side's hand.
 BVH = """HIERARCHY

@@ -15,9 +15,7 @@ from mwlib.data.check import check_data
 from mwlib.data.collections.h36m import WINDOWS
 from mwlib.data.meaning import height
 from mwlib.synthetic.motions import synthetic_motions
-from tests.sample_motions import BVH, RANDOM_BODIES, write_positions_3d
-
-pytestmark = RANDOM_BODIES
+from tests.sample_motions import BVH, write_positions_3d
 
 
 def line(report: str, word: str) -> str:

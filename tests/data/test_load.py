@@ -10,9 +10,7 @@ import pytest
 
 from mwlib import MotionFormatError, load_motions
 from mwlib.body.skeleton import CMU, H36M17
-from tests.sample_motions import AMC, ASF, BENCHMARK, BVH, RANDOM_BODIES
-
-pytestmark = RANDOM_BODIES
+from tests.sample_motions import AMC, ASF, BENCHMARK, BVH
 
 
 @pytest.fixture

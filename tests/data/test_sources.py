@@ -19,9 +19,7 @@ from mwlib.data.windows import Bodies, prepare, windows
 from mwlib.paths import MODELS
 from mwlib.prediction.config import Config
 from mwlib.synthetic.motions import synthetic_motions
-from tests.sample_motions import BVH, RANDOM_BODIES
-
-pytestmark = RANDOM_BODIES
+from tests.sample_motions import BVH
 
 
 def clip(subject: str, frames: int = 60) -> Motion:

@@ -9,9 +9,7 @@ from mwlib import Motion, MotionFormatError, load_motions
 from mwlib.body.skeleton import CMU, H36M17
 from mwlib.data.collections.h36m import HUMANEVA15
 from mwlib.data.formats.h36m import PARENTS_32, write_h36m
-from tests.sample_motions import RANDOM_BODIES, write_positions_3d
-
-pytestmark = RANDOM_BODIES
+from tests.sample_motions import write_positions_3d
 
 # Where VideoPose3D's 32 joints hold the 17: joint -> index.
 PLACES = {

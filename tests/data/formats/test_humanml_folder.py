@@ -26,9 +26,6 @@ from mwlib.data.formats.humanml import (
 from mwlib.data.formats.humanml_encoding import features_of
 from mwlib.data.untrusted import BrokenFilesWarning
 from tests.data.formats.sample_features import wandering
-from tests.sample_motions import RANDOM_BODIES
-
-pytestmark = RANDOM_BODIES
 
 WHOLE = "a person walks#a/DET person/NOUN walk/VERB#0.0#0.0\n"
 

@@ -10,9 +10,7 @@ import numpy as np
 import pytest
 
 from mwlib import Motion, MotionFormatError, load_motions
-from tests.sample_motions import AMC, ASF, BENCHMARK, BVH, RANDOM_BODIES, mutate
-
-pytestmark = RANDOM_BODIES
+from tests.sample_motions import AMC, ASF, BENCHMARK, BVH, mutate
 
 WHOLE = {"clip.bvh": BVH, "05_01.amc": AMC, "05.asf": ASF, "clip.txt": BENCHMARK}
 DEEP = "HIERARCHY\n" + "".join(f"{'JOINT' if i else 'ROOT'} j{i} {{ OFFSET 0 0 0 CHANNELS 0\n" for i in range(100_000))

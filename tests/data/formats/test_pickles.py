@@ -13,9 +13,7 @@ import pytest
 
 from mwlib import MotionFormatError, load_motions
 from mwlib.data.formats.pickles import unpickle, unpickle_words
-from tests.sample_motions import RANDOM_BODIES, mutate, python2_pickle, write_positions_3d
-
-pytestmark = RANDOM_BODIES
+from tests.sample_motions import mutate, python2_pickle, write_positions_3d
 
 ARRAY = np.arange(4 * 17 * 3, dtype=np.float32).reshape(4, 17, 3)
 TREE = {"S1": {"Walking": ARRAY}}
