@@ -18,7 +18,7 @@ from nbformat import NotebookNode
 from mwlib.course.exhibits import committed_page, exhibit_pages
 from mwlib.course.learner import COPIES, badges, launched_copy, learner_copy, repository, source_of
 from mwlib.course.notebooks import CHAPTER, FOLDED, WRONG, chapter_number, exhibits_kept, tags
-from mwlib.files import write_atomic
+from mwlib.files import sweep, write_atomic
 
 TEXTS = ("REPRODUCTION.md", "RESULTS.md", "CONTRIBUTING.md", "notebooks/glossary.md")
 DETAILS = "results"  # folder of one page a system
@@ -174,7 +174,7 @@ def site_copy(notebook: NotebookNode, name: str, launch: str = "") -> NotebookNo
     text = f"*This page is a notebook. {here}{opens} or run `make lab`.*"
     if (page := PLAYED.get(name.partition("_")[0])) is not None:
         text += f"\n\n*Play with it in your browser: [{page}](../live/{page}.md).*"
-    copy.cells.insert(1, nbformat.v4.new_markdown_cell(text))
+    copy.cells.insert(1, nbformat.v4.new_markdown_cell(text, id="downloads"))
     copy.metadata = NotebookNode({key: value for key, value in notebook.metadata.items() if key != "mwlib"})
     return copy
 
@@ -203,6 +203,8 @@ def _files(place: Path) -> list[Path]:
 
 
 def _written(folder: Path, pages: Mapping[str, str | bytes]) -> list[Path]:
+    for place in {(folder / name).parent for name in pages}:
+        sweep(place)
     for name, content in pages.items():
         write_atomic(folder / name, content)
     return [folder / name for name in pages]

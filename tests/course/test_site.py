@@ -25,9 +25,17 @@ LINK = re.compile(
 @pytest.fixture(scope="module")
 def sources(tmp_path_factory) -> Path:
     folder = tmp_path_factory.mktemp("site")
+    (folder / ".index.md.1.part").write_text("cut by a kill")
     written = write_site_sources(folder, ROOT)
     assert {file for file in folder.rglob("*") if file.is_file()} == set(written)
     return folder
+
+
+def test_the_same_checkout_gives_the_same_pages(sources):
+    page = "00_start_here.ipynb"
+    notebook = nbformat.read(ROOT / "notebooks" / page, as_version=4)
+    first, second = (nbformat.writes(site_copy(notebook, page)) for _ in range(2))
+    assert first == second
 
 
 def texts(folder: Path) -> dict[str, str]:

@@ -40,6 +40,8 @@ MUTANTS = [
     ),
     *of(
         "course/site.py", "course/test_site.py::test_solutions_are_folded_and_nothing_else_is",
+        ("pages-with-names-by-chance", 'new_markdown_cell(text, id="downloads")', "new_markdown_cell(text)",
+         "course/test_site.py::test_the_same_checkout_gives_the_same_pages"),
         ("solutions-lie-open", "[_folded(cell) for cell in notebook.cells]", "[*notebook.cells]"),
         ("all-is-folded", "(kind := next((name for name in FOLDED if name in tags(cell)), \"\"))", "(kind := FOLDED[0])"),
     ),

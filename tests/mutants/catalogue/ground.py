@@ -51,6 +51,18 @@ MUTANTS = [
         ("stubs-are-not-read", "if stub.is_file() else", "if False else"),
     ),
     *of(
+        "arguments.py", "test_arguments.py",
+        ("rooms-take-anything", "return _checked(found) if isinstance(found, types.FunctionType) else found", "return found"),
+        ("every-array-has-the-axes", "operator.ge if len(axes) < len(words) else operator.eq", "operator.ge"),
+        ("sizes-from-the-front", "zip(axes[::-1], sizes[::-1], strict=False)", "zip(axes, sizes, strict=False)"),
+        ("truth-is-a-rate", "isinstance(value, Real) and not isinstance(value, bool) and", "isinstance(value, Real) and"),
+        ("no-rate-is-one", "not above < value < math.inf", "not above <= value < math.inf"),
+        ("one-of-two-kinds-will-not-do", "if not all(faults):", "if not any(faults):"),
+        ("letters-are-numbers", "isinstance(value, Sequence) and not isinstance(value, str | bytes)", "isinstance(value, Sequence)"),
+        ("texts-inside-are-numbers", "isinstance(value, list | tuple | Real))", "isinstance(value, list | tuple | str | Real))"),
+        ("dense-or-not", "and not value.is_meta and not value.is_sparse", ""),
+    ),
+    *of(
         "paths.py", "experiments/test_shipped.py",
         ("a-name-comes-before-a-folder", "if not (own / CONFIG).exists() and str(name) in shipped():",
          "if str(name) in shipped():"),
