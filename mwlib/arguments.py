@@ -8,7 +8,7 @@ import math
 import operator
 import types
 import typing
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from numbers import Real
 from typing import Any
 
@@ -79,8 +79,13 @@ def fault(name: str, value: Any, hint: Any, inside: bool = False) -> str:
         fits = isinstance(value, Mapping)
         within = ((f"{name}[{key!r}]", each, parts[1]) for key, each in value.items()) if fits else ()
     elif origin in (tuple, list, Sequence):
-        is_array = getattr(value, "ndim", 0) > 0 and str(getattr(value, "dtype", "object")) != "object"
-        fits = is_array or isinstance(value, Sequence) and not isinstance(value, str | bytes)
+        fits = (
+            _is_array(value)
+            and value.ndim > 0
+            or isinstance(value, Collection)
+            and not isinstance(value, str | bytes | Mapping)
+            and not hasattr(value, "dtype")
+        )
         if fits and isinstance(value, list | tuple):
             kinds = parts if origin is tuple and parts[-1] is not Ellipsis else parts[:1] * len(value)
             fits = len(kinds) == len(value)
@@ -93,8 +98,7 @@ def fault(name: str, value: Any, hint: Any, inside: bool = False) -> str:
 def _are_numbers(value: Any, hint: Any) -> bool:
     """Whether numbers are wanted, and these are some, in whatever shape."""
     wanted = hint is float or hint is np.ndarray or hasattr(hint, "dim_str")
-    is_array = str(getattr(value, "dtype", "object")) != "object"
-    return wanted and (is_array or isinstance(value, list | tuple | Real))
+    return wanted and (_is_array(value) or isinstance(value, list | tuple | Real))
 
 
 def _fits(value: Any, hint: Any, origin: Any, parts: tuple[Any, ...]) -> bool:
@@ -104,23 +108,29 @@ def _fits(value: Any, hint: Any, origin: Any, parts: tuple[Any, ...]) -> bool:
     if hasattr(hint, "dim_str"):
         return _fits_array(value, hint)
     if hint in (float, int):
-        return isinstance(value, Real) and not isinstance(value, bool) and (hint is float or hasattr(value, "__index__"))
+        is_one = isinstance(value, Real) and not isinstance(value, bool) or _is_array(value) and value.ndim == 0
+        return is_one and (hint is float or hasattr(value, "__index__"))
     if hint is bool:
         return "bool" in type(value).__name__
     kind = origin or hint
     return not isinstance(kind, type) or isinstance(value, kind)
 
 
+def _is_array(value: Any) -> bool:
+    """Whether it holds numbers or truths, or texts, and no Python objects."""
+    return hasattr(value, "ndim") and str(getattr(value, "dtype", "object")) != "object"
+
+
 def _fits_array(value: Any, hint: Any) -> bool:
     """Whether an array has the library, the kind of numbers and the axes of a jaxtyping annotation.
 
-    Own choice: what is for NumPy goes through `np.asarray` there, so lists of numbers and whole numbers fit, too.
+    Own choice: what is for NumPy goes through `np.asarray` there, so tensors, lists and whole numbers fit, too.
     """
     words = hint.dim_str.split()
     axes = [word for word in words if not word.startswith("*") and word != "..."]
     if issubclass(hint.array_type, np.ndarray):
-        array = np.asarray(value if isinstance(value, list | tuple | np.ndarray) else None)
-        is_known = array.dtype.kind in "fiub"
+        array = np.asarray(value) if isinstance(value, list | tuple) else value
+        is_known = _is_array(array) and not str(array.dtype).startswith("<U")
     else:
         array, is_dense = value, isinstance(value, hint.array_type) and not value.is_meta and not value.is_sparse
         is_known = is_dense and str(value.dtype).rpartition(".")[2] in hint.dtypes
