@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import inspect
 import math
+from collections.abc import Mapping
 
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ import torch
 
 import mwlib as mw
 from mwlib import metrics, plots, transforms
+from mwlib.arguments import fault
 from mwlib.synthetic.motions import synthetic_motions
 
 pytestmark = pytest.mark.usefixtures("unchecked")
@@ -43,6 +45,7 @@ REFUSED = [
     (lambda: metrics.apd(P.numpy()), r"^p is ndarray of shape \(2, 3, 4, 6\); expected a tensor of float"),
     (lambda: metrics.apd(P.long()), r"^p is Tensor of shape .*; expected a tensor of float"),
     (lambda: metrics.apd(P[0]), r"^p is Tensor of shape \(3, 4, 6\); expected a tensor of float numbers \(N, S, F, C\)"),
+    (lambda: metrics.apd(P[None]), r"^p is Tensor of shape \(1, 2, 3, 4, 6\); expected a tensor"),
     (lambda: metrics.apd(P.to("meta")), r"^p is Tensor"),
     (lambda: metrics.apd(P.to_sparse()), r"^p is Tensor"),
     (lambda: metrics.ade(P, g=None), r"^g is None; expected a tensor"),
@@ -51,7 +54,7 @@ REFUSED = [
     (lambda: metrics.speed(P, math.nan), r"^fps is nan; expected a number above 0"),
     (lambda: metrics.jerk(P, 0), r"^fps is 0; expected a number above 0"),
     (lambda: metrics.mmade(P, [G, None]), r"^gs\[1\] is None; expected a tensor"),
-    (lambda: metrics.l2q(torch.zeros(2, 3, 5, 3), torch.zeros(2, 3, 5, 3)), r"^p is Tensor of shape \(2, 3, 5, 3\); .*J, 4\)"),
+    (lambda: metrics.l2q(torch.zeros(2, 3, 4, 3), torch.zeros(2, 3, 4, 3)), r"^p is Tensor of shape \(2, 3, 4, 3\); .*J, 4\)"),
     (lambda: metrics.bone_length_jitter(P, "H36M17"), r"^skeleton is 'H36M17'; expected a Skeleton"),
     (lambda: metrics.keyframe_error(G, G, [0.5]), r"^keyframes\[0\] is 0.5; expected a whole number"),
     (lambda: metrics.keyframe_error(G, G, "01"), r"^keyframes is '01'; expected several of a whole number"),
@@ -101,6 +104,7 @@ def test_what_fits_passes_and_a_missing_argument_is_pythons_error():
     assert metrics.speed(P, np.int64(5)).shape == (2,) and metrics.speed(P, 5).shape == (2,)
     assert len(metrics.mmade(P, (G, G))) == 2 and metrics.confidence([0.5, 0.5]) == metrics.confidence(torch.ones(2)) == 0
     assert plots.curves({"a": [1, 2], "b": np.arange(2), "c": torch.arange(2.0)}, xlabel="", ylabel="")
+    assert fault("x", {"a": {"b": 1.0}}, Mapping[str, float] | Mapping[str, Mapping[str, float]]) == ""
     with pytest.raises(TypeError, match="missing a required argument: 'g'"):
         metrics.ade(P)
     assert inspect.signature(metrics.ade) == inspect.signature(metrics.prediction.ade) and metrics.ade is metrics.ade

@@ -52,7 +52,7 @@ class Bodies:
                 if getattr(m, what) != getattr(first, what):
                     found, other = (_said(getattr(clip, what)) for clip in (m, first))
                     names = m.name or "a clip", first.name or "another"
-                    raise ValueError(f"{names[0]} has {what} {found}, {names[1]} has {other}; expected one and the same")
+                    raise ValueError(f"motions: {names[0]} has {what} {found}, {names[1]} has {other}; expected one and the same")
         return cls(first.skeleton, first.fps, first.up)
 
     def prepare(self, motions: Sequence[Motion]) -> list[Motion]:

@@ -200,3 +200,12 @@ def test_a_stopped_run_goes_on_with_its_own_settings_alone(run, text, message):
         get_run(small(), two_people())
     (run / CONFIG).unlink()
     assert get_run(small(), two_people()) == run and (run / CONFIG).read_text() == before
+
+
+def test_a_clock_that_jumps_back_changes_no_bit(finished, monkeypatch, tmp_path):
+    monkeypatch.setenv("MWLIB_RUNS", str(tmp_path))
+    jumps = iter(range(10**9, 0, -86_400))
+    monkeypatch.setattr("time.time", lambda: float(next(jumps)))
+    run = get_run(small(), two_people())
+    assert file_hash(run / MODEL) == file_hash(finished / MODEL) and result_of(run) is not None
+    assert 0 <= result_of(run)["metrics"]["seconds"] < 3600
