@@ -144,6 +144,25 @@ def test_with_a_past_what_is_between_is_scored_alone(method):
     assert one(x, whole)["keyframe_error"].min() > 0.1 and other(x[:, :, 3:], late)["keyframe_error"].max() < 1e-5
 
 
+def test_a_quaternion_and_its_negative_are_one_turn(monkeypatch):
+    cfg, data = small(state="rotations", method="interpolation"), data_of(small(state="rotations"))
+    space = make_space(data.train, "rotations")
+    windows = Clips(data.test, space).windows(8, 8)
+    x, deviation = make_fill(cfg, nobody, data, space)(windows, [*range(len(windows.x))]), Score.of(data, space, 8, 1).deviation
+    found, draws, turns = [], torch.Generator().manual_seed(0), type(space).rotations
+    for odds in (0.0, 0.5):
+
+        def flipped(*given, odds=odds):
+            found = turns(*given)
+            return torch.where((torch.rand(found.shape[:-1], generator=draws) < odds)[..., None], -found, found)
+
+        monkeypatch.setattr(type(space), "rotations", flipped)
+        score = Score(space, deviation)
+        found.append((score(x, windows)["l2q"], score.npss.value()))
+    torch.testing.assert_close(found[0][0], found[1][0])
+    assert found[0][1] == pytest.approx(found[1][1]) and found[0][0].max() > 0.01
+
+
 class Lifted(Score):
     """The joints of some samples, of several, are lifted above the floor."""
 

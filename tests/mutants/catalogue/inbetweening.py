@@ -117,7 +117,7 @@ MUTANTS = [
     *of(
         "inbetweening/system.py", "inbetweening/test_system.py",
         ("signs-left-to-the-network", "(continued(turns[..., 1:-1, :, :], start) for", "(turns[..., 1:-1, :, :] for",
-         "inbetweening/test_lafan1.py"),
+         "inbetweening/test_system.py::test_a_quaternion_and_its_negative_are_one_turn"),
         ("only-the-first-keyframe-met", "keyframes = (*range(self.past), *range(-self.future, 0))", "keyframes = (0, -1)"),
         ("past-scored-too", "(parted(states, self.past, self.future)[1] for states in", "(states for states in"),
     ),
