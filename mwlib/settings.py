@@ -4,6 +4,7 @@ import difflib
 import json
 import math
 import operator
+import sys
 import types
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, fields, replace
@@ -470,8 +471,8 @@ def _number(value: Any, kind: type) -> Any:
         number = float(value) if isinstance(value, str) else value
     except ValueError:
         return value
-    if not math.isfinite(number):
-        return value if isinstance(value, str) else str(value)  # refused as no number
+    if not abs(number) <= sys.float_info.max:
+        return str(value)[:40]  # refused as no number
     if kind is float:
         return float(number)
     return int(number) if number == int(number) else number

@@ -117,6 +117,8 @@ def test_values_are_taken_as_people_write_them(name, written, value):
         (dict(times=3), "times is 3; expected a list"),
         (dict(times="34"), "times is '34'; expected a list"),
         (dict(times=[1.5]), "times is 1.5; expected a whole number"),
+        (dict(heat=10**400), "heat is '10{39}'; expected a finite number"),
+        (dict(plates=10**400), "plates is '10{39}'; expected a whole number"),
         (dict(plate=3), r"unknown setting 'plate'; did you mean 'plates'\?$"),
         (dict(kitchen=3), "unknown setting 'kitchen'"),
         (dict(zzz=3), "unknown setting 'zzz'; mwlib train --system house --help lists all$"),
