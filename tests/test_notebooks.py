@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import copy
 import re
 from pathlib import Path
@@ -35,6 +36,22 @@ from tests.sample_notebooks import code, model_notebook, save
 @pytest.mark.parametrize("path", [*course(), EXPERIMENT], ids=lambda path: path.stem)
 def test_notebook_keeps_the_rules(path):
     assert check(path) == []
+
+
+def test_controls_are_arguments_of_what_they_redraw():
+    """Nothing calls these functions where no widget is shown, so that only this test and a reader would find it."""
+    seen = 0
+    for path in course():
+        cells = nbformat.read(path, as_version=4).cells
+        tree = ast.parse("\n".join(cell.source for cell in cells if cell.cell_type == "code"))
+        made = {node.name: node for node in ast.walk(tree) if isinstance(node, ast.FunctionDef)}
+        for call in ast.walk(tree):
+            if isinstance(call, ast.Call) and ast.unparse(call.func) == "widgets.explore":
+                drawn = call.args[0] if isinstance(call.args[0], ast.Lambda) else made[ast.unparse(call.args[0])]
+                taken = {argument.arg for argument in drawn.args.args}
+                assert {given.arg for given in call.keywords} - {"button"} <= taken, f"{path.stem}: {ast.unparse(call)}"
+                seen += 1
+    assert seen >= 7
 
 
 def test_there_is_a_course_and_no_number_is_taken_twice():
