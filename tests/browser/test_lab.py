@@ -57,7 +57,7 @@ def lab(tmp_path_factory) -> Iterator[str]:
     """The address of a JupyterLab of its own, opened as `make lab` does."""
     folder = tmp_path_factory.mktemp("lab")
     lay_out(folder / "course")
-    write_box(folder / "course" / "notebooks" / SENTENCES, "13", "widgets.explore(ask")
+    write_box(folder / "course" / "notebooks" / SENTENCES, "13", "widgets.explore(")
     needless = ("clip = split.test[", "ships = mw.load_run(")  # sections 1 to 9: grids of models, trained for many minutes
     write_box(folder / "course" / "notebooks" / KEYFRAMES, "11", "widgets.keyframes(", needless)
     answered = folder / "settings" / "@jupyterlab" / "apputils-extension" / "notification.jupyterlab-settings"
