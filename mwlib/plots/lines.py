@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -288,7 +289,7 @@ def subbands(
     edges = {name: float(np.quantile(np.abs(band), share)) or limit(band) for name, band in values.items()}
     for ax, (name, band) in zip(axes.flat, values.items(), strict=True):
         image = signed(ax, band, max(edges.values()) if common else edges[name])
-        ax.set_title(BAND_NAMES[name])
+        ax.set_title(re.sub(r" \(\w+\)", "", BAND_NAMES[name]) if common else BAND_NAMES[name])
         ax.spines[:].set_visible(True)
         if not common:
             colourbar(image, ax, unit, cut=share < 1)
