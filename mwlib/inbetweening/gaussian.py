@@ -83,7 +83,7 @@ def optimal_denoiser(covariance: Float[Tensor, "T T"], tf: Transform, schedule: 
         tf: D, a linear transform over time alone, such as `DCTTransform`; every column of y_t is a process of its own.
         schedule: alpha_bar.
     """
-    d = tf(torch.eye(len(covariance), dtype=covariance.dtype))
+    d = torch.as_tensor(tf.time_rows(), dtype=covariance.dtype)
     variances, axes = torch.linalg.eigh(d @ covariance @ d.mT)
 
     @cache
