@@ -85,7 +85,8 @@ def test_claimed_and_measured_have_bars_of_two_errors():
         "not in the paper": {"APD (m)": (-0.1, 0.2), "ADE": (0.0, 0.1)},
     }
     fig, axes = plots.claimed_and_measured(changes, {"on": {"APD (m)": -0.5}})
-    assert [ax.get_title(loc="left") for ax in axes] == ["APD (m)", "ADE"] and not plt.get_fignums()
+    assert [ax.get_title(loc="left") for ax in axes] == ["APD", "ADE"] and not plt.get_fignums()
+    assert [ax.get_xlabel() for ax in axes] == ["change (m)", "change"]
     lines = {line.get_label(): line.get_xdata() for line in axes[0].lines}
     np.testing.assert_allclose(np.array(lines["paper (Human3.6M)"], float), [-0.5])
     (bars,) = axes[0].containers

@@ -209,7 +209,7 @@ def arrows(
     line: tuple[Float[Array, " 2"], Float[Array, " 2"]],
     marks: Mapping[str, Float[Array, " 2"]],
 ) -> Panels:
-    """Arrows in a plane, a panel for each group of them on common axes; every arrow has a colour, dashes and a name.
+    """Arrows in a plane from dots to rings, a panel for each group on common axes; every arrow has a colour, dashes and a name.
 
     Args:
         panels: title -> name -> (where the arrow starts, where it ends).
@@ -224,9 +224,10 @@ def arrows(
             ax.annotate(name, array(point), (0, -8), textcoords="offset points", ha="center", va="top", color=INK, fontsize=9)
         for (name, (start, end)), look in zip(found.items(), LOOKS, strict=False):
             ax.plot(*zip(array(start), array(end), strict=True), label=name, **look)
+            ax.plot(*array(start), ".", color=INK, zorder=2)
             ax.plot(*array(end), "o", color=look["color"], markerfacecolor="white", markeredgewidth=1.6, zorder=3)
         ax.set(title=title, aspect="equal", xlabel="first coefficient")
-        ax.legend(loc="upper center", bbox_to_anchor=(0.5, -0.22), frameon=False)
+        ax.legend(loc="upper center", bbox_to_anchor=(0.5, -0.32), frameon=False)
     axes[0, 0].set_ylabel("second coefficient")
     return fig, axes[0]
 
@@ -263,7 +264,8 @@ def claimed_and_measured(
         ax.errorbar(
             middle, places, xerr=2 * error, fmt="o", color=CYCLE[0], elinewidth=1.2, label="measured, ± 2 standard errors"
         )
-        ax.set(title=metric, xlabel="change")
+        name, bracket, unit = metric.partition(" (")
+        ax.set(title=name, xlabel=f"change{bracket}{unit}")
         ax.set_xticks(_three_ticks(*ax.get_xlim()))
         ax.grid(axis="y")
     axes[0, 0].set(yticks=np.arange(len(changes)), yticklabels=[*changes])
