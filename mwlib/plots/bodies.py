@@ -312,9 +312,10 @@ def pose_grid(
     board = Board(skeleton, [*flat.values(), *true], labels, titles)
     for (row, column), points in flat.items():
         place = labels.index(row), titles.index(column)
-        board.draw(*place, points, "predicted", alpha=0.6, width=1.1)
+        alpha, width = (0.6, 1.1) if len(points) > 1 else (1.0, 1.8)  # a single body is not to vanish under the true one
+        board.draw(*place, points, "predicted", alpha=alpha, width=width)
         for points in true:
-            board.draw(*place, points, "truth", width=1.3)
+            board.draw(*place, points, "truth", width=1.1)
     return board.fig, board.ax
 
 
