@@ -12,7 +12,7 @@ from typing import Any
 
 PACKAGE = Path(__file__).resolve().parent
 # Rooms that compute nothing that a result holds.
-BESIDE_RESULTS = ("mwlib.cli", "mwlib.course", "mwlib.experiments", "mwlib.plots")
+BESIDE_RESULTS = tuple(f"mwlib.{room}" for room in ("cli", "course", "experiments", "plots"))
 
 
 def sha256(parts: Iterable[bytes | str]) -> str:
@@ -53,7 +53,7 @@ def package_hash(package: Path = PACKAGE, modules: Collection[str] | None = None
         inside = path.relative_to(package)
         if not path.is_file() or inside.parts[0] in ("cli", "course", "_material") or "__pycache__" in inside.parts:
             continue
-        name = ".".join(["mwlib", *inside.with_suffix("").parts]).removesuffix(".__init__")
+        name = ".".join([PACKAGE.name, *inside.with_suffix("").parts]).removesuffix(".__init__")
         if path.suffix != ".py" or modules is None or name in modules:
             parts += [f"{inside.as_posix()}\0", code_hash(path) if path.suffix == ".py" else path.read_bytes(), "\0"]
     return sha256(parts)
@@ -67,7 +67,7 @@ def code_behind(module: str) -> dict[str, str]:
     the module that the package has it from.
     """
     own = getattr(sys.modules.get(module), "__file__", None)  # a notebook has none
-    roots = {"mwlib": PACKAGE.parent}
+    roots = {PACKAGE.name: PACKAGE.parent}
     if own is not None:
         roots.setdefault(module.partition(".")[0], Path(own).parents[module.count(".") + (Path(own).stem == "__init__")])
     found: dict[str, str] = {}

@@ -29,7 +29,8 @@ from mwlib.prediction.guidance import TABG, NetworkBranches, guided, make_networ
 from mwlib.prediction.representation import Continuation, Representation, restored_representation
 from mwlib.settings import whole
 from mwlib.training import TrainedModel, chunks, identities, with_weights
-from mwlib.transforms import ScaledTransform, pad_history
+from mwlib.transforms import ScaledTransform
+from mwlib.transforms.linear import pad_history
 
 Histories = Float[Tensor, "N H C"] | Float[np.ndarray, "N H C"] | Windows | Sequence[Motion]
 

@@ -17,12 +17,12 @@ from mwlib.prediction.config import Config, ModelConfig, WindowConfig
 from mwlib.training.checkpoint import part
 
 from mwlib.transforms import (  # isort: skip
-    DCTTransform, PhaseTransform, ScaledTransform, TimeWaveletTransform, Transform, WaveletTransform, fit_scale, pad_history,
+    DCTTransform, PhaseTransform, ScaledTransform, TimeWaveletTransform, Transform, WaveletTransform, fit_scale,
 )  # fmt: skip
 
 import numpy as np
 
-from mwlib.transforms.linear import Constant
+from mwlib.transforms.linear import Constant, pad_history
 
 SCALES = ("mean", "deviation", "condition_mean", "condition_deviation")
 # Windows at a time of which a periodic autoencoder learns. Own choice: four, as in equal time many small steps lose less.

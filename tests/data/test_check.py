@@ -58,12 +58,12 @@ def test_files_that_cannot_be_read_are_listed_and_the_rest_described(tmp_path, c
 
 
 def test_human36m_is_compared_with_its_published_window_counts(tmp_path):
-    rng = np.random.default_rng(0)
+    rng, standing = np.random.default_rng(0), load_motions("synthetic")[0].positions[0]
     tree: dict[str, dict[str, np.ndarray]] = {"S1": {"Walking": np.zeros((10, 17, 3), np.float32)}}
     for name, count in WINDOWS.items():
         subject, take = name.split(" ", 1)
-        pose = rng.normal(size=(17, 3)).astype(np.float32)
-        tree.setdefault(subject, {})[take] = np.tile(pose, (125 + 25 * count, 1, 1))
+        pose = standing + rng.normal(size=3)
+        tree.setdefault(subject, {})[take] = np.tile(pose.astype(np.float32), (125 + 25 * count, 1, 1))
     report, is_whole, _ = check_data(write_positions_3d(tmp_path / "h.npz", tree), unit="m", up="z")
     assert is_whole
     for text in (

@@ -58,8 +58,8 @@ def test_diagrams_hold_the_data_they_are_given():
     y = TF(x)
     _, ax = plots.overview(x, y, y + 1, torch.randn(5, 16, 48, generator=generator), H36M17, history=8)
     images = [np.asarray(child.images[0].get_array()) for child in ax.child_axes if child.images]
-    assert any(i.shape == y.T.shape and np.allclose(i, y.T) for i in images)  # time runs to the right
-    assert any(i.shape == y.T.shape and np.allclose(i, y.T + 1) for i in images)
+    assert any(i.shape == y.shape and np.allclose(i, y) for i in images)  # time runs downwards
+    assert any(i.shape == y.shape and np.allclose(i, y + 1) for i in images)
     texts = " ".join(text.get_text() for text in ax.texts)
     assert all(word in texts for word in ("DWT", "iDWT", "WMSG", "TABG", "network"))
     a_t = temporal_attention(ATTENTION)

@@ -115,7 +115,7 @@ MUTANTS = [
     ),
     *of(
         "plots/chapters/diagrams.py", "plots/test_guidance.py::test_diagrams_hold_the_data_they_are_given",
-        ("noise-left-out-of-the-diagram", "array(y_t).T)\n    box(ax, \"5.6", "array(y).T)\n    box(ax, \"5.6"),
+        ("noise-left-out-of-the-diagram", "array(y_t))\n    box(ax, \"5.6", "array(y))\n    box(ax, \"5.6"),
     ),
     *of(
         "plots/chapters/guidance.py", "plots/test_guidance.py",
