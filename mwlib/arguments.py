@@ -31,6 +31,7 @@ def checking(door: Callable[[str], Any]) -> Callable[[str], Any]:
 
     @functools.wraps(door)
     def opened(name: str) -> Any:
+        """What the room offers by this name; of a function one that checks."""
         found = door(name)
         return _checked(found) if isinstance(found, types.FunctionType) else found
 
@@ -45,6 +46,7 @@ def _checked(function: types.FunctionType) -> Callable[..., Any]:
 
     @functools.wraps(function)
     def call(*words: Any, **named: Any) -> Any:
+        """The function's own answer, after the check."""
         for name, value in signature.bind(*words, **named).arguments.items():
             if found := fault(name, value, hints.get(name, Any)) if name in plain else "":
                 raise ValueError(found)
