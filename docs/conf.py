@@ -22,7 +22,11 @@ from mwlib.plots.playing import BUNDLE
 
 HERE = Path(__file__).parent
 NODE = str(Path(executable.ROOT_DIR) / "bin" / "node")
-WASM = HERE / "node_modules" / "onnxruntime-web" / "dist" / "ort-wasm-simd-threaded.wasm"
+ORT = HERE / "node_modules" / "onnxruntime-web" / "dist"
+RUNTIMES = {  # ONNX Runtime's entry -> its program, that program's name in the site, the worker's
+    "wasm": ("ort-wasm-simd-threaded.wasm", "ort.wasm.gz", "worker"),
+    "jspi": ("ort-wasm-simd-threaded.jspi.wasm", "ort.gpu.wasm.gz", "worker.gpu"),
+}
 LIVE_PAGES = ("futures", "between", "sentences", "wavelet", "number")
 KATEX = HERE / "node_modules" / "katex"
 if json.loads((KATEX / "package.json").read_text(encoding="utf-8"))["version"] != katex.katex_version:
@@ -135,7 +139,6 @@ def make_live(app) -> None:
     """Networks, ONNX Runtime and the scripts of the live pages go into the site; docs/live has the sources."""
     target = Path(app.outdir) / "_static" / "live"
     write_networks(target)
-    (target / "ort.wasm.gz").write_bytes(gzip.compress(WASM.read_bytes(), 9, mtime=0))
     with TemporaryDirectory() as data:
         write_data(Path(data), HERE.parent)
         bundle = [
@@ -145,7 +148,10 @@ def make_live(app) -> None:
         ]  # fmt: skip
         pages = [f"live/{name}.js" for name in LIVE_PAGES]
         subprocess.run([*bundle, "--format=iife", *pages], cwd=HERE, check=True)  # a page that needs no network opens from a file
-        subprocess.run([*bundle, "--format=esm", "live/worker.js"], cwd=HERE, check=True)
+        for entry, (program, packed, worker) in RUNTIMES.items():
+            (target / packed).write_bytes(gzip.compress((ORT / program).read_bytes(), 9, mtime=0))
+            runtime = f"--alias:runtime=onnxruntime-web/{entry}"
+            subprocess.run([*bundle, runtime, "--format=esm", f"{worker}=live/worker.js"], cwd=HERE, check=True)
 
 
 def setup(app) -> None:

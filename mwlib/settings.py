@@ -95,8 +95,11 @@ class Settings:
             FileNotFoundError: there is no such file.
         """
         word = str(name) if isinstance(name, str | Path) else ""
-        if word.endswith(".yaml"):
-            return cls.from_yaml(Path(word)).override(**changes)
+        if (file := Path(word)).suffix == ".yaml":
+            if not file.is_file():
+                hint = near(file.name, [beside.name for beside in file.parent.glob("*.yaml")]) or near(file.stem, cls.presets)
+                raise FileNotFoundError(f"preset: there is no file {word}{hint}")
+            return cls.from_yaml(file).override(**changes)
         if word not in cls.presets:
             found, names = f"{shown(name)}{near(name, cls.presets)}", ", ".join(sorted(cls.presets))
             raise ValueError(f"preset is {found}; expected one of {names}, or a file that ends in .yaml")

@@ -146,8 +146,10 @@ def test_yaml_goes_there_and_back(tmp_path):
     (tmp_path / "house.yaml").write_text(house.to_yaml())
     assert House.from_yaml(tmp_path / "house.yaml") == house
     assert House.preset(str(tmp_path / "house.yaml"), lamp=False) == house.override(lamp=False), "a file serves as a preset"
-    with pytest.raises(FileNotFoundError):
-        House.preset(str(tmp_path / "hut.yaml"))
+    with pytest.raises(FileNotFoundError, match=r"there is no file .*houses.yaml \(did you mean 'house.yaml'\?\)"):
+        House.preset(str(tmp_path / "houses.yaml"))
+    with pytest.raises(FileNotFoundError, match=r"there is no file smal.yaml \(did you mean 'small'\?\)"):
+        House.preset("smal.yaml")
 
 
 @pytest.mark.parametrize(

@@ -80,7 +80,7 @@ async function fill(told) {
   drawn = joints;
   stage(four, joints, real && jointsOf(real, C));
   const said = real ? ` Beside the truth: ${(100 * mean(joints.map((one) => apart(one, jointsOf(real, C))))).toFixed(1)} cm on average.` : "";
-  output.value = `${joints.length} motions of ${((T - 1) / FPS).toFixed(2)} s in ${seconds.toFixed(2)} s (noise ${seed}).${said}`;
+  output.value = `${joints.length} motions of ${((T - 1) / FPS).toFixed(2)} s in ${seconds.toFixed(2)} s ${network.where} (noise ${seed}).${said}`;
 }
 
 function stage(four, motions, real) {

@@ -75,7 +75,7 @@ whenAsked(host, output, async (told) => {
   const truth = window.x.slice(window.history * C), last = window.x.slice((window.history - 1) * C, window.history * C);
   const still = distance(truth.map((_, i) => last[i % C]), truth, C), best = Math.min(...found.errors);
   stage(window, found.futures);
-  output.value = `${asked.samples} futures in ${found.seconds.toFixed(2)} s (noise ${seed}). Error of the best: ${best.toFixed(2)} m; of standing still: ${still.toFixed(2)} m; of a future on average: ${(found.errors.reduce((x, y) => x + y) / found.errors.length).toFixed(2)} m.`;
+  output.value = `${asked.samples} futures in ${found.seconds.toFixed(2)} s ${opened[current].network.where} (noise ${seed}). Error of the best: ${best.toFixed(2)} m; of standing still: ${still.toFixed(2)} m; of a future on average: ${(found.errors.reduce((x, y) => x + y) / found.errors.length).toFixed(2)} m.`;
   form.querySelector("button").textContent = "New noise";
 });
 offer();

@@ -1,4 +1,4 @@
-// Exported networks: fetched, opened in one thread a core, and asked for noise estimates. Nothing is sent anywhere.
+// Exported networks: fetched, opened on the graphics card or in one thread a core, and asked for noise estimates. Nothing is sent anywhere.
 import { classifierFree, epsOf } from "./sampler.js";
 
 const MOST_THREADS = 4;
@@ -40,18 +40,40 @@ class Thread {
   }
 }
 
+const CORES = Math.min(navigator.hardwareConcurrency || 1, MOST_THREADS);
+const PROCESSOR = { provider: "wasm", worker: "worker.js", runtime: "ort.wasm.gz", threads: CORES, where: CORES > 1 ? `in ${CORES} threads` : "in one thread" };
+const CARD = { provider: "webgpu", worker: "worker.gpu.js", runtime: "ort.gpu.wasm.gz", threads: 1, where: "on the graphics card" };
+
+/** Where a network can run, the best place first; `?on=cpu` or `?on=gpu` in the page's address decides instead. */
+async function places() {
+  const wanted = new URLSearchParams(location.search).get("on");
+  if (wanted === "cpu" || !WebAssembly.Suspending) return [PROCESSOR]; // the runtime waits for the card by it
+  const adapter = await navigator.gpu?.requestAdapter().catch(() => null);
+  return adapter && (wanted === "gpu" || !adapter.info.isFallbackAdapter) ? [CARD, PROCESSOR] : [PROCESSOR];
+}
+
 export class Network {
-  /** Open an exported network; what was opened before is closed. */
+  /** Open an exported network; what was opened before is closed. If it cannot run on the card, it runs on the processor. */
   static async open(place, name, heard) {
-    Network.current?.threads.forEach(({ worker }) => worker.terminate());
+    Network.current?.close();
     const bytes = (response) => response.arrayBuffer();
-    const [wasm, network] = await Promise.all([once(`${place}ort.wasm.gz`, bytes, heard), once(`${place}${name}.onnx.gz`, bytes, heard)]);
-    const threads = Array.from({ length: Math.min(navigator.hardwareConcurrency || 1, MOST_THREADS) }, () => new Thread(`${place}worker.js`));
-    await Promise.all(threads.map((thread) => thread.ask({ wasm, network })));
-    return (Network.current = new Network(threads));
+    for (const one of await places()) {
+      const [wasm, network] = await Promise.all([once(place + one.runtime, bytes, heard), once(`${place}${name}.onnx.gz`, bytes, heard)]);
+      const opened = new Network(one.where, Array.from({ length: one.threads }, () => new Thread(place + one.worker)));
+      try {
+        await Promise.all(opened.threads.map((thread) => thread.ask({ provider: one.provider, wasm, network })));
+        return (Network.current = opened);
+      } catch (error) {
+        opened.close();
+        if (one === PROCESSOR) throw error;
+      }
+    }
   }
-  constructor(threads) {
-    this.threads = threads;
+  constructor(where, threads) {
+    Object.assign(this, { where, threads });
+  }
+  close() {
+    this.threads.forEach(({ worker }) => worker.terminate());
   }
   /** The network's output for items of `shape`; the threads share them out. */
   async output(y, shape, t, condition, told) {

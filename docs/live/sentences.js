@@ -66,7 +66,7 @@ whenAsked(host, output, async (told) => {
   const bodies = joints.map((one, i) => ({ name: `motion ${i + 1}`, kind: "predicted", start: 0, positions: upright(one) }));
   const wanders = bodies.some(({ positions }) => Math.hypot(positions.at(-66) - positions[0], positions.at(-65) - positions[1]) > 2.5);
   show(host.querySelector(".stage"), players.sentences, bodies, { alt: `3-D player of ${bodies.length} motions: ${form.elements.text.value}`, frames, history: 0, layout: "side", follow: wanders });
-  output.value = `${bodies.length} motions of ${(frames / model.fps).toFixed(1)} s in ${seconds.toFixed(2)} s (noise ${seed}).`;
+  output.value = `${bodies.length} motions of ${(frames / model.fps).toFixed(1)} s in ${seconds.toFixed(2)} s ${network.where} (noise ${seed}).`;
 });
 if (location.protocol !== "file:") mark();
 host.live = { sample, tables };

@@ -1,13 +1,14 @@
 // A network in a thread of its own. Pages on a plain server may not share memory between threads, so each has its own copy.
-import * as ort from "onnxruntime-web/wasm";
+// It is bundled twice: with the runtime of processors, and with that of graphics cards.
+import * as ort from "runtime";
 
 let session;
 
-async function answer({ wasm, network, feeds }) {
+async function answer({ provider, wasm, network, feeds }) {
   if (network) {
     Object.assign(ort.env.wasm, { numThreads: 1, wasmBinary: wasm });
     ort.env.logLevel = "error";
-    session = await ort.InferenceSession.create(network, { executionProviders: ["wasm"] });
+    session = await ort.InferenceSession.create(network, { executionProviders: [provider], logSeverityLevel: 3 });
     return undefined;
   }
   const tensors = Object.entries(feeds).map(([name, [type, values, shape]]) => [name, new ort.Tensor(type, values, shape)]);

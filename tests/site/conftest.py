@@ -24,6 +24,9 @@ QUIET = [
     "--disable-background-networking",
     "--disable-component-update",
     "--no-first-run",
+    "--enable-unsafe-webgpu",
+    "--use-webgpu-adapter=swiftshader",  # a graphics card made of software: pages use it only where the address asks for it
+    "--enable-features=Vulkan",
 ]
 SIZES = {"desk": (1280, 900), "phone": (390, 844)}
 

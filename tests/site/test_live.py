@@ -26,6 +26,7 @@ pytestmark = pytest.mark.usefixtures("unchecked")
 
 MOST_BYTES = 15_000_000
 NEAR = 1e-4
+OF = {"cpu": 1, "gpu": 10}  # a card, even of software, rounds more than a processor
 SIZES = """() => [...performance.getEntriesByType('resource'), ...performance.getEntriesByType('navigation')]
   .reduce((sum, entry) => sum + entry.transferSize, 0)"""
 FUTURES = """async ([people, window, asked, noise]) => {
@@ -88,13 +89,15 @@ def opened(browser, address):
     """Opens a live page; says what went wrong."""
     page = browser.new_page()
     page.set_default_timeout(180_000)
-    yield lambda name: page.goto(f"{address}live/{name}.html") and page
+    yield lambda name, on="cpu": page.goto(f"{address}live/{name}.html?on={on}") and page
     page.close()
 
 
-@pytest.mark.parametrize(("people", "window", "guidance"), [(0, 0, 0.0), (0, 4, 1.5), (1, 1, 0.0)])
-def test_futures_are_pythons(opened, people, window, guidance):
-    page, generator = opened("futures"), torch.Generator().manual_seed(people)
+@pytest.mark.parametrize(
+    ("people", "window", "guidance", "on"), [(0, 0, 0.0, "cpu"), (0, 4, 1.5, "cpu"), (1, 1, 0.0, "cpu"), (0, 4, 1.5, "gpu")]
+)
+def test_futures_are_pythons(opened, people, window, guidance, on):
+    page, generator = opened("futures", on), torch.Generator().manual_seed(people)
     noise = torch.randn(3, 16, 192, generator=generator)
     asked = {"samples": 3, "steps": 8, "guidance": guidance, "temperature": 1.1}
     found = page.evaluate(FUTURES, [str(people), str(window), asked, noise.flatten().tolist()])
@@ -104,13 +107,16 @@ def test_futures_are_pythons(opened, people, window, guidance):
     with torch.inference_mode():
         *_, last = model._steps(x[:, :25], Given(noise.double()))
         expected = model.decode(last.y, x[:, :25])
-    assert np.abs(np.array(found["futures"]).reshape(3, 100, 48) - expected[0].numpy()).max() < NEAR
-    assert min(found["errors"]) == pytest.approx(float(mw.metrics.ade(expected, x[:, 25:])), abs=NEAR)
+    assert np.abs(np.array(found["futures"]).reshape(3, 100, 48) - expected[0].numpy()).max() < OF[on] * NEAR
+    assert min(found["errors"]) == pytest.approx(float(mw.metrics.ade(expected, x[:, 25:])), abs=OF[on] * NEAR)
 
 
-@pytest.mark.parametrize(("poses", "between"), [((0, 40, 0, 80, 0), 5), ((0, 60, 2, 90, 60), 30), ((6, 20, 5, 40, -150), 90)])
-def test_motions_between_two_poses_are_pythons(opened, poses, between):
-    page, model, T = opened("between"), mw.load_run("inbetween"), between + 4
+POSES = [((0, 40, 0, 80, 0), 5), ((0, 60, 2, 90, 60), 30), ((6, 20, 5, 40, -150), 90)]
+
+
+@pytest.mark.parametrize(("poses", "between", "on"), [*[(*one, "cpu") for one in POSES], (*POSES[1], "gpu")])
+def test_motions_between_two_poses_are_pythons(opened, poses, between, on):
+    page, model, T = opened("between", on), mw.load_run("inbetween"), between + 4
     rows = min(32, between)
     noise = torch.randn(2, rows, 51, generator=torch.Generator().manual_seed(between))
     asked = {"samples": 2, "temperature": 0.5}
@@ -122,16 +128,17 @@ def test_motions_between_two_poses_are_pythons(opened, poses, between):
     with torch.inference_mode():
         states = model._sample(model.space.seen_from(x, place)[None], given(T, 2, 2), Given(noise.double()))[0]
     expected = torch.stack([model.space.placed(each, place) for each in states])[:, 1:-1]
-    assert np.abs(np.array(found["motions"]).reshape(2, between + 2, 51) - expected.numpy()).max() < NEAR
+    assert np.abs(np.array(found["motions"]).reshape(2, between + 2, 51) - expected.numpy()).max() < OF[on] * NEAR
     bodies, joints = model.space.bodies, model.space.positions(expected, torch.zeros(0, 3)).numpy()
     below = [foot for _, _, foot in legs(bodies.skeleton)]
     floor = float(model.space.positions(four, torch.zeros(0, 3))[:, below, 2].min())
     held = np.stack([standing(Motion(each, bodies.fps, bodies.skeleton, up="z"), floor).positions for each in joints])
-    assert np.abs(np.array(found["joints"]).reshape(held.shape) - held).max() < 10 * NEAR  # a foot may begin to stand at a bound
+    assert np.abs(np.array(found["joints"]).reshape(held.shape) - held).max() < 10 * OF[on] * NEAR  # a foot may begin to stand at a bound
 
 
-def test_sentences_are_pythons(opened):
-    page, model, text = opened("sentences"), mw.load_run("sentences"), "a person walks in a circle to the left xyz"
+@pytest.mark.parametrize("on", ["cpu", "gpu"])
+def test_sentences_are_pythons(opened, on):
+    page, model, text = opened("sentences", on), mw.load_run("sentences"), "a person walks in a circle to the left xyz"
     noise = torch.randn(5, 2, 48, 263, generator=torch.Generator().manual_seed(0))
     asked = {"samples": 2, "seconds": 2.4, "steps": 5, "guidance": 2.5}
     found = page.evaluate(SENTENCES, [text, asked, noise.flatten(1).tolist()])
@@ -141,9 +148,9 @@ def test_sentences_are_pythons(opened):
         steps = ddim_indices(len(model.alpha_bar), 5, "trailing")
         *_, last = posterior_mean(denoise, next(draws), model.alpha_bar, steps, noise=lambda: next(draws))
         raw = model.statistics.denormalise(last.y)
-    assert np.abs(np.array(found["features"]).reshape(2, 48, 263) - raw.numpy()).max() < NEAR
+    assert np.abs(np.array(found["features"]).reshape(2, 48, 263) - raw.numpy()).max() < OF[on] * NEAR
     joints = torch.stack([fused_joints(one.double(), model.layout) for one in raw])
-    assert np.abs(np.array(found["joints"]).reshape(2, 48, 22, 3) - joints.numpy()).max() < 10 * NEAR  # of a path of metres
+    assert np.abs(np.array(found["joints"]).reshape(2, 48, 22, 3) - joints.numpy()).max() < 10 * OF[on] * NEAR  # of a path of metres
 
 
 def test_sentences_are_read_as_python_reads_them(opened):
