@@ -133,7 +133,9 @@ def test_motions_between_two_poses_are_pythons(opened, poses, between, on):
     below = [foot for _, _, foot in legs(bodies.skeleton)]
     floor = float(model.space.positions(four, torch.zeros(0, 3))[:, below, 2].min())
     held = np.stack([standing(Motion(each, bodies.fps, bodies.skeleton, up="z"), floor).positions for each in joints])
-    assert np.abs(np.array(found["joints"]).reshape(held.shape) - held).max() < 10 * OF[on] * NEAR  # a foot may begin to stand at a bound
+    assert (
+        np.abs(np.array(found["joints"]).reshape(held.shape) - held).max() < 10 * OF[on] * NEAR
+    )  # a foot may begin to stand at a bound
 
 
 @pytest.mark.parametrize("on", ["cpu", "gpu"])
@@ -150,7 +152,9 @@ def test_sentences_are_pythons(opened, on):
         raw = model.statistics.denormalise(last.y)
     assert np.abs(np.array(found["features"]).reshape(2, 48, 263) - raw.numpy()).max() < OF[on] * NEAR
     joints = torch.stack([fused_joints(one.double(), model.layout) for one in raw])
-    assert np.abs(np.array(found["joints"]).reshape(2, 48, 22, 3) - joints.numpy()).max() < 10 * OF[on] * NEAR  # of a path of metres
+    assert (
+        np.abs(np.array(found["joints"]).reshape(2, 48, 22, 3) - joints.numpy()).max() < 10 * OF[on] * NEAR
+    )  # of a path of metres
 
 
 def test_sentences_are_read_as_python_reads_them(opened):
