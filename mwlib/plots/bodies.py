@@ -109,7 +109,7 @@ class Board:
     ) -> None:
         self.skeleton = skeleton
         half, bottom, top = _extent(motions)
-        self.spacing, self.height = 2.08 * half, 1.08 * (top - bottom)
+        self.spacing, self.height = 2.16 * half, 1.08 * (top - bottom)
         top += 0.04 * (top - bottom)
         margin, header = 0.3 if any(labels) else 0.0, 0.45  # inches
         # scale: inches per metre

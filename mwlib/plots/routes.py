@@ -21,7 +21,7 @@ SIDE = 0.24  # inches left and right of everything
 NAME, TIMES, FOOT = 0.24, 0.22, 0.46  # inches above a row, beneath it, and beneath all of them
 TALLEST, HIGHEST = 1.7, 8.4  # inches, of a row's bodies and of the figure
 LEAST = 3.7, 4.9  # inches that the words at the foot take, without and with those of bodies that are spread
-LABEL = 0.36  # inches that the time beneath a body takes
+LABEL = 0.32  # inches that the time beneath a body takes
 CLOSEST, WIDEST = 0.42, 1.1  # metres from body to body where they are spread by time
 
 

@@ -136,7 +136,7 @@ def imposed_steps(
     fig, axes = tiled(len(x), frame=0.8, each=1.75)
     rings = {"color": INK, "markerfacecolor": "none", "markersize": 10, "clip_on": False}
     for ax, values, level in zip(axes.flat, x, levels, strict=False):
-        ax.plot(seconds, values, color=PREDICTED, linewidth=1.5, label="between, from the network")
+        ax.plot(seconds, values, color=PREDICTED, linewidth=1.5, label="between")
         ax.plot(seconds[given], values[given], "o", color=CYCLE[1], markersize=7, label="keyframe at this noise", clip_on=False)
         ax.plot(seconds[given], x[-1, given], "o", label="clean keyframe", **rings)
         ax.set_title(f"noise {level:.2f}" if level else "clean")
@@ -213,7 +213,7 @@ def keyframe_samples(
         ax.plot(frames, samples.mean(0), color=CYCLE[1], linestyle=(0, (4, 1.2)), linewidth=2, label="mean of samples")
         ax.plot(at, mean[at], label="keyframe", **MARK)
         ax.set(title=fill(name, 22), xlim=(frames[0] - 0.8, frames[-1] + 0.8))
-    reach = 1.4 * float(np.max(np.abs(mean) + 2 * deviation))  # samples that diverge leave the picture
+    reach = 1.7 * float(np.max(np.abs(mean) + 2 * deviation))  # samples that diverge leave the picture
     axes[0, 0].set_ylim(-reach, reach)
     outer(axes, "frame", ylabel, lowest=True)
     legend(axes[0, 0])
