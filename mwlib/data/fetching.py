@@ -5,11 +5,13 @@ import io
 import json
 import shutil
 import sys
+import threading
 import time
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
+from queue import Empty, Queue
 from typing import Any, cast
 
 import numpy as np
@@ -32,6 +34,8 @@ from mwlib.version import __version__
 
 HEADERS = {"User-Agent": f"mwlib/{__version__} (motion-wavelet-notebooks)", "Accept-Encoding": "identity"}
 PIECE = 2**14  # bytes
+MOST_WAITING = 64  # pieces that have arrived and are not written yet
+NO_REST = 416  # what a server says that has nothing after the bytes that are there
 MOST = 40_000_000  # bytes of one file that is no archive; the longest listed has 3 million
 MOST_FAULTS = 5  # clips that a publisher does not have as listed, before nothing more is asked of it
 FINENESS = 1e-4  # metres
@@ -58,14 +62,15 @@ class Patience:
 
     Args:
         silence: seconds without a byte after which a connection counts as broken.
-        slowest: bytes a second that must come, so that the whole time has a limit, once `grace` seconds have passed.
+        slowest: bytes a second that must come, so that the whole time has a limit, once `grace` seconds have passed since it
+            was asked for.
         retries: of one file; pooch waits 1, 2, 3, ... seconds before them.
         between: seconds between two files.
     """
 
     silence: float = 30.0
     slowest: float = 2000.0
-    grace: float = 30.0
+    grace: float = 60.0
     retries: int = 3
     between: float = 0.5
 
@@ -73,6 +78,8 @@ class Patience:
 @dataclass(frozen=True)
 class _Line:
     """What brings pooch a file: no more bytes and no more time than it may take, and no stand-in.
+
+    What came before a line broke stays beside the file, and is not asked for again.
 
     Raises:
         _BrokenError: the connection broke, or the server is busy.
@@ -84,36 +91,76 @@ class _Line:
     bar: tqdm | None = None
 
     def __call__(self, url: str, output_file: str, pooch: pooch.Pooch) -> None:
-        try:
-            with requests.get(url, headers=HEADERS, timeout=self.patience.silence, stream=True) as response:
-                if response.status_code != 200:
-                    found = f"the server says {response.status_code} {response.reason}"
-                    raise (_BrokenError if response.status_code in BUSY else NotOfferedError)(found)
-                with Path(output_file).open("wb") as stream:
-                    stream.writelines(self._pieces(response))
-        except requests.exceptions.SSLError as error:
-            raise NotOfferedError(f"no safe connection ({_root(error)})") from error
-        except (requests.RequestException, urllib3.exceptions.HTTPError) as error:
-            raise _BrokenError(f"no connection, or one that ended early ({_root(error)})") from error
+        part = Path(output_file).with_name(f".{Path(url).name}.part")
+        part.touch()
+        with part.open("r+b") as stream:
+            done = part.stat().st_size
+            for place, piece in self._pieces(url, done if done < self.most else 0):
+                stream.seek(place)
+                stream.truncate()
+                stream.write(piece)
+        part.replace(Path(output_file))
         if fault := _stand_in(Path(output_file)):
             raise ValueError(fault)
         time.sleep(self.patience.between)
 
-    def _pieces(self, response: requests.Response) -> Iterator[bytes]:
-        """What arrives, as it arrives."""
+    def _pieces(self, url: str, done: int) -> Iterator[tuple[int, bytes]]:
+        """What arrives, as it arrives, each piece with its place in the file.
+
+        Another thread asks, as a header's line that never ends keeps the one that reads it; that thread dies with the process.
+        """
+        arrived: Queue[tuple[int, bytes] | Exception] = Queue(MOST_WAITING)
+        is_over = threading.Event()
+        threading.Thread(target=self._ask, args=(url, done, arrived, is_over), daemon=True).start()
         size, begin = 0, time.monotonic()
         if self.bar is not None:
             self.bar.reset()
-        while piece := response.raw.read1(PIECE):
-            size += len(piece)
-            passed = time.monotonic() - begin
-            if size > self.most:
-                raise NotOfferedError(f"more than {self.most} bytes arrived; expected at most that")
-            if passed > self.patience.grace + size / self.patience.slowest:
-                raise NotOfferedError(f"{size} bytes in {passed:.0f} s; expected at least {self.patience.slowest:g} a second")
-            if self.bar is not None:
-                self.bar.update(len(piece))
-            yield piece
+        try:
+            while (found := self._next(arrived, size, begin)) and found[1]:
+                size += len(found[1])
+                if found[0] + len(found[1]) > self.most:
+                    raise NotOfferedError(f"more than {self.most} bytes arrived; expected at most that")
+                if self.bar is not None:
+                    self.bar.update(found[0] + len(found[1]) - self.bar.n)
+                yield found
+        finally:
+            is_over.set()
+            while not arrived.empty():
+                arrived.get_nowait()
+
+    def _next(self, arrived: Queue[tuple[int, bytes] | Exception], size: int, begin: float) -> tuple[int, bytes]:
+        """The next piece, unless the whole takes too long; an empty one at the end."""
+        while (passed := time.monotonic() - begin) <= (limit := self.patience.grace + size / self.patience.slowest):
+            try:
+                found = arrived.get(timeout=limit - passed)
+            except Empty:
+                continue
+            if isinstance(found, Exception):
+                raise found
+            return found
+        raise NotOfferedError(f"{size} bytes in {passed:.0f} s; expected at least {self.patience.slowest:g} a second")
+
+    def _ask(self, url: str, done: int, arrived: Queue[tuple[int, bytes] | Exception], is_over: threading.Event) -> None:
+        """Ask for what comes after the bytes that are there; hand on what arrives, and how it ends."""
+        rest = {"Range": f"bytes={done}-"} if done else {}
+        try:
+            with requests.get(url, headers=HEADERS | rest, timeout=self.patience.silence, stream=True) as response:
+                if response.status_code == NO_REST and done:
+                    return self._ask(url, 0, arrived, is_over)
+                if response.status_code not in (200, 206):
+                    found = f"the server says {response.status_code} {response.reason}"
+                    raise (_BrokenError if response.status_code in BUSY else NotOfferedError)(found)
+                place = done if response.status_code == 206 else 0
+                while (piece := response.raw.read1(PIECE)) and not is_over.is_set():
+                    arrived.put((place, piece))
+                    place += len(piece)
+            arrived.put((place, b""))
+        except requests.exceptions.SSLError as error:
+            arrived.put(NotOfferedError(f"no safe connection ({_root(error)})"))
+        except (requests.RequestException, urllib3.exceptions.HTTPError) as error:
+            arrived.put(_BrokenError(f"no connection, or one that ended early ({_root(error)})"))
+        except Exception as error:
+            arrived.put(error)
 
 
 def _root(error: BaseException) -> str:

@@ -16,21 +16,25 @@ from tests.sample_motions import AMC, ASF
 HASTY = Patience(silence=0.5, slowest=1e5, grace=1.5, retries=2, between=0.0)
 PAGE = b"<!DOCTYPE html><html><body>Please sign in</body></html>"
 POINTER = b"version https://git-lfs.github.com/spec/v1\noid sha256:" + b"ab" * 32 + b"\nsize 144051503\n"
+LINES = {"status": b"HTTP/1.1 20", "header": b"HTTP/1.1 200 OK\r\nContent-Length: "}
+LINES["chunk"] = b"HTTP/1.1 200 OK\r\nTransfer-Encoding: chunked\r\n\r\n"
 
 
 class Publisher:
     """What is published, what was asked for, and how the next answers go wrong.
 
     A trick is used up by one request: "drop" ends the connection amid the body, "stall" stops sending there, "cut" sends half and
-    announces half, "more" announces more than is sent, "endless" never ends, "drip" sends a byte at a time, "page" is a web
-    page with status 200, "pointer" one of Git LFS, "empty" nothing, a number is a status. "slow" and "patient" send
-    everything, with pauses; "hold" sends half, and the rest only at the end of the test.
+    announces half, "more" announces more than is sent, "endless" never ends, "drip" sends a byte at a time, "status", "header"
+    and "chunk" a line that is no body, "page" is a web page with status 200, "pointer" one of Git LFS, "empty" nothing, a number
+    is a status. "slow" and "patient" send everything, with pauses; "hold" sends half, and the rest only at the end of the test.
+    The rest of a file is sent where a request asks for it.
     """
 
     def __init__(self) -> None:
         self.files: dict[str, bytes] = {}
         self.tricks: dict[str, list[str | int]] = defaultdict(list)
         self.asked: list[str] = []  # paths
+        self.begun: list[int] = []  # from which byte on
         self.agents: set[str] = set()
         self.at_once = self.most_at_once = 0
         self.gate, self.end = threading.Lock(), threading.Event()
@@ -59,6 +63,11 @@ def _handler(publisher: Publisher) -> type[BaseHTTPRequestHandler]:
             finally:
                 self.leave()
 
+        def drip(self) -> None:
+            """A digit, now and then."""
+            while not publisher.end.wait(0.05):
+                self.wfile.write(b"0")
+
         def leave(self) -> None:
             """No longer counted as being at work: just before the last byte, after which the other side may ask again."""
             with publisher.gate:
@@ -74,7 +83,16 @@ def _handler(publisher: Publisher) -> type[BaseHTTPRequestHandler]:
                 self.end_headers()
                 return
             body = {"page": PAGE, "pointer": POINTER, "empty": b""}.get(trick, body)
-            self.send_response(200)
+            if trick in LINES:
+                self.wfile.write(LINES[trick])
+                return self.drip()
+            start = int(self.headers.get("Range", "bytes=0-").removeprefix("bytes=").removesuffix("-"))
+            publisher.begun.append(start)
+            if start >= len(body) > 0:
+                self.send_error(416)
+                return
+            self.send_response(206 if start else 200)
+            body = body[start:]
             half = len(body) // 2
             announced = {"cut": half, "more": len(body) + 1000}.get(trick, len(body))
             if trick != "endless":
@@ -93,8 +111,7 @@ def _handler(publisher: Publisher) -> type[BaseHTTPRequestHandler]:
                 self.wfile.flush()
                 publisher.end.wait()
             elif trick == "drip":
-                while not publisher.end.wait(0.05):
-                    self.wfile.write(b"-")
+                self.drip()
             elif trick == "endless":
                 while True:
                     self.wfile.write(bytes(10**6))

@@ -120,6 +120,20 @@ def test_a_line_that_fails_and_comes_back_gives_the_file(publisher, one, tmp_pat
     assert (bring(one, tmp_path, HASTY) / "a.bin").read_bytes() == CONTENT
     assert publisher.agents == {f"mwlib/{__version__} (motion-wavelet-notebooks)"}
     assert len(publisher.asked) == 1 + len([trick for trick in tricks if trick != "slow"])
+    half = len(CONTENT) // 2
+    assert publisher.begun[-1] == (half if tricks in (["drop"], ["stall"]) else 0), "what came is not asked for again"
+
+
+def test_what_a_killed_download_left_is_gone_on_with_or_replaced(publisher, one, tmp_path):
+    part = tmp_path / ".fetch-some" / ".a.bin.part"
+    part.parent.mkdir()
+    for left, begun in ((CONTENT[:-7], [len(CONTENT) - 7]), (CONTENT, [len(CONTENT), 0]), (b"other", [5, 0]), (b"", [0])):
+        part.parent.mkdir(exist_ok=True)
+        part.write_bytes(left)
+        assert (file := bring(one, tmp_path, HASTY) / "a.bin").read_bytes() == CONTENT
+        assert publisher.begun == begun and not part.parent.exists()
+        publisher.begun.clear()
+        file.unlink()
 
 
 @pytest.mark.parametrize(
@@ -137,6 +151,7 @@ def test_a_line_that_fails_and_comes_back_gives_the_file(publisher, one, tmp_pat
         ("empty", "an empty file arrived$", TRIES),
         ("endless", "more than 40000000 bytes arrived; expected at most that$", 1),
         ("drip", r"\d+ bytes in \d+ s; expected at least 100000 a second$", 1),
+        *[(line, r"0 bytes in 2 s; expected at least 100000 a second$", 1) for line in ("status", "header", "chunk")],
     ],
 )
 def test_a_line_that_stays_broken_is_given_up(publisher, one, tmp_path, waits, trick, message, tries):
@@ -144,7 +159,9 @@ def test_a_line_that_stays_broken_is_given_up(publisher, one, tmp_path, waits, t
     begin = time.monotonic()
     with pytest.raises(FetchError, match=f"(?s)^{publisher.url}/in/a.bin: .*{message}") as caught:
         bring(one, tmp_path, HASTY)
-    assert time.monotonic() - begin < 20 and len(publisher.asked) == tries and waits == [1, 2][: tries - 1]
+    without_rest = publisher.begun.count(len(CONTENT))  # after these it is asked for from its start
+    assert time.monotonic() - begin < 20 and waits == [1, 2][: tries - 1]
+    assert len(publisher.asked) == tries + without_rest and without_rest == (2 if trick == "more" else 0)
     assert isinstance(caught.value, NotOfferedError) == (trick not in ("drop", "stall", "more", 503))
     assert visible(tmp_path) == set() and "HTTPConnectionPool" not in str(caught.value)
 

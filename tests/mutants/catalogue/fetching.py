@@ -6,8 +6,11 @@ MUTANTS = [
     *of(
         "data/fetching.py", "data/test_fetching.py",
         ("web-pages-are-data", 'if head.startswith(b"<"):', 'if head.startswith(b"<<"):'),
-        ("a-byte-a-second-is-enough", "passed > self.patience.grace +", "passed > 20 * self.patience.grace +"),
-        ("any-number-of-bytes", "if size > self.most:", "if size > 100 * self.most:"),
+        ("a-byte-a-second-is-enough", "limit := self.patience.grace +", "limit := 20 * self.patience.grace +"),
+        ("any-number-of-bytes", "+ len(found[1]) > self.most:", "+ len(found[1]) > 100 * self.most:"),
+        ("what-came-is-asked-for-again", 'rest = {"Range": f"bytes={done}-"} if done else {}', "rest: dict[str, str] = {}"),
+        ("the-rest-is-taken-for-the-whole", "place = done if response.status_code == 206 else 0", "place = 0"),
+        ("a-file-longer-than-its-own-stays", "stream.truncate()", "stream.flush()"),
         ("busy-servers-are-asked-once", "_BrokenError if response.status_code in BUSY else NotOfferedError", "NotOfferedError"),
         ("digest-of-the-skeleton-alone", "motion.positions.astype(np.float64)", "0 * motion.positions.astype(np.float64)"),
         ("any-motion-is-the-listed-one", "if found == clip.motion and not others:", "if not others:"),
