@@ -88,10 +88,10 @@ test-blender: $(READY) ## open written BVH files in Blender: installs bpy, 1 GB,
 	MWLIB_BLENDER=$(BLENDER)/bin/python $(RUN) -m pytest tests/blender
 
 site: $(SITE_READY) ## build the site from the repository as it lies into build/site: chapters, exhibits, how-tos, the library
-	@rm -rf build/site-new build/site-sources build/site-doctrees
+	@rm -rf build/site-new build/site-old build/site-sources build/site-doctrees
 	$(RUN) -m mwlib site-sources build/site-sources
 	$(RUN) -m sphinx --fail-on-warning --keep-going --quiet -c docs -d build/site-doctrees build/site-sources build/site-new
-	@rm -rf build/site && mv build/site-new build/site
+	@if test -e build/site; then mv build/site build/site-old; fi && mv build/site-new build/site && rm -rf build/site-old
 	@echo 'Open build/site/index.html'
 
 test-site: site ## open every page of the site in a headless browser, as on a desk and on a phone: needs Chromium or Chrome

@@ -213,6 +213,11 @@ SPHINX_STOPS = """#!/bin/sh
 for last; do :; done
 case "$*" in *sphinx*) mkdir -p "$last"; touch "$last/half.html"; exit ${STOPS:-0};; esac
 """
+KILLED_REMOVING = """#!/bin/sh
+case "$*" in *site-sources*) exec /bin/rm "$@";; esac
+for folder; do /bin/rm -f "$folder/index.html"; done
+kill -9 $PPID
+"""
 
 
 def test_a_site_that_cannot_be_built_leaves_the_one_before(tmp_path):
@@ -222,9 +227,17 @@ def test_a_site_that_cannot_be_built_leaves_the_one_before(tmp_path):
     python.chmod(0o755)
     for name in ("pyproject.toml", "constraints.txt", "docs/package-lock.json", ".venv/.ready", ".venv/.site-ready"):
         write_atomic(tmp_path / name, "")
-    write_atomic(tmp_path / "build" / "site" / "index.html", "before")
+    site = tmp_path / "build" / "site"
+    for name in ("index.html", "other.html"):
+        write_atomic(site / name, "before")
     make = dict(args=["make", "site"], cwd=tmp_path, capture_output=True)
     assert subprocess.run(**make, env={**os.environ, "STOPS": "1"}).returncode != 0
-    assert [file.name for file in (tmp_path / "build" / "site").iterdir()] == ["index.html"]
+    assert {file.name for file in site.iterdir()} == {"index.html", "other.html"}
+    write_atomic(tmp_path / "bin" / "rm", KILLED_REMOVING)
+    (tmp_path / "bin" / "rm").chmod(0o755)
+    assert subprocess.run(**make, env={**os.environ, "PATH": f"{tmp_path / 'bin'}:{os.environ['PATH']}"}).returncode != 0
+    assert [file.name for file in site.iterdir()] == ["half.html"], "a kill amid the removal of the old one"
+    write_atomic(site / "index.html", "before")
     assert subprocess.run(**make).returncode == 0
-    assert [file.name for file in (tmp_path / "build" / "site").iterdir()] == ["half.html"], "the new one, nothing of the old"
+    assert [file.name for file in site.iterdir()] == ["half.html"], "the new one, nothing of the old"
+    assert {file.name for file in site.parent.iterdir()} == {"site"}

@@ -18,7 +18,7 @@ from tqdm import tqdm
 
 from mwlib.experiments import results
 from mwlib.experiments.grids import Data, code_of, read_config, system_of
-from mwlib.files import sweep, write_json, write_together
+from mwlib.files import sweep, write_atomic, write_json, write_together
 from mwlib.hashing import digest, file_hash
 from mwlib.paths import CONFIG, run_folder, shipped
 from mwlib.settings import Settings, near, shown
@@ -81,7 +81,10 @@ class Run:
                 if said == "train":
                     self._train_to_end(progress)
                     _agreed("done")  # nobody goes on before the result is written
-        results.older_code.update(self.changed(results.result_of(self.folder)["depends"]))
+        depends = results.result_of(self.folder)["depends"]
+        if _rank() == 0 and not (self.folder / CONFIG).exists():  # a run says what it is, in the words of whoever trained it
+            write_atomic(self.folder / CONFIG, self.cfg.override(**depends.get("sampling", {})).to_yaml())
+        results.older_code.update(self.changed(depends))
         return self.folder
 
     def _state(self, mine: bool) -> str:

@@ -50,6 +50,13 @@ def cut(file):
 DAMAGES = {"flipped": spoil, "cut": cut, "gone": lambda file: file.unlink()}
 
 
+def test_a_finished_run_without_its_configuration_gets_it_back_as_it_was(run):
+    before = (run / CONFIG).read_text()
+    (run / CONFIG).unlink()
+    assert get_run(small(guidance_weight=3.0), two_people()) == run
+    assert (run / CONFIG).read_text() == before and load_run(run).sampling.guidance_weight == 0.0
+
+
 @pytest.mark.parametrize("name", ["prediction", "inbetweening", "text_to_motion", "matching"])
 def test_no_part_of_a_configuration_is_taken_for_all_of_it(tmp_path, name):
     cfg, file = system(name).Config(), tmp_path / CONFIG

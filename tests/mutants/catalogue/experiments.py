@@ -54,6 +54,10 @@ MUTANTS = [
         ("shipped-without-its-owners-words", ', *acknowledgement(cfg.get("data")).values()]', "]"),
     ),
     *of(
+        "experiments/runs.py", "experiments/test_believed_runs.py::test_a_finished_run_without_its_configuration_gets_it_back_as_it_was",
+        ("a-run-says-how-others-sample-it", 'self.cfg.override(**depends.get("sampling", {})).to_yaml()', "self.cfg.to_yaml()"),
+    ),
+    *of(
         "experiments/runs.py", "experiments/test_runs.py::test_another_model_behind_a_run_makes_it_another_run",
         ("one-run-for-every-critic", "digest([self.key, *built_on])", "digest([self.key])"),
         ("one-result-for-every-judge", "[digest(built_on + judged_by)] if", "[digest(built_on)] if"),
