@@ -50,7 +50,7 @@ def cut(file):
 DAMAGES = {"flipped": spoil, "cut": cut, "gone": lambda file: file.unlink()}
 
 
-def test_a_finished_run_without_its_configuration_gets_it_back_as_it_was(run):
+def test_a_run_without_its_configuration_gets_it_back_as_it_was(run):
     before = (run / CONFIG).read_text()
     (run / CONFIG).unlink()
     assert get_run(small(guidance_weight=3.0), two_people()) == run

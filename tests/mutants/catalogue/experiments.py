@@ -54,7 +54,7 @@ MUTANTS = [
         ("shipped-without-its-owners-words", ', *acknowledgement(cfg.get("data")).values()]', "]"),
     ),
     *of(
-        "experiments/runs.py", "experiments/test_believed_runs.py::test_a_finished_run_without_its_configuration_gets_it_back_as_it_was",
+        "experiments/runs.py", "experiments/test_believed_runs.py::test_a_run_without_its_configuration_gets_it_back_as_it_was",
         ("a-run-says-how-others-sample-it", 'self.cfg.override(**depends.get("sampling", {})).to_yaml()', "self.cfg.to_yaml()"),
     ),
     *of(
