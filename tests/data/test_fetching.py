@@ -127,7 +127,8 @@ def test_a_line_that_fails_and_comes_back_gives_the_file(publisher, one, tmp_pat
 def test_what_a_killed_download_left_is_gone_on_with_or_replaced(publisher, one, tmp_path):
     part = tmp_path / ".fetch-some" / ".a.bin.part"
     part.parent.mkdir()
-    for left, begun in ((CONTENT[:-7], [len(CONTENT) - 7]), (CONTENT, [len(CONTENT), 0]), (b"other", [5, 0]), (b"", [0])):
+    size = len(CONTENT)
+    for left, begun in ((CONTENT[:-7], [size - 7]), (bytes(size + 9), [size + 9, 0]), (b"other", [5, 0]), (b"", [0])):
         part.parent.mkdir(exist_ok=True)
         part.write_bytes(left)
         assert (file := bring(one, tmp_path, HASTY) / "a.bin").read_bytes() == CONTENT
