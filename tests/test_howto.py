@@ -141,3 +141,16 @@ def test_the_parameters_of_all_chapters_are_listed():
     text = (DOCS / "howto" / "rerun-a-notebook.md").read_text(encoding="utf-8")
     table = text[text.index("| chapter |") :].partition("\n\n")[0]
     assert table.splitlines()[2:] == rows
+
+
+def test_every_row_of_what_was_believed_names_its_test():
+    _, *sections = (ROOT / "docs" / "believed.md").read_text(encoding="utf-8").split("\n## ")
+    rows = 0
+    for section in sections:
+        files = re.findall(r"`(tests/[\w/]+\.py)`", section.split("\n|")[0])
+        text = "\n".join((ROOT / file).read_text(encoding="utf-8") for file in files)
+        for line in re.findall(r"^\| .* \|$", section, re.M)[1:]:
+            *_, name, _ = (cell.strip() for cell in re.split(r"(?<!\\)\|", line))
+            assert f"\ndef test_{name.replace(' ', '_')}(" in text, f"{section.splitlines()[0]}: {name} is no test of {files}"
+            rows += 1
+    assert rows > 40

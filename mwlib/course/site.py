@@ -22,7 +22,7 @@ from mwlib.files import sweep, write_atomic
 
 TEXTS = ("REPRODUCTION.md", "RESULTS.md", "CONTRIBUTING.md", "notebooks/glossary.md")
 DETAILS = "results"  # folder of one page a system
-SOURCES = ("index.md", "chapters.md", "claims.md", "any-motions.md", "howto", "live", "_static")  # of docs/
+SOURCES = ("index.md", "chapters.md", "claims.md", "any-motions.md", "believed.md", "howto", "live", "_static")  # of docs/
 PLAYED = {
     "01": "wavelet",
     "05": "number",
