@@ -348,7 +348,8 @@ def _drawn(shown: Film, frames: Sequence[int], history: int, azimuth: float | No
     first = next(iter(shown.actors.values()))
     view = camera(first.positions[0], first.skeleton, azimuth)
     bodies = {name: _flat(actor, view) for name, actor in shown.actors.items()}
-    board = Board(first.skeleton, [body.points for body in bodies.values()], [""], [*bodies])
+    everything = np.concatenate([body.points.reshape(-1, 2) for body in bodies.values()])  # no body is cut off
+    board = Board(first.skeleton, [everything * np.array([1.08, 1.0])], [""], [*bodies])  # a head is wider than its point
     board.fig.set_dpi(width / WIDTH)
     board.lift(BAR)
     line, text = _timeline(board.fig, history, shown.frames)

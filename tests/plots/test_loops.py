@@ -63,6 +63,12 @@ def test_the_pictures_are_the_bodies_in_the_colours_of_the_house(walkers):
     assert near(pictures[-1][:, half:], blue) > 100 and near(pictures[-1][:, :half], black) > 300
 
 
+def test_a_wide_body_beside_a_narrow_one_is_drawn_whole():
+    narrow, wide = (WALK.positions * np.array([stretch, 1, stretch], np.float32) for stretch in (0.3, 2))
+    for picture in frames_of(plots.loop({"narrow": narrow, "wide": wide}, H36M17, fps=FPS, alt=ALT).encoded()):
+        assert picture[30:-30, -2:].min() > 200, "a limb reaches the right border"
+
+
 def test_a_loop_of_three_seconds_stays_below_its_limit():
     long = synthetic_motions(1, seconds=4)[0].resample(FPS).cut(0, 75)
     made = plots.loop({name: long for name in ("truth", "a", "b", "c")}, history=12, alt=ALT)

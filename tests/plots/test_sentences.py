@@ -51,7 +51,9 @@ def test_each_sentence_has_a_panel_of_its_own_scale():
     assert [ax.get_title(loc="left").replace("\n", " ") for ax in shown[:3]] == titles[:3]
     assert shown[3].get_title(loc="left").endswith("…")
     for number, ax in enumerate(shown):
-        assert ax.get_xlim() == ax.get_ylim() == pytest.approx((-1.08 * max(1, 2 * number), 1.08 * max(1, 2 * number)))
+        reach = max(0.6, 0.54 * max(1, 2 * number))  # a path from the dot to 2 n to one side, and 1 ahead
+        assert [float(np.diff(ends)[0]) for ends in (ax.get_xlim(), ax.get_ylim())] == pytest.approx([2 * reach] * 2)
+        assert np.mean(ax.get_ylim()) == pytest.approx(0.5) and abs(np.mean(ax.get_xlim())) == pytest.approx(number)
     assert [ax.get_xlabel() for ax in shown] == ["", "to the right (m)", "to the right (m)", "to the right (m)"]
     assert [ax.get_ylabel() for ax in shown] == ["ahead (m)", "", "", "ahead (m)"]
     assert all(ax.xaxis.get_tick_params()["labelbottom"] for ax in shown[1:])
@@ -61,14 +63,14 @@ def test_each_sentence_has_a_panel_of_its_own_scale():
 
 def test_who_stays_is_not_blown_up():
     _, axes = plots.ways({"stays": [body(0.0, 0.01)]})
-    assert axes[0, 0].get_xlim() == (-0.6, 0.6)
+    assert np.diff(axes[0, 0].get_xlim()) == pytest.approx(1.2)
 
 
 def test_an_emerging_way_grows_darker_step_by_step():
     paths = [torch.rand(FRAMES, 2) * n for n in range(1, 7)]
     limbs = [np.linspace(0, n, FRAMES) for n in range(1, 7)]
-    levels = [1.0, 0.9, 0.7, 0.5, 0.3, 0.04]
-    fig, axes = plots.emerging_way(paths, levels, limbs=limbs, fps=20)
+    steps = [1, 10, 20, 30, 40, 50]
+    fig, axes = plots.emerging_way(paths, steps, limbs=limbs, fps=20)
     way, height = axes.flat
     for line, curve, path, limb in zip(way.lines, height.lines, paths, limbs, strict=True):
         np.testing.assert_allclose(line.get_xydata(), path)
@@ -77,7 +79,7 @@ def test_an_emerging_way_grows_darker_step_by_step():
     light = [sum(line.get_color()[:3]) for line in way.lines]
     assert light == sorted(light, reverse=True) and len(set(light)) == 6
     (legend,) = fig.legends
-    assert [text.get_text() for text in legend.get_texts()] == [f"noise {level:.4f}" for level in levels]
+    assert [text.get_text() for text in legend.get_texts()] == [f"step {step}" for step in steps]
     legible(fig)
 
 

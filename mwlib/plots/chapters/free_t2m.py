@@ -194,7 +194,7 @@ def _finish(ax: Axes, extra: Mapping[float, str] | None = None) -> None:
         ax.yaxis.set_major_formatter("{x:g}")
 
 
-NARROWEST = 0.6  # metres to either side of a way, at least
+NARROWEST = 0.6  # metres to either side of the middle of a way, at least
 STEPS = LinearSegmentedColormap.from_list("steps", ["#c8ccd2", CYCLE[0]])
 
 
@@ -202,7 +202,7 @@ STEPS = LinearSegmentedColormap.from_list("steps", ["#c8ccd2", CYCLE[0]])
 def ways(rows: Mapping[str, Sequence[Motion]]) -> Panels:
     """Ways of the root on the floor, seen from above: a panel for each sentence, a line for each motion.
 
-    All start at the dot and look up the page, so that left is left. Each panel has its own scale, of `NARROWEST` metres at least.
+    All start at the dot and look up the page, so that left is left. Each panel has its own place and scale, of `NARROWEST` metres at least.
 
     Args:
         rows: title -> motions; those with y up and those with z up may be mixed.
@@ -215,11 +215,14 @@ def ways(rows: Mapping[str, Sequence[Motion]]) -> Panels:
     fig, axes = tiled(len(rows), frame=0.4, each=2.5, shared=False)
     paths = {title: [_seen_from_above(motion) for motion in motions] for title, motions in rows.items()}
     for ax, (title, several) in zip(axes.flat, paths.items(), strict=False):
-        reach = max(NARROWEST, 1.08 * max(np.abs(path).max() for path in several))
+        points = np.concatenate([*several, np.zeros((1, 2))])
+        low, high = points.min(axis=0), points.max(axis=0)
+        reach = max(NARROWEST, 0.54 * (high - low).max())
         for number, path in enumerate(several):
             ax.plot(*path.T, color=CYCLE[number % len(CYCLE)], linewidth=1.6)
         ax.plot(0, 0, "o", color="black")
-        ax.set(xlim=(-reach, reach), ylim=(-reach, reach), aspect="equal")
+        (x, y) = (low + high) / 2
+        ax.set(xlim=(x - reach, x + reach), ylim=(y - reach, y + reach), aspect="equal")
         ax.set_title(fill(title, 22, **FOUR_LINES), fontsize=9.5)
         ax.grid(color=FAINT)
     outer(axes, "to the right (m)", "ahead (m)", lowest=True)
@@ -239,13 +242,13 @@ def _seen_from_above(motion: Motion) -> Float[np.ndarray, "T 2"]:
 
 @style()
 def emerging_way(
-    paths: Sequence[Float[Array, "T 2"]], levels: Sequence[float], *, limbs: Sequence[Float[Array, " T"]], fps: float
+    paths: Sequence[Float[Array, "T 2"]], steps: Sequence[int], *, limbs: Sequence[Float[Array, " T"]], fps: float
 ) -> Panels:
     """The clean estimate's way and the height of one joint, from the first denoising step (light) to the last (dark).
 
     Args:
         paths: ways on the floor, metres, one for each step shown.
-        levels: share of noise in each.
+        steps: number of each denoising step, the first is 1.
         limbs: height of a joint over time, metres, one for each step.
         fps: frames per second.
 
@@ -255,15 +258,15 @@ def emerging_way(
     Raises:
         ValueError: not equally many of each.
     """
-    if not len(paths) == len(levels) == len(limbs):
-        raise ValueError(f"{len(paths)} paths, {len(levels)} levels and {len(limbs)} limbs; expected equally many")
+    if not len(paths) == len(steps) == len(limbs):
+        raise ValueError(f"{len(paths)} paths, {len(steps)} steps and {len(limbs)} limbs; expected equally many")
     fig, axes = canvas(1, 2, height=2.9)
     left, right = axes[0]
-    for number, (path, level, limb) in enumerate(zip(paths, levels, limbs, strict=True)):
+    for number, (path, step, limb) in enumerate(zip(paths, steps, limbs, strict=True)):
         colour = STEPS(number / max(len(paths) - 1, 1))
-        left.plot(*array(path).T, color=colour, label=f"noise {level:.4f}")
+        left.plot(*array(path).T, color=colour, label=f"step {step}")
         right.plot(np.arange(len(limb)) / fps, array(limb), color=colour)
-    left.set(title="way on the floor", xlabel="across (m)", ylabel="ahead (m)")
+    left.set(title="path on the floor", xlabel="across (m)", ylabel="ahead (m)")
     left.set_aspect("equal", adjustable="datalim")
     right.set(title="height of a foot", xlabel="time (s)", ylabel="metres")
     legend(left, place="outside lower center")
