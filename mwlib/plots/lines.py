@@ -313,7 +313,8 @@ def energy_bars(energies: Mapping[str, float] | Mapping[str, Mapping[str, float]
     fig, ax = panel(0.7 + 0.24 * len(bands) * (len(series) + 0.7))
     for place, share in bars(ax, shares, room=0.84, fill=0.88):
         ax.annotate(f"{significant(share)} %", (share, place), (4, 0), textcoords="offset points", va="center", size=9)
-    ax.set(yticks=range(len(bands)), yticklabels=bands, xlabel="share of the energy (%)", xlim=(0, 112))
+    widest = max(map(max, shares.values()))
+    ax.set(yticks=range(len(bands)), yticklabels=bands, xlabel="share of the energy (%)", xlim=(0, 1.15 * widest))
     ax.invert_yaxis()
     if nested:
         ax.legend(loc="lower right")

@@ -109,10 +109,10 @@ def tiled(count: int, columns: int = 3, *, frame: float, each: float, width: flo
     return figure, axes
 
 
-def outer(axes: np.ndarray, xlabel: str = "", ylabel: str = "", *, lowest: bool = False) -> None:
-    """Labels of a grid of axes: left of each row, and below the last row, or below the lowest axes of each column."""
+def outer(axes: np.ndarray, xlabel: str = "", ylabel: str = "") -> None:
+    """Labels of a grid of axes: left of each row, and below the lowest axes of each column."""
     for column in axes.T:
-        last = [ax for ax in column if ax.get_visible() or not lowest][-1]
+        last = [ax for ax in column if ax.get_visible()][-1]
         last.set_xlabel(xlabel)
         last.tick_params(labelbottom=True)
     for ax in axes[:, 0]:

@@ -140,7 +140,7 @@ def imposed_steps(
         ax.plot(seconds[given], values[given], "o", color=CYCLE[1], markersize=7, label="keyframe at this noise", clip_on=False)
         ax.plot(seconds[given], x[-1, given], "o", label="clean keyframe", **rings)
         ax.set_title(f"noise {level:.2f}" if level else "clean")
-    outer(axes, "time (s)", ylabel, lowest=True)
+    outer(axes, "time (s)", ylabel)
     legend(axes[0, 0])
     return fig, axes
 
@@ -215,7 +215,7 @@ def keyframe_samples(
         ax.set(title=fill(name, 22), xlim=(frames[0] - 0.8, frames[-1] + 0.8))
     reach = 1.7 * float(np.max(np.abs(mean) + 2 * deviation))  # samples that diverge leave the picture
     axes[0, 0].set_ylim(-reach, reach)
-    outer(axes, "frame", ylabel, lowest=True)
+    outer(axes, "frame", ylabel)
     legend(axes[0, 0])
     return fig, axes
 

@@ -202,7 +202,8 @@ STEPS = LinearSegmentedColormap.from_list("steps", ["#c8ccd2", CYCLE[0]])
 def ways(rows: Mapping[str, Sequence[Motion]]) -> Panels:
     """Ways of the root on the floor, seen from above: a panel for each sentence, a line for each motion.
 
-    All start at the dot and look up the page, so that left is left. Each panel has its own place and scale, of `NARROWEST` metres at least.
+    All start at the dot and look up the page, so that left is left. Each panel has its own place and its own scale, of
+    `NARROWEST` metres at least.
 
     Args:
         rows: title -> motions; those with y up and those with z up may be mixed.
@@ -225,7 +226,7 @@ def ways(rows: Mapping[str, Sequence[Motion]]) -> Panels:
         ax.set(xlim=(x - reach, x + reach), ylim=(y - reach, y + reach), aspect="equal")
         ax.set_title(fill(title, 22, **FOUR_LINES), fontsize=9.5)
         ax.grid(color=FAINT)
-    outer(axes, "to the right (m)", "ahead (m)", lowest=True)
+    outer(axes, "to the right (m)", "ahead (m)")
     return fig, axes
 
 

@@ -170,11 +170,11 @@ def responses(
     fig, axes = canvas(rows, 2, height=0.7 + 1.6 * rows, sharex=True, sharey=True)
     top = 1.08 * max(float(array(part).max()) for pair in panels.values() for part in pair)
     for ax, (name, (low, high)) in zip(axes.flat, panels.items(), strict=False):
-        ax.fill_between(hertz, shape * top, color="#c9cdd3", linewidth=0, label="the movement")
+        ax.fill_between(hertz, shape * top, color="#c9cdd3", linewidth=0, label="the movement, height arbitrary")
         draw(ax, {"|H|, low-pass": low, "|G|, high-pass": high}, hertz)
         ax.axvline(hertz[-1] / 2, color=OBSERVED, linewidth=0.8)
         ax.set(title=name, xlim=(0, hertz[-1]), ylim=(0, top))
-    outer(axes, "frequency (Hz)")
+    outer(axes, "frequency (Hz)", "amplitude")
     legend(axes[0, 0])
     return fig, axes
 

@@ -63,7 +63,7 @@ MUTANTS = [
     ),
     *of(
         "plots/look.py", "plots/test_sentences.py::test_each_sentence_has_a_panel_of_its_own_scale",
-        ("columns-without-their-label", "if ax.get_visible() or not lowest", "if True"),
+        ("columns-without-their-label", "if ax.get_visible()]", "if True]"),
     ),
     *of(
         "plots/saving.py", "plots/test_plots.py::test_saved_files_hold_numbers_words_and_origin",
