@@ -189,9 +189,9 @@ def tabg_diagram(
     words(ax, 3.42, 4.34, "$\\mathbf{y}^{(t)}$: the other rows stay as they are", va="bottom")
     words(ax, 5.2, 0.27, "$\\sigma\\mathbf{z}$ (Eq. 9)", va="top")
     box(ax, "3.2 0.87 1.05 0.7", "TransLinear\n$\\epsilon_\\theta(\\hat{\\mathbf{y}}^{\\,(t)})$", CYCLE[0])
-    eq11 = "Eq. 11\n$\\tilde\\epsilon=\\epsilon+s\\,(\\hat\\epsilon-\\epsilon)$"
+    eq11 = "Eq. 11\n$\\tilde\\epsilon=\\epsilon+s\\,(\\epsilon_{\\mathrm{spoilt}}-\\epsilon)$"
     box(ax, "1.0 0.85 1.6 0.75", eq11, CYCLE[1])
-    arrows(ax, "3.2 1.22 2.6 1.22", text="$\\hat\\epsilon$")
+    arrows(ax, "3.2 1.22 2.6 1.22", text="$\\epsilon_{\\mathrm{spoilt}}$")
     ax.text(1.9, 2.25, "$\\epsilon$", fontsize=10, va="center")
     words(ax, 0.5, 1.28, "to CFG", va="bottom")
     arrows(

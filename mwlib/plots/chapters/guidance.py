@@ -76,7 +76,7 @@ def attention_vectors(
     upper.plot(attention.T, color=CYCLE[0], linewidth=0.7, alpha=0.25)
     upper.plot(attention.mean(0), color=CYCLE[1], linewidth=2.2, label="mean over the rows, $A_t/K$")
     upper.plot([], [], color=CYCLE[0], linewidth=0.9, label="each row")
-    upper.set_ylim(0, 1.15 * float(np.quantile(attention, 0.998)))
+    upper.set_ylim(0, 1.05 * float(attention.max()))
     if mask is not None:
         rows = np.flatnonzero(array(mask))
         upper.plot(rows, np.zeros(len(rows)), "s", color=CYCLE[3], markersize=4, clip_on=False, label="rows that TABG noises")
