@@ -11,7 +11,7 @@ from mwlib.experiments.grids import system, system_of
 from mwlib.experiments.results import of_older_code, read_result
 from mwlib.experiments.runs import get_model, get_result, get_run
 from mwlib.experiments.tables import details
-from mwlib.files import write_together
+from mwlib.files import sweep, write_together
 from mwlib.hashing import digest
 from mwlib.paths import CONFIG
 from mwlib.settings import Settings
@@ -70,6 +70,7 @@ def ship(cfg: Settings, folder: Path, title: str, command: str, progress: bool =
     """
     kind = system_of(cfg)
     data = kind.load_data(cfg)
+    sweep(folder)
     asked = {"model": cfg, **({"truth": cfg.override(method="truth")} if "method" in cfg.owners() else {})}
     found = {name: get_result(c, data, progress) for name, c in asked.items()}
     run = get_run(cfg, data)

@@ -69,6 +69,8 @@ def test_a_shipped_model_is_its_run_in_half_precision(tmp_path, monkeypatch):
     """Trained once, found again; what is written loads, and predicts what the run predicts but for rounding."""
     monkeypatch.setenv("MWLIB_RUNS", str(tmp_path / "runs"))
     cfg = small(data="synthetic", test_windows=6)
+    (tmp_path / "out").mkdir()
+    (tmp_path / "out" / f".{MODEL}.1.part").write_text("cut by a kill")
     metrics = ship(cfg, tmp_path / "out", "Somebody", "mwlib ship somebody")
     assert {file.name for file in (tmp_path / "out").iterdir()} == {CONFIG, MODEL, CARD, METRICS}
     assert metrics["model"]["mean"]["ade"] > 0 == metrics["truth"]["mean"]["ade"] and metrics["training"]["steps"] == 12

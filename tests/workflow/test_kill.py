@@ -34,7 +34,7 @@ def test_after_a_kill_only_what_is_missing_runs_again(tmp_path):
     environment |= {"XDG_CACHE_HOME": str(tmp_path / "cache"), "MPLCONFIGDIR": matplotlib.get_cachedir()}
     quiet = dict(cwd=folder, env=environment, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
     with subprocess.Popen(workflow(), start_new_session=True, **quiet) as process:
-        deadline = time.monotonic() + 200
+        deadline = time.monotonic() + 600
         while len(list(parts.glob("*"))) < 2 and time.monotonic() < deadline:  # the second has begun
             assert process.poll() is None, process.stdout.read()
             time.sleep(0.1)
@@ -68,7 +68,7 @@ def test_figures_killed_in_a_chapter_go_on_by_the_same_command(tmp_path):
     make = dict(args=["make", "figures", "OUT=out"], cwd=folder, env=environment, text=True)
     out = folder / "out"
     with subprocess.Popen(**make, start_new_session=True, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL) as process:
-        deadline = time.monotonic() + 300
+        deadline = time.monotonic() + 600
         while not ((out / "03_hangs_once" / "begun").exists() and (out / finished / "notebook.html").exists()):
             assert process.poll() is None and time.monotonic() < deadline
             time.sleep(0.1)

@@ -51,6 +51,7 @@ MUTANTS = [
         ("shipped-in-single-precision", 't.half() if name.startswith("net.") and t.is_floating_point() else t', "t"),
         ("a-card-before-its-model", "for name, content in files.items()}", "for name, content in reversed(files.items())}",
          "experiments/test_shipped.py::test_no_card_speaks_of_another_model"),
+        ("shipped-with-what-a-kill-left", "    sweep(folder)\n", ""),
         ("shipped-without-its-owners-words", ', *acknowledgement(cfg.get("data")).values()]', "]"),
     ),
     *of(
