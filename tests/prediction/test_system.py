@@ -152,6 +152,8 @@ def test_evaluation_by_hand(split):
     np.testing.assert_allclose([found["standard_error"][name] for name in names], expected, rtol=1e-4)
     walk = [row for row, i in zip(rows, ids, strict=True) if every[i][1] == "walk"]
     np.testing.assert_allclose([found["actions"]["walk"][name] for name in names], np.mean(walk, axis=0), rtol=1e-4)
+    still = [max(np.linalg.norm(every[i][0][5] - every[i][0][6:].astype(np.float64), axis=-1).mean(), 0.05) for i in ids]
+    assert found["mean"]["worst"] == pytest.approx((table[:, 1] / still).max(), rel=1e-4)
     assert found["windows"] == 19
 
 

@@ -160,6 +160,9 @@ MUTANTS = [
         "prediction/system.py",
         "prediction/test_system.py::test_the_worst_of_those_who_hardly_move_is_in_units_of_five_centimetres",
         ("worst-floor", ".clamp_min(0.05)", ".clamp_min(0.005)"),
+    ),
+    *of(
+        "prediction/system.py", "prediction/test_system.py::test_evaluation_by_hand",
         ("worst-is-the-mean", "float(beside.max())", "float(beside.mean())"),
     ),
     *of(
