@@ -35,7 +35,7 @@ def test_after_a_kill_only_what_is_missing_runs_again(tmp_path):
     quiet = dict(cwd=folder, env=environment, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
     with subprocess.Popen(workflow(), start_new_session=True, **quiet) as process:
         deadline = time.monotonic() + 600
-        while len(list(parts.glob("*"))) < 2 and time.monotonic() < deadline:  # the second has begun
+        while len(list(parts.glob("*/"))) < 2 and time.monotonic() < deadline:  # the second has begun
             assert process.poll() is None, process.stdout.read()
             time.sleep(0.1)
         os.killpg(process.pid, signal.SIGKILL)
