@@ -331,6 +331,7 @@ def test_what_is_finished_is_read_without_a_lock(tmp_path, monkeypatch):
     file.write_text(json.dumps({"mean": {"ade": 0.5}}))
     run = Run(cfg, data).folder
     write_result(run, {}, cfg.training_hash(), {})
+    write_atomic(run / CONFIG, cfg.to_yaml())
     before = sorted(tmp_path.rglob("*"))
     monkeypatch.setattr(results, "locked", lambda file: pytest.fail(f"{file} was locked"))
     assert get_result(cfg, data) == {"mean": {"ade": 0.5}} and get_run(cfg, data) == run
