@@ -133,6 +133,11 @@ def _overview_training(ax: Axes, x: Array, y: Array, y_t: Array, skeleton: Skele
     box(ax, "5.6 3.62 0.75 0.66", "network\n$\\epsilon_\\theta$", CYCLE[0])
     words(ax, 5.97, 3.56, "learns to\nremove noise", va="top")
     arrows(ax, "1.8 3.95 2.05 3.95 | 2.65 3.95 2.95 3.95 | 5.36 3.95 5.6 3.95")
+    ax.plot([0.3, 0.3, 2.05], [4.5, 4.92, 4.92], color=INK, linewidth=1.3)
+    words(ax, 1.4, 4.97, "history, padded", va="bottom")
+    box(ax, "2.05 4.76 0.6 0.32", "DWT")
+    ax.plot([2.65, 5.97, 5.97], [4.92, 4.92, 4.5], color=INK, linewidth=1.3)
+    arrows(ax, "5.97 4.6 5.97 4.28")
 
 
 def _overview_prediction(ax: Axes, x: Array, y: Array, futures: Array, skeleton: Skeleton, history: int) -> None:
