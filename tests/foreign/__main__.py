@@ -15,6 +15,7 @@ from collections import defaultdict
 from collections.abc import Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
+from threading import Lock
 from typing import Any
 
 from tqdm import tqdm
@@ -48,6 +49,7 @@ QUICK = {"train_steps": 40, "warmup": 10, "phase_steps": 100, **FEW}
 LIGHT = {"short_steps": 50, "short_width": 16, "processes": 500, "pairs": 3, "samples": 4}  # parameters of chapters on small sets
 WAYS = (*ENDS, *SEEDS, *PRESETS)
 LOG = "log.txt"
+WRITING = Lock()  # of presets, as several chapters share one
 OTHER = {"11": "inbetweening", "12": "text_to_motion", "13": "text_to_motion"}  # chapters that are not of prediction
 
 
@@ -87,7 +89,8 @@ def quick(notebook: Path, preset: str, out: Path) -> str:
     named = OTHER.get(chapter_number(notebook), "prediction")
     file, kind = out / "presets" / f"{named}_{preset}.yaml", system(named).Config
     few = {name: value for name, value in QUICK.items() if name in kind.owners()}
-    write_atomic(file, kind.preset(preset, **few).to_yaml())
+    with WRITING:
+        write_atomic(file, kind.preset(preset, **few).to_yaml())
     return str(file)
 
 
