@@ -1,5 +1,5 @@
 from .bodies import end_poses, filmstrip, overlay_futures, pose_grid, storyboard
-from .chapters.bridging import bridged_coordinate, broken_bodies, imposed_steps, keyframe_samples, spectra, training_view
+from .chapters.bridging import bridged_coordinate, imposed_steps, keyframe_samples, spectra, training_view
 from .chapters.diagrams import bridging_overview, free_overview, overview, tabg_diagram
 from .chapters.diffusion import (
     band_snr,
@@ -35,7 +35,6 @@ from .chapters.guidance import (
 )  # fmt: skip
 from .chapters.metrics import metric_picture
 from .chapters.wavelets import (
-    basis_card,
     cascade,
     dots,
     error_by_size,
@@ -58,8 +57,8 @@ from .tables import Table, results_table, significant
 
 __all__ = [
     "CYCLE", "Loop", "Player", "STYLE", "Table", "arrows", "attention_heads", "attention_over_steps", "attention_part",
-    "attention_vectors", "band_snr", "bars_per_action", "basis_card", "bridged_coordinate", "bridging_overview",
-    "broken_bodies", "cascade", "claimed_and_measured", "controlled_poses", "coupling_bars", "curves", "ddim_path",
+    "attention_vectors", "band_snr", "bars_per_action", "bridged_coordinate", "bridging_overview", "cascade",
+    "claimed_and_measured", "controlled_poses", "coupling_bars", "curves", "ddim_path",
     "density_map", "dots", "emerging_way", "end_poses", "energy_bars", "energy_by_coefficient", "error_by_size", "filmstrip",
     "filters", "free_overview", "histograms", "imposed_steps", "kept_power", "keyframe_samples", "known_share", "loop",
     "loss_curves", "matrix", "metric_picture", "noised_rows", "noising", "overlay_futures", "overview", "padding_modes",

@@ -9,7 +9,6 @@ from jaxtyping import Float
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
-from matplotlib.colors import Colormap
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
@@ -145,15 +144,6 @@ class Board:
     ) -> list[Artist]:
         """Stand n bodies on one place."""
         return self._cut(row, column, draw_bodies(self.ax, points + self._at(row, column), self.skeleton, kind, alpha, width))
-
-    def draw_bones(
-        self, row: int, column: int, points: Float[np.ndarray, "joints 2"], shares: Float[np.ndarray, " bones"], colours: Colormap
-    ) -> list[Artist]:
-        """Stand a body on one place, its bones coloured, and the thicker, by these shares from 0 to 1; more counts as 1."""
-        shares = np.clip(shares, 0, 1)
-        look = {"colors": colours(shares), "linewidths": 1.6 + 1.6 * shares, "capstyle": "round"}
-        lines = LineCollection(list((points + self._at(row, column))[np.array(self.skeleton.bones)]), **look)
-        return self._cut(row, column, [self.ax.add_collection(lines, autolim=False)])
 
     def lift(self, inches: float) -> None:
         """Make so much room below the bodies."""

@@ -6,7 +6,6 @@ import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 import torch
-from matplotlib.collections import LineCollection
 from scipy.fft import dct, idct
 
 from mwlib import plots
@@ -99,27 +98,6 @@ def test_each_panel_has_the_law_some_samples_and_their_mean(generator):
         middle = narrow[narrow[:, 0] == 2][:, 1]
         assert np.ptp(middle) == pytest.approx(2) and np.ptp(wide[wide[:, 0] == 2][:, 1]) == pytest.approx(4)
     fig.draw_without_rendering()
-
-
-def test_broken_bones_are_coloured_by_their_error():
-    skeleton = WALK.skeleton
-    bones = np.array(skeleton.bones)
-    first = WALK.positions[:1].repeat(3, axis=0)
-    lengths = np.linalg.norm(first[0, bones[:, 1]] - first[0, bones[:, 0]], axis=-1)
-    broken = first.copy()
-    joint = max({*range(len(skeleton))} - {*skeleton.parents})  # a leaf: one bone alone changes
-    bone = [child for _, child in skeleton.bones].index(joint)
-    outward = broken[:, joint] - broken[:, skeleton.parents[joint]]
-    broken[:, joint] += 0.05 * outward / np.linalg.norm(outward, axis=-1, keepdims=True)  # 50 mm too long
-    fig, ax = plots.broken_bodies({"whole": first, "broken": broken}, skeleton, lengths, fps=25.0, frames=(0, -1), most=100.0)
-    whole, _, _, last = (group for group in ax.collections if isinstance(group, LineCollection))
-    assert np.ptp(whole.get_color(), axis=0).max() < 0.01
-    odd = np.abs(last.get_color() - whole.get_color()).max(axis=1)
-    assert odd.argmax() == bone and np.delete(odd, bone).max() < 0.01
-    assert last.get_linewidths()[bone] == pytest.approx(2.4, abs=0.01)
-    assert {text.get_text() for text in ax.texts} == {"0.00 s", "0.08 s", "whole", "broken"}
-    assert fig.axes[1].get_xlabel() == "error of the bone's length (mm)"
-    legible(fig)
 
 
 def test_bridging_overview_stays_on_its_sheet():

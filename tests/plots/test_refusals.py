@@ -12,7 +12,6 @@ FPS = 20.0
 TRUTH, NOISE = np.sin(np.arange(41)), np.ones((3, 41))
 SEVEN = {str(row): np.linspace(1, 0.1, 40) for row in range(7)}
 WALK = synthetic_motions(1, seconds=2)[0].resample(25.0).cut(0, 41)
-BONES = np.ones(len(WALK.skeleton.bones))
 
 
 @pytest.mark.parametrize(
@@ -35,9 +34,6 @@ BONES = np.ones(len(WALK.skeleton.bones))
         (lambda: plots.passages({"a": WALK}, keyframes=(0, 41)), r"keyframes of a are \[0, 41\]; it has 41 frames, no 41"),
         (lambda: plots.passages({}), "0 rows"),
         (lambda: plots.passages(WALK, every=0), "every 0 frames"),
-        (lambda: plots.broken_bodies({"a": WALK.positions, "b": WALK.positions[1:]}, WALK.skeleton, BONES, fps=FPS),
-         r"rows of \[41, 40\] frames; expected"),
-        (lambda: plots.broken_bodies({"a": WALK.positions}, WALK.skeleton, BONES[1:], fps=FPS), r"lengths of shape \(15,\)"),
         (lambda: plots.ways({}), "expected at least one motion in each"),
         (lambda: plots.ways({"walks": [WALK], "runs": []}), "expected at least one motion in each"),
         (lambda: plots.emerging_way([NOISE[:2].T] * 2, [1], limbs=[TRUTH] * 2, fps=20),
@@ -45,7 +41,6 @@ BONES = np.ones(len(WALK.skeleton.bones))
         (lambda: plots.claimed_and_measured({}), "no settings"),
         (lambda: plots.claimed_and_measured({"a": {"x": (0.0, 1.0)}, "b": {"y": (0.0, 1.0)}}), r"\['b'\] differ"),
         (lambda: plots.metric_picture("mpjpe"), "metric is 'mpjpe'; expected one of apd"),
-        (lambda: plots.basis_card("bior9", NOISE), "wavelet is 'bior9'"),
         (lambda: plots.results_table([]), "no rows"),
         (lambda: plots.results_table([{"a": 1.0}], better={"a": "up"}), "better is 'up'"),
     ],

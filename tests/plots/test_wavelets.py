@@ -12,7 +12,6 @@ from PIL import Image
 
 from mwlib import plots
 from mwlib.plots.chapters.wavelets import _slid
-from mwlib.transforms import WaveletTransform
 from tests.plots.legible import legible
 
 X = torch.randn(40, 12, generator=torch.Generator().manual_seed(0)).cumsum(0)
@@ -106,18 +105,6 @@ def test_dots_draw_a_spread_where_there_is_one():
     assert not paper.has_xerr and measured.has_xerr
     ((low, _), (high, _)) = measured[2][0].get_segments()[0]
     assert (low, high) == pytest.approx((1e-3, 1.2e-3))
-
-
-@pytest.mark.parametrize("wavelet", ["haar", "bior2.8", "bior3.1", "dmey", "rbio6.8", "db38", "sym20", "coif17"])
-def test_a_card_holds_the_filters_and_sub_bands_of_its_basis(wavelet):
-    fig, axes = plots.basis_card(wavelet, X)
-    tf, bank = WaveletTransform(40, 12, wavelet), pywt.Wavelet(wavelet)
-    legible(fig)
-    assert np.allclose(axes[1, 0].lines[1].get_ydata(), bank.dec_lo) and np.allclose(axes[1, 1].lines[1].get_ydata(), bank.dec_hi)
-    assert len(axes[0, 0].lines) == (2 if bank.orthogonal else 3)  # with the line at 0
-    drawn = np.concatenate([ax.images[0].get_array() for ax in (axes[2, 0], axes[3, 0], axes[2, 1], axes[3, 1])], axis=1)
-    assert np.allclose(drawn, tf(X.double()))
-    assert " × ".join(map(str, tf.shape)) in fig.get_suptitle()
 
 
 def test_coefficients_stand_over_the_frames_they_see():

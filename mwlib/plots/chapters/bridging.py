@@ -8,12 +8,8 @@ from textwrap import fill
 import numpy as np
 from jaxtyping import Float
 from matplotlib.axes import Axes
-from matplotlib.cm import ScalarMappable
-from matplotlib.colors import LinearSegmentedColormap, Normalize
 from matplotlib.ticker import LogLocator
 
-from mwlib.body.skeleton import Skeleton
-from mwlib.plots.bodies import AnyMotion, Board, camera, poses, project
 from mwlib.plots.lines import draw, plain
 
 from mwlib.plots.look import (  # isort: skip
@@ -22,9 +18,6 @@ from mwlib.plots.look import (  # isort: skip
 )  # fmt: skip
 
 MARK = {"marker": "o", "color": TRUTH, "linestyle": "none", "zorder": 5}
-# From light to dark, so that broken bones stand out in greyscale too.
-BREAKING = LinearSegmentedColormap.from_list("breaking", ["#b4b9c1", CYCLE[1], CYCLE[3]])
-BAR = 0.62  # inches for the colour bar and its words
 
 
 @style()
@@ -218,54 +211,6 @@ def keyframe_samples(
     outer(axes, "frame", ylabel)
     legend(axes[0, 0])
     return fig, axes
-
-
-@style()
-def broken_bodies(
-    rows: Mapping[str, AnyMotion],
-    skeleton: Skeleton,
-    lengths: Float[Array, " bones"],
-    *,
-    fps: float,
-    frames: int | Sequence[int] = 8,
-    most: float | None = None,
-) -> Panel:
-    """Rows of poses whose bones are coloured, and thickened, by how far they are from their true lengths (Fig. 8).
-
-    Args:
-        rows: name -> motion, (T, C) about the root or (T, J+1, 3), metres, all of T frames.
-        skeleton: of all of them.
-        lengths: true lengths in the order of `skeleton.bones`, metres.
-        fps: frames per second; time 0 is the first frame.
-        frames: how many frames, or which.
-        most: error at the end of the colour bar, millimetres; None: that which 1 bone in 50 of those drawn exceeds.
-
-    Raises:
-        ValueError: a motion or the lengths do not fit the skeleton, or the rows have different lengths.
-    """
-    bodies, true = {name: poses(motion, skeleton) for name, motion in rows.items()}, array(lengths)
-    if true.shape != (len(skeleton.bones),) or len({len(body) for body in bodies.values()}) != 1:
-        found = f"lengths of shape {true.shape} and rows of {[len(body) for body in bodies.values()]} frames"
-        raise ValueError(f"{found}; expected ({len(skeleton.bones)},) for {skeleton.name}, and rows of one length")
-    first = next(iter(bodies.values()))
-    shown = np.linspace(0, len(first) - 1, frames).round().astype(int) if isinstance(frames, int) else np.array(frames)
-    shown = shown % len(first)
-    bodies = {name: body[shown] for name, body in bodies.items()}
-    parents, children = np.array(skeleton.bones).T
-    errors = {n: 1000 * np.abs(np.linalg.norm(b[:, children] - b[:, parents], axis=-1) - true) for n, b in bodies.items()}
-    most = most or max(float(np.quantile(np.concatenate([*errors.values()]), 0.98)), 1.0)
-    view = camera(first[0], skeleton)
-    flat = {name: project(body, view) for name, body in bodies.items()}
-    board = Board(skeleton, [*flat.values()], [*bodies], [f"{frame / fps:.2f} s" for frame in shown])
-    for row, name in enumerate(bodies):
-        for column, (points, error) in enumerate(zip(flat[name], errors[name], strict=True)):
-            board.draw_bones(row, column, points, error / most, BREAKING)
-    board.lift(BAR)
-    bar = board.fig.add_axes((0.2, (BAR - 0.12) / board.fig.get_figheight(), 0.6, 0.11 / board.fig.get_figheight()))
-    scale = ScalarMappable(Normalize(0, most), BREAKING)
-    drawn = board.fig.colorbar(scale, cax=bar, orientation="horizontal", extend="max", label="error of the bone's length (mm)")
-    drawn.outline.set_visible(False)
-    return board.fig, board.ax
 
 
 def _looks(rows: Mapping[str, object]) -> list[Look]:

@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 import pywt
-import torch
 from jaxtyping import Float
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -16,12 +15,10 @@ from matplotlib.ticker import MaxNLocator
 from mwlib.plots.lines import draw
 
 from mwlib.plots.look import (  # isort: skip
-    CYCLE, DASHES, FAINT, INK, LOOKS, OBSERVED, TRUTH, WIDTH, Array, Look, Panel, Panels, array, canvas, legend, limit, outer,
-    panel, rule, signed, style, tiled,
+    CYCLE, FAINT, INK, LOOKS, OBSERVED, TRUTH, WIDTH, Array, Look, Panel, Panels, array, canvas, legend, limit, outer,
+    panel, rule, style, tiled,
 )  # fmt: skip
 from mwlib.plots.loops import Loop
-from mwlib.plots.tables import significant
-from mwlib.transforms import WaveletTransform
 
 MARKERS = ("D", "o", "s", "^", "v", "P")
 
@@ -275,50 +272,6 @@ def dots(
     ax.tick_params(axis="y", length=0)
     fig.legend(loc="outside upper left", ncols=3)
     return fig, ax
-
-
-@style()
-def basis_card(wavelet: str, x: Float[Array, "T C"], *, mode: str = "zero") -> Panels:
-    """All of one basis: scaling function and wavelet, analysis filters, and what they make of a motion.
-
-    Args:
-        wavelet: any discrete PyWavelets wavelet.
-        x: the motion, metres.
-        mode: extension of the motion at its ends.
-
-    Raises:
-        ValueError: unknown wavelet or mode.
-    """
-    motion = torch.as_tensor(array(x), dtype=torch.float64)
-    transform = WaveletTransform(motion.shape[0], motion.shape[1], wavelet, mode)
-    bank, bands = pywt.Wavelet(wavelet), transform.split(transform(motion))
-    fig, axes = canvas(4, 2, height=7.9)
-    _functions(axes[0], bank)
-    for ax, taps, colour, name in zip(axes[1], (bank.dec_lo, bank.dec_hi), CYCLE, ("low-pass", "high-pass"), strict=False):
-        _taps(ax, taps, colour, name)
-        ax.set_xlabel("tap")
-    for ax, name in zip(axes[2:].flat, ("aa", "ad", "da", "dd"), strict=True):
-        band = bands[name].numpy()
-        signed(ax, band)
-        ax.set_title(f"{name}: largest {significant(limit(band), 2)} m")
-        ax.set_xlabel("column d (coordinates)" if name[0] == "d" else "")
-        ax.set_ylabel("row k (time)" if name[1] == "a" else "")
-        ax.spines[:].set_visible(True)
-    kind = "orthogonal" if bank.orthogonal else "biorthogonal"
-    sizes = " × ".join(map(str, motion.shape)), " × ".join(map(str, transform.shape))
-    fig.suptitle(f"{wavelet} ({kind}, {bank.symmetry}): {sizes[0]} → {sizes[1]}", x=0.01, ha="left", weight="bold")
-    return fig, axes
-
-
-def _functions(axes: np.ndarray, bank: pywt.Wavelet) -> None:
-    """Scaling function and wavelet that analyse; where others rebuild, these are dashed."""
-    *functions, support = bank.wavefun(level=7)
-    note = " (dashed: synthesis)" if len(functions) == 4 else ""
-    for column, (ax, title) in enumerate(zip(axes, ("scaling function φ", "wavelet ψ"), strict=True)):
-        for values, colour, dashes in zip(functions[column::2], (CYCLE[column], CYCLE[4]), DASHES, strict=False):
-            ax.plot(support, values, color=colour, linestyle=dashes)
-        rule(ax, zorder=1)
-        ax.set(title=title + note, xlabel="position (samples)")
 
 
 def _taps(ax: Axes, taps: Sequence[float], colour: str, name: str, **look: Any) -> None:

@@ -23,7 +23,6 @@ MUTANTS = [
     *of(
         "plots/chapters/bridging.py", "plots/test_bridging.py",
         ("cosines-at-twice-their-frequency", "fps / (2 * len(x))", "fps / len(x)"),
-        ("bone-errors-in-metres", "1000 * np.abs(", "np.abs("),
         ("clean-keyframes-of-the-first-step", "x[-1, given], \"o\"", "x[0, given], \"o\""),
     ),
     *of(
