@@ -47,7 +47,8 @@ function make(kind, parent, attributes = {}, text = "") {
 
 function isDark(node) { // what lies behind the player decides, whatever the page calls its themes
   for (let at = node; at; at = at.parentElement ?? at.getRootNode().host) {
-    const [red, green, blue, alpha = 1] = getComputedStyle(at).backgroundColor.match(/[\d.]+/g).map(Number);
+    const colour = getComputedStyle(at).backgroundColor.match(/[\d.]+/g) ?? [0, 0, 0, 0]; // none while it is not in a document yet
+    const [red, green, blue, alpha = 1] = colour.map(Number);
     if (alpha > 0.5) return 0.3 * red + 0.59 * green + 0.11 * blue < 110;
   }
   return getComputedStyle(document.documentElement).colorScheme.includes("dark") && matchMedia("(prefers-color-scheme: dark)").matches;
