@@ -51,6 +51,18 @@ def test_controls_are_arguments_of_what_they_redraw():
                 taken = {argument.arg for argument in drawn.args.args}
                 assert {given.arg for given in call.keywords} - {"button"} <= taken, f"{path.stem}: {ast.unparse(call)}"
                 seen += 1
+    assert seen >= 4
+
+
+def test_controls_are_what_a_cell_ends_with():
+    """A notebook shows the value of a cell's last expression, and none of one inside an `if`."""
+    seen = 0
+    for path in course():
+        for cell in nbformat.read(path, as_version=4).cells:
+            if cell.cell_type == "code" and re.search(r"widgets\.(explore|keyframes)\(", cell.source):
+                last = ast.parse(cell.source).body[-1]
+                assert isinstance(last, ast.Expr) and "widgets." in ast.unparse(last), f"{path.stem}: {cell.source}"
+                seen += 1
     assert seen >= 5
 
 
