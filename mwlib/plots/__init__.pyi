@@ -47,7 +47,17 @@ from .chapters.wavelets import (
     tilings,
     windows_and_sinusoids,
 )  # fmt: skip
-from .lines import bars_per_action, curves, energy_bars, matrix, predicted_curves, projection_change, subbands, trajectories
+from .lines import (
+    bars_per_action,
+    curves,
+    energy_bars,
+    matrix,
+    predicted_curves,
+    projection_change,
+    small_multiples,
+    subbands,
+    trajectories,
+)  # fmt: skip
 from .look import CYCLE, STYLE, style, use_style
 from .loops import Loop, loop
 from .playing import Player, player
@@ -64,7 +74,7 @@ __all__ = [
     "loss_curves", "matrix", "metric_picture", "noised_rows", "noising", "overlay_futures", "overview", "padding_modes",
     "parallel_snr", "particles", "passages", "player", "pose_grid", "predicted_curves", "projection_change",
     "recovery_by_coefficient", "responses", "results_table", "row_support", "same_spectrum", "sampling_paths", "save",
-    "save_table", "schedules", "show", "signal_and_coefficients", "significant",
+    "save_table", "schedules", "show", "signal_and_coefficients", "significant", "small_multiples",
     "sliding_filter", "spectra", "storyboard", "style", "subbands", "tabg_diagram", "tilings", "training_view",
     "trajectories", "use_style", "ways", "windows_and_sinusoids",
 ]  # fmt: skip

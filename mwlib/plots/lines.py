@@ -91,6 +91,28 @@ def curves(
 
 
 @style()
+def small_multiples(panels: Mapping[str, Curves], x: Sequence[float] | None = None, *, xlabel: str, ylabel: str) -> Panels:
+    """The same curves under several circumstances, side by side on one scale.
+
+    Args:
+        panels: title -> name -> values at x; each panel has the same names.
+        x: where; None counts from 0.
+        xlabel, ylabel: what, and its unit.
+
+    Raises:
+        ValueError: there are more lines than can be told apart.
+    """
+    fig, axes = canvas(1, len(panels), height=3.0, sharex=True, sharey=True)
+    for ax, (title, lines) in zip(axes[0], panels.items(), strict=True):
+        draw(ax, lines, x, looks=MANY_LOOKS)
+        ax.set_title(title)
+        ax.grid(axis="y")
+    outer(axes, xlabel, ylabel)
+    legend(axes[0, 0])
+    return fig, axes[0]
+
+
+@style()
 def trajectories(
     truth: Float[Array, " T"],
     futures: Mapping[str, Float[Array, "_ F"]] | Float[Array, "S F"],

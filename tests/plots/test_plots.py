@@ -74,6 +74,9 @@ PICTURES = {
     "metric_picture": plots.metric_picture,
     "metric_picture of one": partial(plots.metric_picture, "mmfde"),
     "curves": partial(plots.curves, {"a": SCHEDULE, "b": 1 - SCHEDULE}, xlabel="t", ylabel="share", log="y"),
+    "small_multiples": partial(
+        plots.small_multiples, {"here": {"a": [0, 1]}, "there": {"a": [2, 5]}}, xlabel="s", ylabel="change"
+    ),
     "histograms": partial(plots.histograms, {"a": X, "b": X[:5]}, xlabel="position (m)"),
     "histograms and density": partial(plots.histograms, {"a": X}, density=NORMAL),
     "density_map": partial(plots.density_map, [9, 5, 0], NORMAL[0], np.stack([NORMAL[1]] * 3), paths=X[:3, :20]),
@@ -112,6 +115,13 @@ def test_the_truth_is_black_among_curves():
     _, ax = plots.curves({"truth": SCHEDULE, "model": SCHEDULE}, xlabel="t", ylabel="share")
     truth, model = ax.lines
     assert (truth.get_color(), truth.get_linestyle()) == (INK, "-") and model.get_color() == plots.CYCLE[1]
+
+
+def test_small_multiples_have_one_scale_and_one_legend():
+    fig, axes = plots.small_multiples({"here": {"a": [0, 1]}, "there": {"a": [2, 5]}}, xlabel="s", ylabel="change")
+    assert axes[0].get_ylim() == axes[1].get_ylim() and [ax.get_title(loc="left") for ax in axes] == ["here", "there"]
+    assert [list(ax.lines[0].get_ydata()) for ax in axes] == [[0, 1], [2, 5]]
+    assert [text.get_text() for text in fig.legends[0].get_texts()] == ["a"]
 
 
 def test_storyboard_tells_past_truth_and_prediction_apart():
