@@ -56,9 +56,10 @@ def test_controls_are_arguments_of_what_they_redraw():
 
 
 def test_chapter_11_is_committed_with_recorded_people():
-    """Its section 7 shows a synthetic runner where CMU's files are not at hand: that is for readers, not for the course's pages."""
+    """Its section 7 shows a synthetic runner where CMU's files are not at hand, as a reader may see it."""
     text = (NOTEBOOKS / "11_inbetweening.ipynb").read_text(encoding="utf-8")
-    assert '"07_03, feet' in text and '"02_10, feet' in text
+    assert all(f'"{clip}, feet' in text for clip in ("07_03", "02_10"))
+
 
 def test_controls_are_what_a_cell_ends_with():
     """A notebook shows the value of a cell's last expression, and none of one inside an `if`."""
