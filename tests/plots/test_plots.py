@@ -117,9 +117,9 @@ def test_the_truth_is_black_among_curves():
     assert (truth.get_color(), truth.get_linestyle()) == (INK, "-") and model.get_color() == plots.CYCLE[1]
 
 
-def test_small_multiples_have_one_scale_and_one_legend():
+def test_small_multiples_have_scales_of_their_own_and_one_legend():
     fig, axes = plots.small_multiples({"here": {"a": [0, 1]}, "there": {"a": [2, 5]}}, xlabel="s", ylabel="change")
-    assert axes[0].get_ylim() == axes[1].get_ylim() and [ax.get_title(loc="left") for ax in axes] == ["here", "there"]
+    assert axes[0].get_ylim() != axes[1].get_ylim() and [ax.get_title(loc="left") for ax in axes] == ["here", "there"]
     assert [list(ax.lines[0].get_ydata()) for ax in axes] == [[0, 1], [2, 5]]
     assert [text.get_text() for text in fig.legends[0].get_texts()] == ["a"]
 
