@@ -13,7 +13,7 @@ from matplotlib.axis import Axis
 from matplotlib.ticker import FuncFormatter, NullFormatter
 
 from mwlib.plots.look import (  # isort: skip
-    BAND_NAMES, CYCLE, FAINT, INK, LOOKS, MANY_LOOKS, OBSERVED, TRUTH, WIDTH, Array, Curves, Look, Panel, Panels,
+    AFTER_TRUTH, BAND_NAMES, CYCLE, FAINT, INK, LOOKS, MANY_LOOKS, OBSERVED, TRUTH, WIDTH, Array, Curves, Look, Panel, Panels,
     array, bar_look, canvas, colourbar, legend, limit, outer, panel, signed, style,
 )  # fmt: skip
 from mwlib.plots.tables import significant
@@ -159,6 +159,33 @@ def _fan(ax: Axes, time: np.ndarray, samples: np.ndarray, name: str, look: Look)
 def _threads(ax: Axes, time: np.ndarray, samples: np.ndarray, name: str, look: Look) -> None:
     first, *_ = ax.plot(time, samples.T, linewidth=1.5, alpha=max(0.25, 1 / len(samples)), **look)
     first.set_label(name)
+
+
+@style()
+def predicted_curves(rows: Mapping[str, Curves], *, fps: float, history: int, unit: str = "m") -> Panels:
+    """One coordinate and its velocity, a row per window: the truth, and what each method predicts of it.
+
+    Args:
+        rows: title -> name -> values; "truth" has T frames, every prediction the last T-H of them.
+        fps: frames per second.
+        history: observed frames H; time 0 is the last of them.
+        unit: of the values.
+    """
+    fig, axes = canvas(len(rows), 2, height=0.7 + 2.1 * len(rows), sharex=True)
+    for (left, right), (title, lines) in zip(axes, rows.items(), strict=True):
+        lines = {name: array(values) for name, values in lines.items()}
+        truth = lines.pop("truth")
+        seconds = (np.arange(len(truth)) - (history - 1)) / fps
+        for ax, change in ((left, lambda x: x), (right, lambda x: np.diff(x) * fps)):
+            ax.axvspan(seconds[0], 0, color=FAINT, linewidth=0, zorder=0)
+            draw(ax, {"truth": change(truth)}, seconds, looks=[{"color": INK, "linewidth": 2.2}])
+            draw(ax, {name: change(values) for name, values in lines.items()}, seconds, looks=AFTER_TRUTH)
+        left.set(title=title, ylabel=f"position ({unit})")
+        right.set_ylabel(f"velocity ({unit}/s)")
+    for ax in axes[-1]:
+        ax.set_xlabel("time (s); shaded: observed")
+    legend(axes[0, 0], 4)
+    return fig, axes
 
 
 def bars(

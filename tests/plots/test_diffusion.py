@@ -70,8 +70,10 @@ def test_error_by_size():
     assert axes[0].get_yscale() == "log"
 
 
-def test_a_shorter_curve_belongs_to_the_end():
+def test_predicted_curves_line_up_with_the_future():
     truth = np.arange(12.0)
-    _, ax = plots.curves({"truth": truth, "model": truth[4:]}, truth / 10, xlabel="time (s)", ylabel="position (m)")
-    drawn, predicted = ax.lines
-    assert np.array_equal(drawn.get_xdata()[4:], predicted.get_xdata())
+    fig, axes = plots.predicted_curves({"walk": {"truth": truth, "model": truth[4:]}}, fps=10.0, history=4)
+    legible(fig)
+    drawn, predicted = axes[0, 0].lines
+    assert drawn.get_xdata()[3] == 0 and np.allclose(drawn.get_xdata()[4:], predicted.get_xdata())
+    assert np.allclose(axes[0, 1].lines[0].get_ydata(), 10) and np.isclose(axes[0, 1].lines[1].get_xdata()[-1], 0.8)

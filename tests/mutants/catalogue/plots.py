@@ -57,8 +57,8 @@ MUTANTS = [
         ("bars-behind-each-other", "(number - (len(series) - 1) / 2) * thick", "0"),
         ("fan-of-eight-tenths", "(0.9, 0.5) if", "(0.8, 0.5) if",
          "plots/test_plots.py::test_fan_holds_the_median_and_the_middle_of_the_samples"),
-        ("shorter-curve-at-the-start", "array(x)[-len(values) :]", "array(x)[: len(values)]",
-         "plots/test_diffusion.py::test_a_shorter_curve_belongs_to_the_end"),
+        ("future-begins-with-the-film", "array(x)[-len(values) :]", "array(x)[: len(values)]",
+         "plots/test_diffusion.py::test_predicted_curves_line_up_with_the_future"),
     ),
     *of(
         "plots/look.py", "plots/test_sentences.py::test_each_sentence_has_a_panel_of_its_own_scale",
