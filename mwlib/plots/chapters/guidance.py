@@ -92,13 +92,17 @@ def attention_vectors(
 
 @style()
 def attention_over_steps(
-    a: Float[Array, "steps rows"], masks: Bool[Array, "steps rows"], ts: Sequence[int], *, history_rows: int
+    a: Float[Array, "steps rows"],
+    masks: Float[Array, "steps rows"] | Bool[Array, "steps rows"],
+    ts: Sequence[int],
+    *,
+    history_rows: int,
 ) -> Panels:
     """Accumulated attention A_t and the mask M_t while the sampler runs; noise at the top.
 
     Args:
         a: A_t of each step, mean 1.
-        masks: rows that TABG noises.
+        masks: rows that TABG noises, or the share of futures in which it does.
         ts: diffusion index of each step.
         history_rows: rows before this one see observed frames only: left of the line.
     """
