@@ -22,7 +22,7 @@ from mwlib.text_to_motion.motions import fused_joints
 
 NAMES = ("speed (m/s)", "jerk (m/s³)", "skate (m/s)", "bones from frame to frame (mm)")
 CLAIMS = ("action", "path", "speed")
-HEIGHT_WEIGHTS = (0.0, 0.3, 1.0, 3.0, 10.0)
+WEIGHTS = {"height_weight": (0.0, 0.3, 3.0, 10.0), "arm_weight": (0.0, 0.3, 1.0)}
 
 
 def movement(joints: torch.Tensor, layout: FeatureLayout) -> list[float]:
@@ -58,9 +58,11 @@ def main() -> None:
     rows = {
         "truth": [joints_of(torch.from_numpy(clip.features).double(), layout) for clip in test],
         "places alone": [joints_of(x, layout) for x in made],
+        "together": [fused_joints(x, layout) for x in made],
         **{
-            f"together, heights {weight:g}": [fused_joints(x, layout, height_weight=weight) for x in made]
-            for weight in HEIGHT_WEIGHTS
+            f"together, {name} {weight:g}": [fused_joints(x, layout, **{name: weight}) for x in made]
+            for name, weights in WEIGHTS.items()
+            for weight in weights
         },
     }
     for name, motions in rows.items():
@@ -68,6 +70,10 @@ def main() -> None:
         for what, column in zip((*NAMES, *(f"{claim} right" for claim in CLAIMS)), torch.tensor(values).T, strict=True):
             there = column[~column.isnan()]
             print(f"{name:28} {what:32} {there.mean():8.3f} ± {there.std() / len(there) ** 0.5:.3f}")
+        right = torch.tensor(values)[:, len(NAMES)]
+        for action in sorted({str(clip.attributes["action"]) for clip in test}):
+            own = right[[clip.attributes["action"] == action for clip in test]]
+            print(f"{name:28} {action + ' right':32} {own.mean():8.3f} of {len(own)}")
 
 
 if __name__ == "__main__":

@@ -16,7 +16,7 @@ function agreeing(p, u, w) {
 
 /** Joints (T, J, 3) that agree with the places, steps and contacts that raw features (T, D) say. */
 export function fusedJoints(features, about) {
-  const { blocks, contact_joints: feet, weights } = about, J = about.skeleton.joints.length, D = about.mean.length;
+  const { blocks, contact_joints: feet, arm_joints: arms, weights } = about, J = about.skeleton.joints.length, D = about.mean.length;
   const T = features.length / D, at = (t, name, i = 0) => features[t * D + blocks[name][0] + i];
   const angle = new Float64Array(T), path = [[0, 0]], places = new Float64Array(T * J * 3), steps = new Float64Array(T * J * 3);
   for (let t = 1; t < T; t++) angle[t] = angle[t - 1] + 2 * at(t - 1, "yaw_rate");
@@ -41,7 +41,8 @@ export function fusedJoints(features, about) {
     const foot = feet.indexOf(j), stands = moments.map((t) => foot >= 0 && at(t, "contacts", foot) > 0.5);
     for (let k = 0; k < 3; k++) {
       const of = (from) => moments.map((t) => from[3 * (t * J + j) + k]);
-      const w = stands.map((still) => (k === 1 ? weights.height : still ? weights.contact : weights.step));
+      const usual = arms.includes(j) ? weights.arm : k === 1 ? weights.height : weights.step;
+      const w = stands.map((still) => (k !== 1 && still ? weights.contact : usual));
       const u = of(steps).map((step, t) => (k !== 1 && stands[t] ? 0 : step));
       agreeing(of(places), u, w).forEach((value, t) => (out[3 * (t * J + j) + k] = value * about.metres_per_unit));
     }

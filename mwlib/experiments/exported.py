@@ -28,7 +28,7 @@ from mwlib.prediction.representation import Continuation
 from mwlib.settings import shown
 from mwlib.synthetic.sentences_typed import tables
 from mwlib.text_to_motion.model import TextToMotion
-from mwlib.text_to_motion.motions import CONTACT_WEIGHT, HEIGHT_WEIGHT, STEP_WEIGHT
+from mwlib.text_to_motion.motions import ARM_WEIGHT, CONTACT_WEIGHT, HEIGHT_WEIGHT, STEP_WEIGHT
 from mwlib.training import TrainedModel
 
 NEEDED = ("onnx", "onnxscript")
@@ -260,8 +260,8 @@ def _of_text(model: TextToMotion) -> dict[str, Any]:
         "system": "text_to_motion", "fps": layout.fps, "metres_per_unit": layout.metres_per_unit, "lengths": [*model.lengths],
         "frames_per_token": model.cfg.model.frames_per_token, "mask_frames": model.cfg.model.mask_frames,
         "skeleton": of_skeleton(layout.skeleton), "contact_joints": [*layout.contact_joints],
-        "blocks": {name: [block.start, block.stop] for name, block in layout.blocks.items()},
-        "weights": {"step": STEP_WEIGHT, "contact": CONTACT_WEIGHT, "height": HEIGHT_WEIGHT},
+        "arm_joints": [*layout.arm_joints], "blocks": {name: [block.start, block.stop] for name, block in layout.blocks.items()},
+        "weights": {"step": STEP_WEIGHT, "contact": CONTACT_WEIGHT, "height": HEIGHT_WEIGHT, "arm": ARM_WEIGHT},
         "mean": _numbers(model.statistics.mean.numpy()), "deviation": _numbers(model.statistics.deviation.numpy()),
         "sampling": {"sampler": s.sampler, "steps": s.sampling_steps or model.cfg.forward.steps, "guidance": s.guidance},
         "words": [*words], "typed": tables() if model.cfg.data.data == "people" else None,

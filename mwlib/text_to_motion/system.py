@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import warnings
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -199,6 +199,34 @@ def _of_clips(
 ) -> dict[str, list[float]]:
     rows = [{**movement(x, layout), **claims_met(x, clip, layout)} for x, clip in zip(motions, test, strict=True)]
     return {name: [row.get(name, float("nan")) for row in rows] for name in DETAILS}
+
+
+def right_by_action(model: TextToMotion, test: Sequence[CaptionedClip], found: Mapping[str, Any]) -> dict[str, dict[str, float]]:
+    """Of each action that test clips are known to show: in what share of its "clips" the motion shows it, too.
+
+    Args:
+        model: not asked again.
+        test: clips, with those that were evaluated.
+        found: what `evaluate` gave.
+    """
+    shown = {clip.name: clip.attributes.get("action") for clip in test}
+    right: dict[str, list[float]] = {}
+    for name, value in zip(found["clips"], found["values"]["action"], strict=True):
+        if shown[name] is not None and np.isfinite(value):
+            right.setdefault(str(shown[name]), []).append(value)
+    return {action: {"right": float(np.mean(values)), "clips": len(values)} for action, values in sorted(right.items())}
+
+
+def card_of_actions(rows: Mapping[str, Mapping[str, float]]) -> list[str]:
+    """What a card says of `right_by_action`, as Markdown paragraphs."""
+    lines = [f"| {action.replace('_', ' ')} | {row['right']:.2f} | {row['clips']} |" for action, row in rows.items()]
+    return [
+        "Action right, by the action that the sentence names:\n\n"
+        + "\n".join(["| action | right | clips |", "|---|---:|---:|", *lines])
+    ]
+
+
+more_rows, more_of_card = right_by_action, card_of_actions  # what the card of a shipped model says beside the tables
 
 
 def _multimodality(cfg: Config, make: Make, judge: Matcher, test: Sequence[CaptionedClip], lengths: Sequence[int]) -> float:

@@ -33,12 +33,12 @@ def test_what_agrees_stays_as_it_is(walk):
     free_feet = walk.clone()
     free_feet[:, HUMANML3D.blocks["contacts"]] = 0.0
     torch.testing.assert_close(fused_joints(free_feet, HUMANML3D), alone, atol=1e-5, rtol=0)
-    torch.testing.assert_close(fused_joints(walk, HUMANML3D, 0.0, 0.0, 0.0), alone, atol=1e-12, rtol=0)
+    torch.testing.assert_close(fused_joints(walk, HUMANML3D, 0.0, 0.0, 0.0, 0.0), alone, atol=1e-12, rtol=0)
     assert float((fused_joints(walk, HUMANML3D) - alone).norm(dim=-1).mean()) < 0.005
 
 
 def test_it_is_the_least_squares_solution_joint_by_joint(trembling):
-    found, p = fused_joints(trembling, HUMANML3D, 2.0, 9.0, 0.5), joints_of(trembling, HUMANML3D)
+    found, p = fused_joints(trembling, HUMANML3D, 2.0, 9.0, 0.5, 0.2), joints_of(trembling, HUMANML3D)
     heading = 2 * torch.cat([torch.zeros(1), trembling[:-1, 0]]).cumsum(0)
     local = trembling[:-1, HUMANML3D.blocks["velocities"]].unflatten(-1, (-1, 3))
     for joint in (0, HUMANML3D.contact_joints[1], 20):
@@ -53,8 +53,8 @@ def test_it_is_the_least_squares_solution_joint_by_joint(trembling):
             row[t + 1], row[t] = 1.0, -1.0
             rows.append(row)
             right.append(step)
-            along.append(9.0 if stands else 2.0)
-        height = torch.full_like(torch.tensor(along), 0.5)
+            along.append(9.0 if stands else 0.2 if joint == 20 else 2.0)
+        height = torch.full_like(torch.tensor(along), 0.2 if joint == 20 else 0.5)
         height[: len(p)] = 1.0
         expected = torch.empty_like(p[:, joint])
         for axes, weights in (([0, 2], torch.tensor(along)), ([1], height)):
@@ -86,11 +86,27 @@ def test_heights_trust_the_rows_more_than_the_steps(walk):
     alone = joints_of(walk, HUMANML3D)[..., 1]
 
     def off(**weights):
-        return float((fused_joints(sinking, HUMANML3D, **weights)[..., 1] - alone).abs().max())
+        return float((fused_joints(sinking, HUMANML3D, arm_weight=0.0, **weights)[..., 1] - alone).abs().max())
 
     assert off(height_weight=0.0) < 1e-12 < off() < 0.5 * off(height_weight=30.0)
     along = fused_joints(sinking, HUMANML3D)[..., [0, 2]]
     torch.testing.assert_close(along, fused_joints(walk, HUMANML3D)[..., [0, 2]], atol=1e-9, rtol=0)
+
+
+def test_arms_trust_their_rows(walk):
+    """A wrist that waves by 20 cm twice a second, and whose steps are said to be half as long, keeps its swing."""
+    waving = walk.clone()
+    wave = 0.1 * torch.sin(4 * torch.pi * torch.arange(len(walk)) / HUMANML3D.fps)
+    wrist, knee = HUMANML3D.arm_joints[-1], 4
+    for joint in (wrist, knee):
+        waving[:, HUMANML3D.blocks["positions"].start + 3 * (joint - 1) + 1] += wave
+        waving[:-1, HUMANML3D.blocks["velocities"].start + 3 * joint + 1] += 0.5 * wave.diff()
+
+    def kept(joint, **weights):
+        moved = (fused_joints(waving, HUMANML3D, **weights) - fused_joints(walk, HUMANML3D, **weights))[..., joint, 1]
+        return float((moved * wave).sum() / wave.square().sum())
+
+    assert kept(wrist) > 0.97 > 0.9 > kept(knee) and kept(wrist, arm_weight=1.0) < 0.9
 
 
 def test_single_precision_motions_and_a_negative_weight(walk):
@@ -99,5 +115,8 @@ def test_single_precision_motions_and_a_negative_weight(walk):
     plain, fused = motion_of(walk.float(), HUMANML3D, "walk"), motion_of(walk.float(), HUMANML3D, "walk", fused=True)
     np.testing.assert_allclose(plain.positions, joints_of(walk.float().double(), HUMANML3D).numpy())
     np.testing.assert_allclose(fused.positions, fused_joints(walk.float().double(), HUMANML3D).numpy())
-    with pytest.raises(ValueError, match="step_weight is -1.0, contact_weight 0.0, height_weight 1.0; expected at least 0"):
+    with pytest.raises(
+        ValueError,
+        match="step_weight is -1.0, contact_weight is 0.0, height_weight is 1.0, arm_weight is 0.1; expected at least 0",
+    ):
         fused_joints(walk, HUMANML3D, -1.0, 0.0)

@@ -101,6 +101,15 @@ class FeatureLayout:
         return 12 * len(self.skeleton) - 1
 
     @property
+    def arm_joints(self) -> tuple[int, ...]:
+        """Elbows and wrists.
+
+        >>> HUMANML3D.arm_joints
+        (18, 19, 20, 21)
+        """
+        return tuple(j for j, name in enumerate(self.skeleton.joints) if name.endswith(("elbow", "wrist")))
+
+    @property
     def blocks(self) -> dict[str, slice]:
         """Where each kind of feature stands.
 

@@ -1,0 +1,184 @@
+"""Every CMU person is tested once: predictors, their rivals and guidance over three folds, errors over people and over clips.
+
+Needs CMU's files under MWLIB_DATA. A unit is one training, or baselines, with all that is sampled from it; it writes a file into
+the folder RAW: half an hour of two cores, four minutes of a graphics card.
+python benchmarks/people_in_folds.py units                      # a line each
+python benchmarks/people_in_folds.py measure RAW NUMBER [...]
+python benchmarks/people_in_folds.py table RAW figures/cmu      # folds.csv, folds_people.csv, folds_paired.csv
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from mwlib.experiments import get_result
+from mwlib.experiments.grids import read_grid, row_config, system_of
+from mwlib.files import write_json, write_together
+from mwlib.metrics import clustered_error
+from mwlib.prediction.config import Config
+
+FOLDS = {  # who is tested; who tells the validation loss, in no fold a person of the test
+    "2, 7, 29": (("2", "7", "29"), ("1",)),
+    "1, 5, 16": (("1", "5", "16"), ("2",)),
+    "9, 14, 49": (("9", "14", "49"), ("1",)),
+}
+ROWS = {  # preset and grid -> rows; None: all
+    ("cmu", "motion"): (
+        "zero velocity",
+        "nearest history",
+        "nearest history as displacement",
+        "HumanMAC's DCT, displacement, clamped, 6,000 steps",
+        "our departures",
+    ),
+    ("cmu", "departures"): ("20 DCT rows, 5,900 steps",),
+    ("cmu_paper", "table_4"): (
+        "s 0, sigma 0, no WMSG",
+        "s 0, sigma 0, WMSG",
+        "s 1, sigma 0.5, WMSG",
+        "s 1, sigma 2.5, WMSG",
+    ),
+    ("cmu_paper", "spellings"): (
+        "Algorithm 1, w' 0.7: WMSG, s 0",
+        "Algorithm 1, w' 0.7: WMSG, s 1, sigma 2.5",
+    ),
+}
+METRICS = ("apd", "ade", "fde", "mmade", "mmfde", "speed", "coverage_0.5", "coverage_0.9")
+PAIRS = (  # what is compared, and what the tables call it
+    ("our departures", "20 DCT rows, 5,900 steps"),
+    ("our departures", "HumanMAC's DCT, displacement, clamped, 6,000 steps"),
+    ("our departures", "nearest history as displacement"),
+    ("our departures", "nearest history"),
+    ("our departures", "zero velocity"),
+    ("s 0, sigma 0, WMSG", "s 0, sigma 0, no WMSG"),
+    ("s 1, sigma 0.5, WMSG", "s 0, sigma 0, WMSG"),
+    ("s 1, sigma 2.5, WMSG", "s 0, sigma 0, WMSG"),
+    ("Algorithm 1, w' 0.7: WMSG, s 1, sigma 2.5", "Algorithm 1, w' 0.7: WMSG, s 0"),
+)
+
+
+class Unit(NamedTuple):
+    """What one process does: rows that share a training, in one fold."""
+
+    fold: str
+    rows: tuple[tuple[str, str, Config], ...]  # grid, row, configuration
+
+
+def units() -> list[Unit]:
+    """All of them, those with a training first."""
+    found: dict[tuple[str, str], list[tuple[str, str, Config]]] = {}
+    for fold, (test, validation) in FOLDS.items():
+        for (preset, name), rows in ROWS.items():
+            grid = read_grid(name)
+            base = Config.preset(preset, test_subjects=test, validation_subjects=validation)
+            for row in grid.rows:
+                if row.name in rows:
+                    cfg = row_config(grid, row, base)
+                    trains = cfg.sampling.method == "diffusion"
+                    found.setdefault((fold, cfg.training_hash() if trains else ""), []).append((name, row.name, cfg))
+    order = sorted(found, key=lambda key: key[1] == "")
+    return [Unit(fold, tuple(found[fold, key])) for fold, key in order]
+
+
+def measure(raw: Path, number: int) -> None:
+    """One unit: train what is missing, sample, score; a file with the values of every window."""
+    unit, out = units()[number], []
+    data = system_of(unit.rows[0][2]).load_data(unit.rows[0][2])
+    for grid, row, cfg in unit.rows:
+        found = get_result(cfg, data)
+        kept = {name: found[name] for name in ("mean", "values", "clips", "training", "seconds", "machine")}
+        people = {motion.name: motion.subject for motion in data.test}
+        out.append({"fold": unit.fold, "grid": grid, "row": row, "settings": cfg.hash(), "people": people, **kept})
+        write_json(raw / f"folds_{number:02}.json", {"rows": out})
+        print(unit.fold, row, {name: round(found["mean"][name], 3) for name in METRICS}, flush=True)
+
+
+class Values(NamedTuple):
+    """Metrics of one row over all folds, a number for each window, and whose and of which clip they are."""
+
+    by_metric: dict[str, np.ndarray]
+    people: np.ndarray
+    clips: list[tuple[str, int]]
+
+
+def read(raw: Path) -> dict[str, Values]:
+    """All rows of the files in a folder."""
+    found: dict[str, list[dict[str, Any]]] = {}
+    for file in sorted(raw.glob("folds_*.json")):
+        for row in json.loads(file.read_text(encoding="utf-8"))["rows"]:
+            found.setdefault(row["row"], []).append(row)
+    rows = {}
+    for name, parts in found.items():
+        if len(parts) != len(FOLDS):
+            raise ValueError(f"{raw} has {name!r} for {len(parts)} folds; expected {len(FOLDS)}: measure the other units")
+        values = {metric: np.concatenate([part["values"][metric] for part in parts]) for metric in METRICS}
+        people = [list(part["people"].values())[clip] for part in parts for clip in part["clips"]]
+        rows[name] = Values(values, np.array(people), [(part["fold"], clip) for part in parts for clip in part["clips"]])
+    return rows
+
+
+def over_people(values: np.ndarray, people: np.ndarray) -> tuple[float, float, dict[str, float]]:
+    """Mean of the people's means, its standard error, and these means: a person counts once, however long they were recorded."""
+    each = {person: float(values[people == person].mean()) for person in sorted(set(people.tolist()), key=int)}
+    means = np.array(list(each.values()))
+    return float(means.mean()), float(means.std(ddof=1) / len(means) ** 0.5), each
+
+
+def table(raw: Path, out: Path) -> None:
+    """Write the three tables."""
+    rows = read(raw)
+    means, paired, people = [], [], []
+    for name, row in rows.items():
+        line: dict[str, Any] = {"row": name}
+        for metric, values in row.by_metric.items():
+            line[metric], line[f"{metric}, error over people"], each = over_people(values, row.people)
+            if metric in ("ade", "fde"):
+                people.append({"row": name, "metric": metric, **each})
+        means.append(line)
+    for name, other in PAIRS:
+        line = {"row": f"{name} - {other}"}
+        for metric, values in rows[name].by_metric.items():
+            difference = values - rows[other].by_metric[metric]
+            line[metric], line[f"{metric}, error over people"], each = over_people(difference, rows[name].people)
+            line[f"{metric}, over windows"] = float(difference.mean())
+            line[f"{metric}, error over clips"] = clustered_error(difference, rows[name].clips)
+            line[f"{metric}, people below 0"] = sum(value < 0 for value in each.values())
+        paired.append(line)
+    write_together({
+        out / f"folds{part}.csv": as_csv(lines) for part, lines in (("", means), ("_people", people), ("_paired", paired))
+    })  # fmt: skip
+
+
+def as_csv(lines: Sequence[dict[str, Any]]) -> str:
+    """Rows under the names of the first one's entries, numbers to six places."""
+    text = io.StringIO()
+    writer = csv.DictWriter(text, list(lines[0]), lineterminator="\n")
+    writer.writeheader()
+    writer.writerows({k: round(v, 6) if isinstance(v, float) else v for k, v in line.items()} for line in lines)
+    return text.getvalue()
+
+
+def main(arguments: Sequence[str]) -> None:
+    """The command."""
+    match arguments:
+        case ["units"]:
+            for number, unit in enumerate(units()):
+                print(number, unit.fold, *(row for _, row, _ in unit.rows), sep=" | ")
+        case ["measure", raw, *numbers]:
+            for number in numbers:
+                measure(Path(raw), int(number))
+        case ["table", raw, out]:
+            table(Path(raw), Path(out))
+        case _:
+            sys.exit(__doc__)
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])
