@@ -4,7 +4,7 @@ Needs CMU's files under MWLIB_DATA. A unit is one training, or baselines, with a
 the folder RAW: half an hour of two cores, four minutes of a graphics card.
 python benchmarks/people_in_folds.py units                      # a line each
 python benchmarks/people_in_folds.py measure RAW NUMBER [...]
-python benchmarks/people_in_folds.py table RAW figures/cmu      # folds.csv, folds_people.csv, folds_paired.csv
+python benchmarks/people_in_folds.py table RAW figures/cmu      # folds, folds_eq7, folds_alg1, each with its pairs, and people
 """
 
 from __future__ import annotations
@@ -19,11 +19,13 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from mwlib.data.collections import acknowledgement
 from mwlib.experiments import get_result
 from mwlib.experiments.grids import read_grid, row_config, system_of
 from mwlib.files import write_json, write_together
 from mwlib.metrics import clustered_error
 from mwlib.prediction.config import Config
+from mwlib.version import __version__
 
 FOLDS = {  # who is tested; who tells the validation loss, in no fold a person of the test
     "2, 7, 29": (("2", "7", "29"), ("1",)),
@@ -50,18 +52,23 @@ ROWS = {  # preset and grid -> rows; None: all
         "Algorithm 1, w' 0.7: WMSG, s 1, sigma 2.5",
     ),
 }
-METRICS = ("apd", "ade", "fde", "mmade", "mmfde", "speed", "coverage_0.5", "coverage_0.9")
-PAIRS = (  # what is compared, and what the tables call it
-    ("our departures", "20 DCT rows, 5,900 steps"),
-    ("our departures", "HumanMAC's DCT, displacement, clamped, 6,000 steps"),
-    ("our departures", "nearest history as displacement"),
-    ("our departures", "nearest history"),
-    ("our departures", "zero velocity"),
-    ("s 0, sigma 0, WMSG", "s 0, sigma 0, no WMSG"),
-    ("s 1, sigma 0.5, WMSG", "s 0, sigma 0, WMSG"),
-    ("s 1, sigma 2.5, WMSG", "s 0, sigma 0, WMSG"),
-    ("Algorithm 1, w' 0.7: WMSG, s 1, sigma 2.5", "Algorithm 1, w' 0.7: WMSG, s 0"),
-)
+METRICS = {  # as evaluations name them -> as tables do
+    "apd": "APD",
+    "ade": "ADE",
+    "fde": "FDE",
+    "mmade": "MMADE",
+    "mmfde": "MMFDE",
+    "speed": "speed (m/s)",
+    "coverage_0.5": "inside 50 %",
+    "coverage_0.9": "inside 90 %",
+}
+TABLES = {  # table -> the row that all others are compared with
+    "folds": "our departures",
+    "folds_eq7": "s 0, sigma 0, WMSG",
+    "folds_alg1": "Algorithm 1, w' 0.7: WMSG, s 0",
+}
+EVERYWHERE = "zero velocity", "nearest history as displacement"  # rows of the first two tables
+TABLE_OF = {"motion": "folds", "departures": "folds", "table_4": "folds_eq7", "spellings": "folds_alg1"}  # by grid
 
 
 class Unit(NamedTuple):
@@ -103,6 +110,7 @@ def measure(raw: Path, number: int) -> None:
 class Values(NamedTuple):
     """Metrics of one row over all folds, a number for each window, and whose and of which clip they are."""
 
+    table: str
     by_metric: dict[str, np.ndarray]
     people: np.ndarray
     clips: list[tuple[str, int]]
@@ -118,9 +126,10 @@ def read(raw: Path) -> dict[str, Values]:
     for name, parts in found.items():
         if len(parts) != len(FOLDS):
             raise ValueError(f"{raw} has {name!r} for {len(parts)} folds; expected {len(FOLDS)}: measure the other units")
-        values = {metric: np.concatenate([part["values"][metric] for part in parts]) for metric in METRICS}
+        values = {said: np.concatenate([part["values"][metric] for part in parts]) for metric, said in METRICS.items()}
         people = [list(part["people"].values())[clip] for part in parts for clip in part["clips"]]
-        rows[name] = Values(values, np.array(people), [(part["fold"], clip) for part in parts for clip in part["clips"]])
+        clips = [(part["fold"], clip) for part in parts for clip in part["clips"]]
+        rows[name] = Values(TABLE_OF[parts[0]["grid"]], values, np.array(people), clips)
     return rows
 
 
@@ -131,29 +140,47 @@ def over_people(values: np.ndarray, people: np.ndarray) -> tuple[float, float, d
     return float(means.mean()), float(means.std(ddof=1) / len(means) ** 0.5), each
 
 
+def mean(name: str, row: Values) -> dict[str, Any]:
+    """A line of a table."""
+    line: dict[str, Any] = {"row": name, "windows": len(row.people), "people": len(set(row.people.tolist()))}
+    for metric, values in row.by_metric.items():
+        line[metric], line[f"{metric}, standard error"], _ = over_people(values, row.people)
+    return line
+
+
+def pair(name: str, row: Values, reference: str, other: Values) -> dict[str, Any]:
+    """A line of differences: over people, and over windows with the error over clips."""
+    line: dict[str, Any] = {"row": f"{name} - {reference}"}
+    for metric, values in row.by_metric.items():
+        difference = values - other.by_metric[metric]
+        line[metric], line[f"{metric}, standard error"], each = over_people(difference, row.people)
+        line[f"{metric}, people below 0"] = sum(value < 0 for value in each.values())
+        line[f"{metric}, over windows"] = float(difference.mean())
+        line[f"{metric}, error over clips"] = clustered_error(difference, row.clips)
+    return line
+
+
 def table(raw: Path, out: Path) -> None:
-    """Write the three tables."""
-    rows = read(raw)
-    means, paired, people = [], [], []
-    for name, row in rows.items():
-        line: dict[str, Any] = {"row": name}
-        for metric, values in row.by_metric.items():
-            line[metric], line[f"{metric}, error over people"], each = over_people(values, row.people)
-            if metric in ("ade", "fde"):
-                people.append({"row": name, "metric": metric, **each})
-        means.append(line)
-    for name, other in PAIRS:
-        line = {"row": f"{name} - {other}"}
-        for metric, values in rows[name].by_metric.items():
-            difference = values - rows[other].by_metric[metric]
-            line[metric], line[f"{metric}, error over people"], each = over_people(difference, rows[name].people)
-            line[f"{metric}, over windows"] = float(difference.mean())
-            line[f"{metric}, error over clips"] = clustered_error(difference, rows[name].clips)
-            line[f"{metric}, people below 0"] = sum(value < 0 for value in each.values())
-        paired.append(line)
-    write_together({
-        out / f"folds{part}.csv": as_csv(lines) for part, lines in (("", means), ("_people", people), ("_paired", paired))
-    })  # fmt: skip
+    """Write the tables, and what they are of."""
+    rows, files = read(raw), {}
+    about = {
+        "data": "cmu/asfamc", "preset": "cmu and cmu_paper", "seeds_of": "training and sampling a fold", "mwlib": __version__,
+        "errors": "over people", "folds": list(FOLDS), "command": f"python benchmarks/people_in_folds.py table RAW {out}",
+        **acknowledgement("cmu/asfamc"),
+    }  # fmt: skip
+    for name, reference in TABLES.items():
+        own = {row: v for row, v in rows.items() if v.table == name or (row in EVERYWHERE and name == "folds_eq7")}
+        files[f"{name}.csv"] = as_csv([mean(row, values) for row, values in own.items()])
+        pairs = [pair(row, values, reference, own[reference]) for row, values in own.items() if row != reference]
+        files[f"{name}_paired.csv"] = as_csv(pairs)
+        files[f"{name}.json"] = json.dumps(about, indent=1)
+    people = [
+        {"row": row, "metric": metric, **over_people(values.by_metric[metric], values.people)[2]}
+        for row, values in rows.items()
+        for metric in ("ADE", "FDE")
+    ]
+    files["folds_people.csv"] = as_csv(people)
+    write_together({out / name: content for name, content in files.items()})
 
 
 def as_csv(lines: Sequence[dict[str, Any]]) -> str:

@@ -3,7 +3,7 @@
 Scaling, manifold shaping, both guidances and the noise schedule after 500 to 16,000 steps, and the paper's own configuration
 for as long as a clock allows. Needs CMU's files under MWLIB_DATA:
 python benchmarks/training_length.py measure RAW ROW [--seconds S]   # ROW: scaled, unscaled, linear, published
-python benchmarks/training_length.py table RAW figures/cmu           # training_length_means.csv, _paired.csv, a picture
+python benchmarks/training_length.py table RAW figures/cmu           # published.csv, training_length_*.csv and a picture
 """
 
 from __future__ import annotations
@@ -21,6 +21,7 @@ from accelerate import Accelerator
 from people_in_folds import as_csv
 
 import mwlib as mw
+from mwlib.data.collections import acknowledgement
 from mwlib.experiments.grids import system_of
 from mwlib.experiments.runs import machine
 from mwlib.files import write_json, write_together
@@ -32,6 +33,7 @@ from mwlib.training import MovingAverage, learning_rate, seeded
 
 MARKS = 500, 1000, 4000, 16_000  # steps
 METRICS = ("apd", "ade", "fde", "mmade", "mmfde")
+COLUMNS = {**{name: name.upper() for name in METRICS}, "speed": "speed (m/s)", "jerk": "jerk (m/s³)"}
 PLAIN: dict[str, Any] = dict(guidance_weight=0.0, tabg_scale=0.0, wmsg="off")
 SAMPLED: dict[str, dict[str, Any]] = {
     "conditional": PLAIN,
@@ -176,7 +178,23 @@ def table(raw: Path, out: Path) -> None:
                     clustered_error(difference, a["clips"]),
                 )
             paired.append(line)
-    write_together({out / "training_length_means.csv": as_csv(means), out / "training_length_paired.csv": as_csv(paired)})
+    about = {
+        "data": "cmu/asfamc", "preset": "cmu_paper", "seeds_of": "training and sampling", "mwlib": mw.__version__,
+        "command": RUN, **acknowledgement("cmu/asfamc"),
+    }  # fmt: skip
+    files = {f"training_length_{name}.csv": as_csv(lines) for name, lines in (("means", means), ("paired", paired))}
+    last = max(steps for row, _, steps in found if row == "published")
+    ends = {sampled: line for (row, sampled, steps), line in found.items() if (row, steps) == ("published", last)}
+    files["published.csv"] = as_csv([
+        {
+            "row": sampled, "windows": line["windows"], "steps": last,
+            **{column: line["mean"][m] for m, column in COLUMNS.items()},
+            **{f"{column}, standard error": line["standard_error"][m] for m, column in COLUMNS.items()},
+        }
+        for sampled, line in ends.items()
+    ])  # fmt: skip
+    files["published.json"] = json.dumps(about | {"preset": "the paper's Appendix A"}, indent=1)
+    write_together({out / name: content for name, content in files.items()})
     draw(paired, out)
 
 
