@@ -9,8 +9,6 @@ python benchmarks/people_in_folds.py table RAW figures/cmu      # folds, folds_e
 
 from __future__ import annotations
 
-import csv
-import io
 import json
 import sys
 from collections.abc import Sequence
@@ -24,6 +22,7 @@ from mwlib.experiments import get_result
 from mwlib.experiments.grids import read_grid, row_config, system_of
 from mwlib.files import write_json, write_together
 from mwlib.metrics import clustered_error
+from mwlib.plots.saving import as_csv
 from mwlib.prediction.config import Config
 from mwlib.version import __version__
 
@@ -181,15 +180,6 @@ def table(raw: Path, out: Path) -> None:
     ]
     files["folds_people.csv"] = as_csv(people)
     write_together({out / name: content for name, content in files.items()})
-
-
-def as_csv(lines: Sequence[dict[str, Any]]) -> str:
-    """Rows under the names of the first one's entries, numbers to six places."""
-    text = io.StringIO()
-    writer = csv.DictWriter(text, list(lines[0]), lineterminator="\n")
-    writer.writeheader()
-    writer.writerows({k: round(v, 6) if isinstance(v, float) else v for k, v in line.items()} for line in lines)
-    return text.getvalue()
 
 
 def main(arguments: Sequence[str]) -> None:

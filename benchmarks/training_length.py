@@ -18,7 +18,6 @@ from typing import Any
 import numpy as np
 import torch
 from accelerate import Accelerator
-from people_in_folds import as_csv
 
 import mwlib as mw
 from mwlib.data.collections import acknowledgement
@@ -27,6 +26,7 @@ from mwlib.experiments.runs import machine
 from mwlib.files import write_json, write_together
 from mwlib.metrics import clustered_error
 from mwlib.plots.look import LOOKS, OBSERVED, canvas, style
+from mwlib.plots.saving import as_csv
 from mwlib.prediction.config import Config
 from mwlib.prediction.predictor import Predictor
 from mwlib.training import MovingAverage, learning_rate, seeded
