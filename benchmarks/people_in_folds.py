@@ -173,10 +173,13 @@ def table(raw: Path, out: Path) -> None:
         pairs = [pair(row, values, reference, own[reference]) for row, values in own.items() if row != reference]
         files[f"{name}_paired.csv"] = as_csv(pairs)
         files[f"{name}.json"] = json.dumps(about, indent=1)
+    each = {
+        f"{row}, {metric}": over_people(v.by_metric[metric], v.people)[2] for row, v in rows.items() for metric in ("ADE", "FDE")
+    }
+    who = next(iter(rows.values())).people
     people = [
-        {"row": row, "metric": metric, **over_people(values.by_metric[metric], values.people)[2]}
-        for row, values in rows.items()
-        for metric in ("ADE", "FDE")
+        {"person": person, "windows": int((who == person).sum()), **{name: means[person] for name, means in each.items()}}
+        for person in next(iter(each.values()))
     ]
     files["folds_people.csv"] = as_csv(people)
     write_together({out / name: content for name, content in files.items()})

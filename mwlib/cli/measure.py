@@ -147,9 +147,9 @@ def grid_table(**choice_of: Any) -> None:
 def ship(name: str, *, out: Path = Path("build/models")) -> None:
     """Make a model that comes with the package again: train it, measure it, write its card.
 
-    synthetic and the sentences take about an hour of one core, evaluators and critics some minutes, cmu and inbetween half an
-    hour; names of CMU need the clips under MWLIB_DATA. A graphics card is used where there is one. A training that was stopped
-    goes on.
+    sentences takes some hours of one core, synthetic and sentences_early about an hour, evaluators and critics some minutes, cmu
+    and inbetween half an hour; names of CMU need the clips under MWLIB_DATA. A graphics card is used where there is one. A
+    training that was stopped goes on.
 
     Args:
         name: one of `mwlib.experiments.shipped.RECIPES`.
