@@ -162,7 +162,7 @@ def _said(row: dict[str, Any], name: str, scale: float) -> str:
     return f"{scale * row['mean'][name]:.3g}{share}" if name in row["mean"] else "–"
 
 
-def rows_by_gap(bridge: Bridge, motions: Sequence[Motion], _: Mapping[str, Any]) -> dict[str, list[dict[str, Any]]]:
+def rows_by_gap(bridge: Bridge, motions: Sequence[Motion], found: Mapping[str, Any]) -> dict[str, list[dict[str, Any]]]:
     """`by_gap`, with velocities given and not, of a model that may do without; nothing of another."""
     return {word: by_gap(bridge, motions, word == "known") for word in ("known", "not known") if bridge.cfg.model.hide}
 

@@ -39,12 +39,12 @@ def test_two_samples_on_either_side_by_hand():
 def test_a_row_for_each_gap_that_the_model_is_for(monkeypatch):
     bridge = untrained(**WINDOW, shortest=4)
     monkeypatch.setattr(gaps, "GAPS", (4, 6, 9))
-    rows = rows_by_gap(bridge, data_of(bridge.cfg).test)
+    rows = rows_by_gap(bridge, data_of(bridge.cfg).test, {})
     assert [row["gap"] for row in rows["known"]] == [4, 6] and [*rows] == ["known", "not known"]
     assert rows["known"][0]["mean"]["single"] != rows["not known"][0]["mean"]["single"]
     text = "\n".join(card_of_gaps(rows))
     assert "| 4 |" in text and "velocities at both keyframes not known" in text
-    assert rows_by_gap(untrained(), data_of(bridge.cfg).test) == {}
+    assert rows_by_gap(untrained(), data_of(bridge.cfg).test, {}) == {}
     [row] = by_gap(
         bridge, data_of(bridge.cfg).test, True, 5, lambda clip, first, last: walk(bridge)[0, : last - first + 1].numpy()
     )[:1]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 
 import numpy as np
@@ -16,7 +17,7 @@ from mwlib.matching.evaluators import Matcher
 from mwlib.text_to_motion import system
 from mwlib.text_to_motion.attributes import CLAIMS, claims_met, movement
 from mwlib.text_to_motion.system import any_clip, evaluate, mean_pose, nearest_caption
-from tests.text_to_motion.sample import clip, small, toy
+from tests.text_to_motion.sample import clip, small, toy, untrained
 
 
 class Judge(Matcher):
@@ -120,3 +121,14 @@ def test_what_cannot_be_judged_is_refused_or_doubted(monkeypatch):
 def test_the_mean_pose_of_many_frames_is_exact():
     many = CaptionedClip(np.full((200_000, HUMANML3D.width), 0.1, np.float32) + np.float32(0.9), ("a",))
     assert torch.allclose(mean_pose([many], [1])[0], torch.from_numpy(many.features[:1]), rtol=0, atol=1e-7)
+
+
+def test_actions_are_counted_one_by_one_and_unknown_ones_left_out():
+    shown = {"a": "wave", "b": "wave", "c": "kick", "d": None, "e": "kick", "f": "sit"}
+    test = [
+        dataclasses.replace(clip(0), name=name, attributes={"action": action} if action else {}) for name, action in shown.items()
+    ]
+    found = {"clips": ["a", "b", "c", "d", "e"], "values": {"action": [1.0, 0.0, 1.0, 1.0, math.nan]}}
+    rows = system.right_by_action(untrained(), test, found)
+    assert rows == {"kick": {"right": 1.0, "clips": 1}, "wave": {"right": 0.5, "clips": 2}}
+    assert "| wave | 0.50 | 2 |" in system.card_of_actions(rows)[0]

@@ -130,7 +130,8 @@ MUTANTS = [
     *of(
         "text_to_motion/motions.py", "text_to_motion/test_motions.py",
         ("standing-foot-may-slide", "along[:, feet] *= ~standing[..., None]", "along[:, feet] *= 1"),
-        ("heights-weighed-as-ways", "torch.full_like(weights, height_weight)", "weights"),
+        ("heights-weighed-as-ways", "steps[..., 0], height_weight)", "steps[..., 0], step_weight)"),
+        ("arms-trusted-as-legs", "trust[:, list(layout.arm_joints)] = arm_weight", "trust[:, list(layout.arm_joints)] *= 1"),
         ("steps-turned-the-other-way", "heading.cos(), heading.sin()", "heading.cos(), -heading.sin()"),
         ("weight-of-feet-that-move", "torch.where(standing, contact", "torch.where(~standing, contact"),
         ("weights-of-squares", "difference.T * weights.T[:, None]", "difference.T * weights.T[:, None] ** 2"),
