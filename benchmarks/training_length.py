@@ -217,7 +217,7 @@ def draw(paired: Sequence[dict[str, Any]], out: Path) -> None:
             ax.set(xscale="log", xticks=MARKS[:3], xticklabels=[f"{n / 1000:g}" for n in MARKS[:3]])
             ax.minorticks_off()
         column[0].set_title(title)
-        column[-1].set_xlabel("thousand steps")
+        column[-1].set_xlabel("1,000 steps")
     for ax, (_, unit) in zip(axes[:, 0], metrics, strict=True):
         ax.set_ylabel(unit)
     lines = [ax.get_legend_handles_labels()[0] for ax in axes[0, :2]]
