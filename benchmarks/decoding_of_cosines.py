@@ -29,7 +29,14 @@ TRAINED = {  # name -> grid, row
     "cosines": ("departures", "20 DCT rows, 5,900 steps"),
 }
 DECODINGS = "inverse", "continued"
-METRICS = {"apd": "APD", "ade": "ADE", "fde": "FDE", "first_frame": "first frame", "speed": "speed (m/s)", "jerk": "jerk (m/s³)"}
+METRICS = {
+    "apd": "APD",
+    "ade": "ADE",
+    "fde": "FDE",
+    "seam_jerk": "jerk across the seam (m/s³)",
+    "speed": "speed (m/s)",
+    "jerk": "jerk (m/s³)",
+}
 
 
 def measure(raw: Path, name: str) -> None:
