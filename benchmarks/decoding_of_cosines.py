@@ -11,6 +11,7 @@ import json
 import sys
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -45,8 +46,9 @@ def measure(raw: Path, name: str) -> None:
     if name != SHIPPED:
         grid = read_grid(TRAINED[name][0])
         base = row_config(grid, next(row for row in grid.rows if row.name == TRAINED[name][1]), base)
-    system, found = system_of(base), {}
-    data = system.load_data(base)
+    system = system_of(base)
+    data: Any = system.load_data(base)
+    found: dict[str, Any] = {"people": [motion.subject for motion in data.test]}
     for decoding in DECODINGS:
         cfg = base.override(decoding=decoding)
         if name == SHIPPED:
@@ -63,27 +65,37 @@ def table(raw: Path, out: Path) -> None:
     """Write the means, and what the decoding and the model change, in pairs."""
     found = {name: json.loads((raw / f"decoding_{name}.json").read_text(encoding="utf-8")) for name in (SHIPPED, *TRAINED)}
     rows = {(name, decoding): found[name][decoding] for name in found for decoding in DECODINGS}
-    metrics = {key: said for key, said in METRICS.items() if all(key in row["values"] for row in rows.values())}
     means = [
-        {"row": n, "decoding": d, **{said: row["mean"][key] for key, said in metrics.items()}} for (n, d), row in rows.items()
+        {"row": n, "decoding": d, **{said: row["mean"][key] for key, said in METRICS.items()}} for (n, d), row in rows.items()
     ]
     compared = {f"{name}: continued - inverse": ((name, "continued"), (name, "inverse")) for name in found}
     compared |= {f"{SHIPPED} - {name}, {d}": ((SHIPPED, d), (name, d)) for name in TRAINED for d in DECODINGS}
     pairs = []
     for label, (one, other) in compared.items():
         line: dict[str, float | str] = {"compared": label}
-        for key, said in metrics.items():
+        for key, said in METRICS.items():
             difference = np.array(rows[one]["values"][key]) - np.array(rows[other]["values"][key])
             line[said], line[f"{said}, standard error"] = (
                 float(difference.mean()),
                 clustered_error(difference, rows[one]["clips"]),
             )
         pairs.append(line)
+    clips, people = found[SHIPPED][DECODINGS[0]]["clips"], found[SHIPPED]["people"]
+    whose = np.array([people[clip] for clip in clips])
+    each = []
+    for person in sorted({*people}, key=int):
+        line = {"person": person, "windows": int((whose == person).sum())}
+        for label, (one, other) in compared.items():
+            for metric in ("ade", "fde"):
+                values = (np.array(rows[row]["values"][metric])[whose == person].mean() for row in (one, other))
+                line[f"{label}, {METRICS[metric]}"] = float(np.subtract(*values))
+        each.append(line)
     about = {
         "data": "cmu/asfamc", "preset": "cmu", "seeds_of": "one training", "mwlib": mw.__version__,
         "command": "python benchmarks/decoding_of_cosines.py table RAW figures/cmu", **acknowledgement("cmu/asfamc"),
     }  # fmt: skip
-    files = {"decoding.csv": as_csv(means), "decoding_paired.csv": as_csv(pairs), "decoding.json": json.dumps(about, indent=1)}
+    files = {"decoding.csv": as_csv(means), "decoding_paired.csv": as_csv(pairs), "decoding_people.csv": as_csv(each)}
+    files["decoding.json"] = json.dumps(about, indent=1)
     write_together({out / name: content for name, content in files.items()})
 
 
