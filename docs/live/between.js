@@ -58,12 +58,14 @@ async function open(told = () => {}) {
 async function sample(four, T, { samples, temperature, steps }, noise, told = () => {}) {
   await open(told);
   const began = performance.now(), window = model.gap(four, T), shape = [window.tf.length, C], { alpha_bar: alphaBar, sampling } = model;
-  const denoise = network.denoiser(model, shape, { condition: ["float32", window.condition, [1, shape[0], window.condition.length / shape[0]]] }, 1);
+  const condition = { condition: ["float32", window.condition, [1, shape[0], window.condition.length / shape[0]]], ends: ["float32", window.ends, [1, window.ends.length]] };
+  const denoise = network.denoiser(model, shape, condition, 1);
+  const said = { mean: await network.said("mean", shape, condition), factor: await network.said("factor", shape, condition) };
   const first = Float64Array.from((noise ?? gaussian(seed, samples * shape[0] * C))(), (value) => temperature * value);
   let last, count = 0;
   const indices = ddimIndices(alphaBar.length, steps ?? sampling.steps, sampling.spacing);
   for await (last of ddim(denoise, first, alphaBar, indices)) told(++count / indices.length);
-  const motions = model.motions(last.y, window), floor = floorOf(four.map((state) => jointsOf(state, C)), model.skeleton);
+  const motions = model.motions(last.y, said, window), floor = floorOf(four.map((state) => jointsOf(state, C)), model.skeleton);
   const joints = motions.map((motion) => standing(jointsOf(motion, C), floor, model.skeleton, model.fps));
   return { motions, joints, seconds: (performance.now() - began) / 1000 };
 }

@@ -33,19 +33,13 @@ export class Inbetweening {
     const beyond = [...steps.flatMap((step) => [...step.map((value, c) => value / velocity[c])]), 1, 1]; // both are known
     const condition = tf.flatMap((_, k) => [...seen.subarray(k * C, (k + 1) * C), 0, k / T, T / this.frames, ...beyond]);
     const ends = [...normal.subarray(0, C), ...normal.subarray(last * C), ...beyond, Math.log(T)];
-    return { given, T, tf, line, room, first, angle, origin, condition: Float32Array.from(condition), factor: this.factor(ends) };
+    return { given, T, tf, line, room, first, angle, origin, condition: Float32Array.from(condition), ends: Float32Array.from(ends) };
   }
-  /** By what the usual sizes of the tokens are multiplied. */
-  factor(ends) {
-    const layer = (n, x) => times(this.layers[`log_factor.${n}.weight`], x, 1).map((value, i) => value + this.layers[`log_factor.${n}.bias`][i]);
-    const hidden = layer(0, ends).map((value) => value / (1 + Math.exp(-value)));
-    return layer(2, hidden).map((value) => Math.exp(Math.min(Math.max(value, -4), 4)));
-  }
-  /** Motions (T, C) in the world of sampled tokens, the keyframes at both ends. */
-  motions(y, { given, T, tf, line, room, first, angle, origin, factor }) {
+  /** Motions (T, C) in the world of sampled tokens, their mean and their size; the keyframes are at both ends. */
+  motions(y, { mean, factor }, { given, T, tf, line, room, first, angle, origin }) {
     const { C, axes, skeleton } = this, size = tf.length * C, usual = this.power.at(T - this.frames - 1).flat(), back = transposed(tf);
     return Array.from({ length: y.length / size }, (_, s) => {
-      const z = times(back, usual.slice(0, size).map((value, i) => y[s * size + i] * value * factor[Math.floor(i / C)]), C);
+      const z = times(back, usual.slice(0, size).map((value, i) => (y[s * size + i] * factor[Math.floor(i / C)] + mean[i]) * value), C);
       const x = times(axes, transposed(Array.from({ length: T }, (_, t) => z.subarray(t * C, (t + 1) * C))).flatMap((row) => [...row]), T); // (C, T)
       const state = (t) => Float64Array.from({ length: C }, (_, c) => x[c * T + t] * room[t] + line[t * C + c]);
       const out = new Float64Array(T * C);

@@ -75,6 +75,11 @@ export class Network {
   close() {
     this.threads.forEach(({ worker }) => worker.terminate());
   }
+  /** What it says besides of one item of `shape`: its "mean" or its "factor". */
+  async said(wanted, shape, condition) {
+    const size = shape.reduce((x, z) => x * z, 1), feeds = { y_t: ["float32", new Float32Array(size), [1, ...shape]], t: ["int64", BigInt64Array.of(1n), [1]], ...condition };
+    return this.threads[0].ask({ feeds, wanted });
+  }
   /** The network's output for items of `shape`; the threads share them out. */
   async output(y, shape, t, condition, told) {
     const size = shape.reduce((x, z) => x * z, 1), items = y.length / size, share = Math.ceil(items / this.threads.length);
@@ -84,7 +89,7 @@ export class Network {
         y_t: ["float32", Float32Array.from(y.subarray(from * size, to * size)), [to - from, ...shape]], t: ["int64", BigInt64Array.of(BigInt(t)), [1]],
         ...(told && { told: ["float32", told.slice(from, to), [to - from]] }), ...condition,
       };
-      return to > from ? thread.ask({ feeds }) : new Float32Array();
+      return to > from ? thread.ask({ feeds, wanted: "output" }) : new Float32Array();
     });
     const found = await Promise.all(parts), out = new Float32Array(y.length);
     found.reduce((at, part) => (out.set(part, at), at + part.length), 0);

@@ -4,7 +4,7 @@ import * as ort from "runtime";
 
 let session;
 
-async function answer({ provider, wasm, network, feeds }) {
+async function answer({ provider, wasm, network, feeds, wanted }) {
   if (network) {
     Object.assign(ort.env.wasm, { numThreads: 1, wasmBinary: wasm });
     ort.env.logLevel = "error";
@@ -12,8 +12,8 @@ async function answer({ provider, wasm, network, feeds }) {
     return undefined;
   }
   const tensors = Object.entries(feeds).map(([name, [type, values, shape]]) => [name, new ort.Tensor(type, values, shape)]);
-  const { output } = await session.run(Object.fromEntries(tensors));
-  return Float32Array.from(output.data);
+  const found = await session.run(Object.fromEntries(tensors), [wanted]);
+  return Float32Array.from(found[wanted].data);
 }
 
 onmessage = async ({ data }) => {

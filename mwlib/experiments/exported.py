@@ -73,17 +73,22 @@ class _OfSentences(nn.Module):
 
 
 class _OfKeyframes(nn.Module):
-    """A denoiser of motions of one length between the same keyframes."""
+    """A denoiser of motions of one length between the same keyframes, and the mean and the size of what it denoises."""
 
     def __init__(self, model: Bridge) -> None:
         super().__init__()
         self.net = model.net
 
     def forward(
-        self, y_t: Float[Tensor, "B rows columns"], t: Int[Tensor, " 1"], condition: Float[Tensor, "1 rows conditioning"]
-    ) -> Float[Tensor, "B rows columns"]:
-        """The clean tokens."""
-        return self.net(y_t, t, condition.expand(y_t.shape[0], -1, -1))
+        self,
+        y_t: Float[Tensor, "B rows columns"],
+        t: Int[Tensor, " 1"],
+        condition: Float[Tensor, "1 rows conditioning"],
+        ends: Float[Tensor, "1 entering"],
+    ) -> tuple[Float[Tensor, "B rows columns"], Float[Tensor, "1 rows columns"], Float[Tensor, "1 rows 1"]]:
+        """The clean tokens, and what makes tokens in usual sizes of them: they are multiplied by the factor; the mean is added."""
+        rows = y_t.shape[1]
+        return self.net(y_t, t, condition.expand(y_t.shape[0], -1, -1)), self.net.mean(ends, rows), self.net.factor(ends, rows)
 
 
 def export_onnx(model: TrainedModel, file: Path) -> list[Path]:
@@ -92,9 +97,10 @@ def export_onnx(model: TrainedModel, file: Path) -> list[Path]:
     All networks take noised items ``y_t`` (B, ...), one diffusion index ``t`` (1,), and what they are conditioned on. Those of
     prediction and of sentences take ``told`` (B,), too: 1 for an item that is told it, 0 for one that is not. That is all of
     classifier-free guidance. The condition of prediction is ``condition`` (1, rows, columns), that of in-betweening
-    ``condition`` (1, rows, conditioning), see `Representation.conditioning`, that of sentences ``words`` (1, L), numbers of the
-    start and the words. They give ``output``: what the network predicts (the setting `prediction`; sentences: y0). B, and of
-    sentences L and T, and rows of in-betweening, are free.
+    ``condition`` (1, rows, conditioning), see `Representation.conditioning`, and ``ends`` (1, entering), see
+    `Representation.ends`; that of sentences ``words`` (1, L), numbers of the start and the words. They give ``output``: what the
+    network predicts (the setting `prediction`; sentences: y0), and of in-betweening ``mean`` (1, rows, columns) and ``factor``
+    (1, rows, 1), see `SizedNetwork`. B, and of sentences L and T, and rows of in-betweening, are free.
 
     Weights stay as they are. Those that half precision holds exactly, as in the shipped models, are stored so.
 
@@ -134,7 +140,9 @@ def _traceable(model: TrainedModel) -> tuple[nn.Module, dict[str, Tensor], tuple
             raise ValueError(f"the model has {found}; expected departure_scale=window state=positions past=2 future=2")
         y = torch.zeros(2, *model.representation.transform(model.cfg.task.fewest).shape, device=device)
         given = torch.zeros(1, len(y[0]), model.net.inner.net.enter.in_features - y.shape[-1], device=device)
-        return _OfKeyframes(model), {"y_t": y, "t": t, "condition": given}, ({0: FREE, 1: FREE}, None, {1: FREE})
+        ends = torch.zeros(1, model.net.log_factor[0].in_features, device=device)
+        inputs = {"y_t": y, "t": t, "condition": given, "ends": ends}
+        return _OfKeyframes(model), inputs, ({0: FREE, 1: FREE}, None, {1: FREE}, None)
     if not isinstance(model, TextToMotion):
         raise ValueError(f"model is {shown(model)}; expected {KINDS}")
     text, body, m = model.net.text, model.net.body, model.cfg.model
@@ -161,7 +169,8 @@ def _exported(module: nn.Module, inputs: Mapping[str, Tensor], free: tuple[Any, 
             warnings.simplefilter("ignore")  # on torch's own future
             graph = torch.export.export(module.eval(), tuple(inputs.values()), dynamic_shapes=free, strict=True)
             program = torch.onnx.export(
-                graph, dynamo=True, verbose=False, opset_version=OPSET, input_names=[*inputs], output_names=["output"]
+                graph, dynamo=True, verbose=False, opset_version=OPSET, input_names=[*inputs],
+                output_names=["output", "mean", "factor"][: len(graph.graph_signature.user_outputs)],
             )
     finally:
         for name, level in talks.items():
@@ -196,8 +205,7 @@ def described(model: TrainedModel) -> dict[str, Any]:
     """What the sampling of an exported network needs besides, in JSON values.
 
     Lists are rows of matrices. Of prediction: how histories become conditions and coefficients futures, if the transform is one
-    matrix along time; else `matrices` is null. Of in-betweening: the statistics of its `Representation`, and the layers that say
-    how large a window's departures are. Of sentences: words, statistics of the features, how they become joints, and how
+    matrix along time; else `matrices` is null. Of in-betweening: the statistics of its `Representation`. Of sentences: words, statistics of the features, how they become joints, and how
     a typed sentence is put into the words of the grammar, if the model has learnt it.
 
     Raises:
@@ -244,13 +252,12 @@ def _matrices(model: Predictor) -> dict[str, Any] | None:
 def _of_keyframes(model: Bridge) -> dict[str, Any]:
     seen, bodies, s, task = model.representation, model.space.bodies, model.cfg.sampling, model.cfg.task
     learnt = {name: _numbers(tensor.numpy()) for name, tensor in seen.learnt().items() if name != "departure"}  # that is 1
-    layers = {name: _numbers(weight.cpu().numpy()) for name, weight in model.net.state_dict().items() if "log_factor" in name}
     return {
         "system": "inbetweening", "prediction": model.cfg.diffusion.prediction, "fps": bodies.fps, "up": bodies.up,
         "skeleton": of_skeleton(bodies.skeleton), "frames": task.gap, "between": [task.shortest, task.between],
         "coast": model.cfg.model.coast, "least_room": LEAST, "rows": model.cfg.model.rows,
         "sampling": {"steps": s.ddim_steps, "spacing": s.spacing, "temperature": s.temperature, "bones": s.bones},
-        "layers": layers, **learnt,
+        **learnt,
     }  # fmt: skip
 
 

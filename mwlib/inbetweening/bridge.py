@@ -126,8 +126,9 @@ class Bridge(TrainedModel):
         warm, denoise = tempered(noise, settings.temperature), self._denoise(line, before, inner, after)
         z = keyframed(denoise, tf, target[:, None], inner, self.alpha_bar, indices, warm, self.cfg.imposing)
         if isinstance(self.net, SizedNetwork):
-            factor = self.net.factor(self.representation.ends(line, before, after), tf.shape[0])
-            z = tf.inverse(tf(z) * (self.representation.usual(x.shape[-2]).to(z) * factor)[:, None])
+            ends, usual = self.representation.ends(line, before, after), self.representation.usual(x.shape[-2]).to(z)
+            factor, mean = self.net.factor(ends, tf.shape[0]), self.net.mean(ends, tf.shape[0])
+            z = tf.inverse(tf(z) * (usual * factor)[:, None] + (usual * mean)[:, None])
         states = self.space.valid(self.representation.states(z, line[:, None], room[:, None]))
         if settings.bones == "keyframes":
             states = self.space.with_bones(states, self._sized(x, inner)[:, None])

@@ -45,7 +45,7 @@ PRESETS: dict[str, dict[str, Any]] = {
     # keyframe tells its velocity, where there is one. The temperature was chosen on the validation person, by jerk and speed.
     "cmu": _LAPTOP | dict(
         data="cmu/asfamc", fps=30.0, past=2, future=2, between=90, shortest=5, coast=24.0, hide=0.3, departure_scale="window",
-        rows=32, level_weight="unit", width=64, feedforward=128, train_steps=4000, ema=0.998,
+        mean_width=256, other_speeds=0.2, rows=32, level_weight="unit", width=64, feedforward=128, train_steps=8000, ema=0.998,
         ema_start=200, checkpoint_every=250, temperature=0.5, test_windows=40,
         validation_subjects=("1",), test_subjects=("2", "7", "29"),
     ),
@@ -89,6 +89,8 @@ class TaskConfig:
     shortest: Natural = 0  # any N from here to `between`, which the network then sees; 0 = always `between`
     state: Literal["positions", "rotations"] = "positions"  # of the body: places of joints, or root and six numbers per rotation
     mirror: bool = True  # also train on mirror images, where left and right are built alike
+    other_speeds: BelowOne = 0.0  # also train on the clips played faster and slower, by up to this share
+    more_data: tuple[str, ...] = ()  # sources whose people are trained on besides, but for those who are held out
     test_stride: Count = 40  # frames between the starts of the test windows
     test_windows: Natural = 0  # evaluate this many windows, spread evenly; 0 = all
 
@@ -132,6 +134,7 @@ class ModelConfig:
     more_keyframes: Advanced[Natural] = 0  # with condition_on_keyframes: train on up to so many more, anywhere between
     coast: NotNegative = 0.0  # frames in which the interpolation forgets the velocity at an end; 0: it is a straight line
     hide: BelowOne = 0.0  # share of training windows that do not show what is beyond an end; then a model can do without
+    mean_width: Natural = 0  # of a network that says the mean departure of each window; 0: there is none, and that mean is 0
     width: Count = 512  # of the network
     layers: Count = 8  # blocks, an even number
     heads: Count = 8  # of the attention
@@ -184,7 +187,10 @@ class Config(Settings):
     system: ClassVar[str] = "inbetweening"
     presets = PRESETS
     renamed = {"keyframes": "condition_on_keyframes", "sizes": "departure_scale"}
-    newer = {"past": 1, "future": 1, "coast": 0.0, "hide": 0.0, "departure_scale": "longest"}
+    newer = {
+        "past": 1, "future": 1, "coast": 0.0, "hide": 0.0, "departure_scale": "longest", "other_speeds": 0.0, "mean_width": 0,
+        "more_data": (),
+    }  # fmt: skip
     after_training: ClassVar[frozenset[str]] = frozenset(
         {"sampling", "imposing", "test_stride", "test_windows", "checkpoint_every"}
     )
@@ -234,6 +240,8 @@ class Config(Settings):
              f"departure_scale is window with {m.tokens} and output {m.output}; expected sines and wiener, whose unit it says"),
             (m.departure_scale == "window" and (m.more_keyframes or self.imposing.scheme != "none"),
              "departure_scale is window; expected scheme=none and no more_keyframes: it looks at both ends alone"),
+            (m.mean_width and m.departure_scale != "window",
+             f"mean_width is {m.mean_width} with departure_scale {m.departure_scale}; expected window, whose mean it says"),
             (s.ddim_steps >= self.diffusion.steps,
              f"ddim_steps is {s.ddim_steps}; expected fewer than steps ({self.diffusion.steps})"),
             *((bool(value) and not m.condition_on_keyframes, f"{what}, {unseen}") for value, what in (

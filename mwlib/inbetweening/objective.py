@@ -10,6 +10,7 @@ from jaxtyping import Bool, Float, Int
 from torch import Tensor, nn
 
 from mwlib.data.sources import Split
+from mwlib.data.windows import Variation
 from mwlib.diffusion import alpha_bar, network_target, noised, snr_weights, to_eps, y0_hat_of
 from mwlib.inbetweening.config import Config, ModelConfig
 
@@ -24,6 +25,8 @@ from mwlib.training import Objective, seeded
 BESIDE = 3  # numbers of a token beside the interpolation: mask, frequency, length
 SIZES = 64  # width of the network that says how large a window's numbers are
 LARGEST = 4.0  # bound of the logarithm that it says
+SMOOTH = 12  # tokens, from the first, whose mean a network says
+MEAN_LAYERS = 3  # of that network
 
 
 class KeyframeNetwork(nn.Module):
@@ -109,24 +112,68 @@ class WienerNetwork(nn.Module):
         return a, s, a * s**2 + 1 - a
 
 
+def _still(entering: int, leaving: int) -> nn.Linear:
+    """A layer that says zero before it is trained."""
+    layer = nn.Linear(entering, leaving)
+    nn.init.zeros_(layer.weight)
+    nn.init.zeros_(layer.bias)
+    return layer
+
+
+class MeanNetwork(nn.Module):
+    """What is given of a window in one row, to the mean of its first `SMOOTH` tokens in usual sizes: residual layers.
+
+    Args:
+        entering: how many numbers tell of a window.
+        rows, columns: of all tokens.
+        width: of the layers.
+        dropout: before each layer.
+    """
+
+    def __init__(self, entering: int, rows: int, columns: int, width: int, dropout: float) -> None:
+        super().__init__()
+        self.rows, self.columns = rows, columns
+        self.enter = nn.Sequential(nn.Dropout(dropout), nn.Linear(entering, width))
+        self.layers = nn.ModuleList(
+            nn.Sequential(nn.LayerNorm(width), nn.Linear(width, width), nn.SiLU(), nn.Dropout(dropout), nn.Linear(width, width))
+            for _ in range(MEAN_LAYERS)
+        )
+        self.leave = nn.Sequential(nn.SiLU(), _still(width, min(rows, SMOOTH) * columns))
+
+    def forward(self, ends: Float[Tensor, "B entering"]) -> Float[Tensor, "B rows columns"]:
+        """The mean of all tokens; of those after the first `SMOOTH` it is 0."""
+        x = self.enter(ends)
+        for layer in self.layers:
+            x = x + layer(x)
+        said = self.leave(x).unflatten(-1, (-1, self.columns))
+        return nn.functional.pad(said, (0, 0, 0, self.rows - said.shape[1]))
+
+
 class SizedNetwork(WienerNetwork):
     """`WienerNetwork` of numbers of unit deviation, and a second network that says how much larger or smaller than usual the
-    numbers of each token are in each window.
+    numbers of each token are in each window. A third may say their mean: what is diffused is then what differs from it.
 
-    Own choice: people who stand and people who run differ more than gaps of one length do.
+    Own choice: people who stand and people who run differ more than gaps of one length do; and a mean that is asked for in
+    metres is nearer than that of samples, whose training counts small and large numbers alike.
 
     Args:
         inner, alpha_bar: as of `WienerNetwork`.
         entering: how many numbers tell of a window, see `Representation.ends`.
+        mean: says the mean of the tokens in each window; None: it is 0.
     """
 
-    def __init__(self, inner: KeyframeNetwork, entering: int, alpha_bar: Float[Tensor, " M"]) -> None:
+    def __init__(
+        self, inner: KeyframeNetwork, entering: int, alpha_bar: Float[Tensor, " M"], mean: MeanNetwork | None = None
+    ) -> None:
         rows = inner.net.rows
         super().__init__(inner, torch.ones(rows, inner.net.columns), alpha_bar)
-        last = nn.Linear(SIZES, rows)
-        nn.init.zeros_(last.weight)
-        nn.init.zeros_(last.bias)
+        last = _still(SIZES, rows)
         self.log_factor = nn.Sequential(nn.Linear(entering, SIZES), nn.SiLU(), last)
+        self.mean_of = mean
+
+    def mean(self, ends: Float[Tensor, "B entering"], rows: int) -> Float[Tensor, "B rows columns"]:
+        """The mean of the first tokens in each window, in usual sizes."""
+        return ends.new_zeros(len(ends), rows, self.power.shape[-1]) if self.mean_of is None else self.mean_of(ends)[:, :rows]
 
     def factor(self, ends: Float[Tensor, "B entering"], rows: int) -> Float[Tensor, "B rows 1"]:
         """By what the usual sizes of the first tokens are multiplied in each window."""
@@ -134,6 +181,7 @@ class SizedNetwork(WienerNetwork):
 
 
 FITTED_ON = 4000  # windows
+STILL = 1e-4  # metres: a batch of people who stand as still as that has no larger loss
 ON_BODIES = "diversity_weight", "smoothness_weight", "length_weight", "angle_weight", "contact_weight"
 LIMIT = 0.995  # quantile of the training data's angles that is their limit: own choice, the paper's limits are not given
 
@@ -167,7 +215,7 @@ class InbetweeningObjective(Objective):
             raise ValueError(
                 f"contact_weight is {cfg.objective.contact_weight}, but joints are {found}; expected toes, feet or ankles"
             )
-        self.clips = Clips(split.train, self.space, cfg.task.mirror)
+        self.clips = Clips(Variation(speeds=task.other_speeds).clips(split.train), self.space, task.mirror)
         self.held_out = Clips(split.validation, self.space) if split.validation else None
         if self.held_out is not None:
             self.held_out.check(self.task.frames)
@@ -216,11 +264,16 @@ class InbetweeningObjective(Objective):
         line = self.representation.interpolation(x, before, mask, after)
         room, tf = self.representation.room(x, before, after), self.representation.transform(x.shape[-2])
         y = tf(self.representation.modelled(x, line, room))
-        sizes, of_sizes = y.new_ones(len(y), 1, 1), y.new_zeros(())
+        sizes, mean, of_window = y.new_ones(len(y), 1, 1), torch.zeros_like(y), y.new_zeros(())
         if isinstance(network, SizedNetwork):
-            sizes = self.representation.usual(x.shape[-2]).to(y)
-            factor = network.factor(self.representation.ends(line, before, after), y.shape[-2])
-            of_sizes = (0.5 * (y / (sizes * factor)).square() + factor.log()).mean()  # minus the log of the normal density
+            sizes, ends = self.representation.usual(x.shape[-2]).to(y), self.representation.ends(line, before, after)
+            if network.mean_of is not None:
+                mean = sizes * network.mean(ends, y.shape[-2])
+                guess = self.representation.states(tf.inverse(mean), line, room)
+                of_window, mean = self._share_left(guess, line, batch.windows._replace(x=x)), mean.detach()
+                y = y - mean
+            factor = network.factor(ends, y.shape[-2])
+            of_window = of_window + (0.5 * (y / (sizes * factor)).square() + factor.log()).mean()  # minus the log density
             sizes = sizes * factor.detach()
         y = y / sizes
         t = torch.randint(1, len(self.alpha_bar), (len(y),), generator=generator)
@@ -235,13 +288,21 @@ class InbetweeningObjective(Objective):
         if options.level_weight == "unit":
             error = error / self.network.share(y_t, steps)  # pyright: ignore[reportCallIssue]  (Config.check: it is Wiener's)
         error = error.square().mean((-2, -1))
-        total = of_sizes + (error if self.level is None else error * self.level.to(y.device)[steps]).mean()
+        total = of_window + (error if self.level is None else error * self.level.to(y.device)[steps]).mean()
         if any(getattr(options, name) for name in ON_BODIES):
             y0_hat = y0_hat_of(y_t, to_eps(self.cfg.diffusion.prediction, output, y_t, a), a)
-            z = tf.inverse(y0_hat.unflatten(0, (-1, draws)) * sizes[:, None])
+            z = tf.inverse(y0_hat.unflatten(0, (-1, draws)) * sizes[:, None] + mean[:, None])
             guessed = self.representation.states(z, line[:, None], room[:, None])  # (B, M, T, C)
             total = total + self._of_bodies(guessed, batch.windows._replace(x=x), t)
         return total
+
+    def _share_left(
+        self, guess: Float[Tensor, "B T C"], line: Float[Tensor, "B T C"], windows: PlacedWindows
+    ) -> Float[Tensor, ""]:
+        """Error of guessed states as a share of the interpolation's: mean distance of joints over the frames between."""
+        p, straight, truth = (self.space.positions(states, windows.offsets) for states in (guess, line, windows.x))
+        left, whole = ((places - truth)[:, 1:-1].norm(dim=-1).mean() for places in (p, straight))
+        return left / whole.clamp_min(STILL)
 
     def _of_bodies(self, x: Float[Tensor, "B M T C"], windows: PlacedWindows, t: Int[Tensor, " B"]) -> Float[Tensor, ""]:
         """The losses on clean estimates, metres, times alpha_bar: an error in eps is divided by it in the estimate."""
@@ -292,4 +353,6 @@ def make_network(cfg: Config, representation: Representation) -> KeyframeNetwork
         return WienerNetwork(inner, representation.power, levels)
     channels = representation.power.shape[-1]
     entering = (2 + cfg.task.steps) * channels + cfg.task.steps * bool(cfg.model.hide) + 1
-    return SizedNetwork(inner, entering, levels)
+    m, rows = cfg.model, representation.transform(representation.frames).shape[0]
+    mean = MeanNetwork(entering, rows, channels, m.mean_width, m.dropout) if m.mean_width else None
+    return SizedNetwork(inner, entering, levels, mean)

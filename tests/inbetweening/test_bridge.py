@@ -13,7 +13,7 @@ from mwlib.body.skeleton import CMU, Skeleton
 from mwlib.diffusion import network_target
 from mwlib.inbetweening import bridge as module
 from mwlib.inbetweening.bridge import Bridge, filled, tempered
-from mwlib.inbetweening.windows import given
+from mwlib.inbetweening.windows import given, parted
 from tests.body.sample import animators_motion, apart
 from tests.inbetweening.sample import PAPER, WINDOW, data_of, untrained, windows_for
 
@@ -21,6 +21,7 @@ KINDS = {
     "conditioned": {}, "paper": PAPER, "wiener": dict(output="wiener", tokens="sines", level_weight="unit"),
     "frames": dict(tokens="frames"), "rotations": dict(state="rotations"), "few": dict(PAPER, rows=4),
     "past": dict(past=4, coast=3.0, tokens="sines", output="wiener"), "window": WINDOW,
+    "mean": dict(WINDOW, mean_width=8),
 }  # fmt: skip
 each_kind = pytest.mark.parametrize("changes", KINDS.values(), ids=KINDS)
 SCHEMES = {
@@ -56,6 +57,22 @@ def test_a_window_depends_on_seed_and_identity_alone(changes, monkeypatch):
         assert (other - alone).abs().max() > 1e-3
     defaults = bridge.with_sampling(samples=3, sampling_seed=3).sample(x[4:], window_ids=[4])
     assert defaults.shape[1] == 3
+
+
+def test_samples_depart_from_the_mean():
+    """By the same as without one: the mean comes once, whatever the noise."""
+    bridge = untrained(**WINDOW, mean_width=8, bones="free")
+    x, mean = windows_for(bridge).x[:3], bridge.net.mean_of
+    found = bridge.sample(x)
+    bridge.net.mean_of = None
+    more = (found - bridge.sample(x))[:, :, 2:-2]
+    torch.testing.assert_close(more[:, 0], more[:, 1], atol=1e-4, rtol=1e-3)
+    before, inner, after = parted(x, 2, 2)
+    line, room = bridge.representation.interpolation(inner, before, given(8), after), bridge.representation.room(inner, before, after)
+    tokens = bridge.representation.usual(8) * mean(bridge.representation.ends(line, before, after))
+    expected = bridge.representation.states(bridge.representation.transform(8).inverse(tokens), line, room) - line
+    torch.testing.assert_close(more[:, 0], expected[:, 1:-1], atol=1e-4, rtol=1e-3)
+    assert expected.abs().max() > 1e-3
 
 
 @pytest.mark.parametrize("scheme", SCHEMES.values(), ids=SCHEMES)

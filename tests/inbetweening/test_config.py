@@ -31,12 +31,13 @@ def test_settings_that_came_later_leave_the_hashes_of_old_results_alone():
     cfg = Config.preset("laptop")
     assert (cfg.hash(), cfg.training_hash()) == ("8fd043dd", "001306ba")
     assert "past: 1\n" in cfg.to_yaml() and Config.from_yaml(cfg.to_yaml().replace("  past: 1\n", "")) == cfg
-    later = dict(past=2, future=2, coast=1.0, hide=0.1, departure_scale="each")
+    later = dict(past=2, future=2, coast=1.0, hide=0.1, departure_scale="each", other_speeds=0.1, mean_width=8, more_data=("x",))
     assert {*later} == {*Config.newer}
     seen = cfg.override(past=3, future=3)
     for name, value in later.items():
-        assert seen.hash() != seen.override(**{name: value}).hash(), name
-        assert seen.training_hash() != seen.override(**{name: value}).training_hash(), name
+        before = seen.override(departure_scale="window") if name == "mean_width" else seen
+        assert before.hash() != before.override(**{name: value}).hash(), name
+        assert before.training_hash() != before.override(**{name: value}).training_hash(), name
 
 
 def test_hashes_cover_what_they_should():
@@ -102,6 +103,7 @@ def test_other_data_have_other_people():
             dict(departure_scale="window", tokens="sines", output="wiener", more_keyframes=1),
             "departure_scale is window; expected scheme=none and no more_keyframes",
         ),
+        (dict(mean_width=8), "mean_width is 8 with departure_scale longest; expected window, whose mean it says"),
         (dict(departure_scale="each", target="motion"), "departure_scale is each, but target is motion; expected departure"),
         (dict(rows=9, past=3), "rows is 9; expected at most 8, as many cosines as there are"),
         (dict(PAPER, shortest=3), "shortest is 3, " + UNSEEN),

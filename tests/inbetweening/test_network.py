@@ -6,7 +6,7 @@ import pytest
 import torch
 
 from mwlib.diffusion import alpha_bar, ddim, ddim_indices, noised, to_eps
-from mwlib.inbetweening.objective import BESIDE, LARGEST, KeyframeNetwork, SizedNetwork, WienerNetwork
+from mwlib.inbetweening.objective import BESIDE, LARGEST, SMOOTH, KeyframeNetwork, MeanNetwork, SizedNetwork, WienerNetwork
 from tests.inbetweening.sample import PAPER, shaken, small
 
 A_BAR = alpha_bar("cosine", 1000)
@@ -110,3 +110,12 @@ def test_sizes_begin_as_usual_and_are_bounded(generator):
     found = net.factor(ends, 5)
     assert found.unique().numel() > 2 and found.log().abs().max() <= LARGEST + 1e-5
     torch.testing.assert_close(net.factor(ends, 8)[:, :5], found)
+
+
+def test_a_mean_is_smooth_and_begins_as_none(generator):
+    ends = 3 * torch.randn(3, 4, generator=generator)
+    without, mean = SizedNetwork(network(), 4, A_BAR), MeanNetwork(4, 20, 5, 8, 0.5)
+    assert torch.equal(without.mean(ends, 8), torch.zeros(3, 8, 5)) and torch.equal(mean(ends), torch.zeros(3, 20, 5))
+    found = shaken(mean, 1.0).eval()(ends)
+    assert SMOOTH < 20 and not found[:, SMOOTH:].any() and found[:, :SMOOTH].abs().min() > 0
+    assert torch.equal(SizedNetwork(network(), 4, A_BAR, mean).mean(ends, 7), found[:, :7])

@@ -13,6 +13,7 @@ from mwlib.inbetweening import losses
 from mwlib.inbetweening.losses import bone_angles
 from mwlib.inbetweening.objective import Batch, InbetweeningObjective
 from mwlib.inbetweening.space import PositionSpace, space_from_json
+from mwlib.inbetweening.windows import parted
 from mwlib.training import CHECKPOINT, MODEL, train
 from mwlib.training.checkpoint import load_tensors
 from tests.inbetweening.sample import PAPER, WINDOW, data_of, objective, people, shaken, small
@@ -24,6 +25,7 @@ KINDS = {
     "frames": dict(tokens="frames", prediction="v"),
     "rotations": dict(state="rotations", mirror=True),
     "window": dict(WINDOW, shortest=4),
+    "mean": dict(WINDOW, shortest=4, mean_width=8),
     "past": dict(past=4, coast=3.0, departure_scale="each", tokens="sines", output="wiener", shortest=4, more_keyframes=1),
 }
 each_kind = pytest.mark.parametrize("changes", KINDS.values(), ids=KINDS)
@@ -117,7 +119,7 @@ def gradient_norm(made: InbetweeningObjective, given: Batch) -> float:
 
 
 @pytest.mark.parametrize("weight", ["smoothness_weight", "length_weight", "angle_weight", "contact_weight"])
-def test_where_all_is_noise_the_losses_on_bodies_hardly_count(weight, monkeypatch):
+def test_where_all_is_noise_the_costson_bodies_hardly_count(weight, monkeypatch):
     """Doubling a weight at the last steps changes the gradient little, though errors in eps are blown up there."""
     made = [objective(**PAPER, steps=1000, **{weight: w}) for w in (0.002, 0.004)]
     for each in made:
@@ -228,3 +230,49 @@ def test_the_sizes_that_are_learnt_are_those_of_the_windows():
         torch.nn.init.constant_(last.bias, math.log(factor))
         costs.append(float(loss(made, given).detach()))
     assert min(costs) == costs[2]
+
+
+class Knows(torch.nn.Module):
+    """Says the mean that it is given, times a number that is learnt."""
+
+    def __init__(self, mean: torch.Tensor) -> None:
+        super().__init__()
+        self.mean, self.number = mean, torch.nn.Parameter(torch.ones(()))
+
+    def forward(self, ends: torch.Tensor) -> torch.Tensor:
+        return self.number * self.mean
+
+
+def test_the_mean_is_asked_for_in_metres_and_nothing_is_left_of_a_truth_that_it_says():
+    """A mean of zero leaves the whole of the interpolation's error, the truth nothing, half of the truth about half."""
+    made = objective(**WINDOW | dict(hide=0.0), mean_width=8)
+    given, task = batch(made), made.task
+    before, x, after = parted(given.windows.x, task.past, task.future)
+    line = made.representation.interpolation(x, before, given.mask[:, 1:-1], after)
+    room, tf = made.representation.room(x, before, after), made.representation.transform(x.shape[1])
+    truth = tf(made.representation.modelled(x, line, room)) / made.representation.usual(x.shape[1])
+    left, costs, nothing = [], [], made.network.mean_of
+    for mean in (nothing, Knows(truth), Knows(truth / 2)):
+        made.network.mean_of = mean
+        costs.append(float(loss(made, given).detach()))
+        tokens = made.representation.usual(x.shape[1]) * made.network.mean(made.representation.ends(line, before, after), 6)
+        guess = made.representation.states(tf.inverse(tokens), line, room)
+        left.append(float(made._share_left(guess, line, given.windows._replace(x=x)).detach()))
+    assert left[0] == 1.0 and left[1] < 1e-3 and left[2] == pytest.approx(0.5, abs=0.01)
+    assert costs[1] < costs[0] - 1.5 and costs[1] < costs[2] < costs[0]  # nothing is left to be diffused
+
+
+def test_what_is_diffused_does_not_teach_the_mean():
+    """Its gradient is that of the error in metres, whatever the noise."""
+    made = objective(**WINDOW, mean_width=8)
+    shaken(made.network)
+    given, last = batch(made), made.network.mean_of.leave[1].weight
+    first, other = (torch.autograd.grad(loss(made, given, seed), last)[0] for seed in (0, 1))
+    assert first.abs().max() > 1e-6 and torch.allclose(first, other, rtol=1e-4, atol=1e-8)
+
+
+def test_clips_at_other_speeds_are_trained_on():
+    plain, varied = objective(), objective(other_speeds=0.2)
+    assert len(varied.clips.motions) == 5 * len(plain.clips.motions)
+    lengths = [len(m) for m in varied.clips.motions[:: len(plain.clips.motions)]]
+    assert lengths[0] == len(plain.clips.motions[0]) and min(lengths) < lengths[0] < max(lengths)

@@ -13,6 +13,7 @@ from mwlib.data.collections.bandai_namco import BANDAI21
 from mwlib.data.collections.h36m import HUMANEVA15
 from mwlib.data.collections.lafan1 import LAFAN1
 from mwlib.data.formats.bvh_writing import write_bvh
+from mwlib.data.sources import fingerprint
 from mwlib.experiments import get_model, get_result, get_run, load_run, system
 from mwlib.inbetweening import system as module
 from mwlib.inbetweening.baselines import PACES, between
@@ -49,6 +50,18 @@ def test_a_run_is_trained_once_and_scored(state, monkeypatch, tmp_path):
 
 def test_it_is_known_by_name():
     assert system("inbetweening") is module and module.Config.system == "inbetweening"
+
+
+def test_who_is_held_out_is_left_out_of_more_data(monkeypatch):
+    """The same people under other sources: those for training come twice more, those for validation and test nowhere."""
+    plain = module.load_data(small())
+    held_out = {m.subject for m in (*plain.validation, *plain.test)}
+    asked = []
+    monkeypatch.setattr(module, "load_motions", lambda source: asked.append(source) or synthetic_motions())
+    more = module.load_data(small(more_data=("here", "there")))
+    assert asked == ["here", "there"] and fingerprint(more.validation + more.test) == fingerprint(plain.validation + plain.test)
+    assert len(more.train) == 3 * len(plain.train) and not held_out & {m.subject for m in more.train}
+    assert {(m.fps, m.skeleton.name) for m in more.train} == {(10.0, "H36M17")}
 
 
 def test_data_are_loaded_with_rotations_or_on_seventeen_joints(tmp_path):
