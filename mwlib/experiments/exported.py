@@ -86,7 +86,7 @@ class _OfKeyframes(nn.Module):
         condition: Float[Tensor, "1 rows conditioning"],
         ends: Float[Tensor, "1 entering"],
     ) -> tuple[Float[Tensor, "B rows columns"], Float[Tensor, "1 rows columns"], Float[Tensor, "1 rows 1"]]:
-        """The clean tokens, and what makes tokens in usual sizes of them: they are multiplied by the factor; the mean is added."""
+        """The clean tokens, and what makes tokens in usual sizes of them: they are times the factor, plus the mean."""
         rows = y_t.shape[1]
         return self.net(y_t, t, condition.expand(y_t.shape[0], -1, -1)), self.net.mean(ends, rows), self.net.factor(ends, rows)
 
@@ -140,7 +140,7 @@ def _traceable(model: TrainedModel) -> tuple[nn.Module, dict[str, Tensor], tuple
             raise ValueError(f"the model has {found}; expected departure_scale=window state=positions past=2 future=2")
         y = torch.zeros(2, *model.representation.transform(model.cfg.task.fewest).shape, device=device)
         given = torch.zeros(1, len(y[0]), model.net.inner.net.enter.in_features - y.shape[-1], device=device)
-        ends = torch.zeros(1, model.net.log_factor[0].in_features, device=device)
+        ends = torch.zeros(1, model.net.state_dict()["log_factor.0.weight"].shape[1], device=device)
         inputs = {"y_t": y, "t": t, "condition": given, "ends": ends}
         return _OfKeyframes(model), inputs, ({0: FREE, 1: FREE}, None, {1: FREE}, None)
     if not isinstance(model, TextToMotion):
@@ -169,7 +169,11 @@ def _exported(module: nn.Module, inputs: Mapping[str, Tensor], free: tuple[Any, 
             warnings.simplefilter("ignore")  # on torch's own future
             graph = torch.export.export(module.eval(), tuple(inputs.values()), dynamic_shapes=free, strict=True)
             program = torch.onnx.export(
-                graph, dynamo=True, verbose=False, opset_version=OPSET, input_names=[*inputs],
+                graph,
+                dynamo=True,
+                verbose=False,
+                opset_version=OPSET,
+                input_names=[*inputs],
                 output_names=["output", "mean", "factor"][: len(graph.graph_signature.user_outputs)],
             )
     finally:
@@ -205,8 +209,9 @@ def described(model: TrainedModel) -> dict[str, Any]:
     """What the sampling of an exported network needs besides, in JSON values.
 
     Lists are rows of matrices. Of prediction: how histories become conditions and coefficients futures, if the transform is one
-    matrix along time; else `matrices` is null. Of in-betweening: the statistics of its `Representation`. Of sentences: words, statistics of the features, how they become joints, and how
-    a typed sentence is put into the words of the grammar, if the model has learnt it.
+    matrix along time; else `matrices` is null. Of in-betweening: the statistics of its `Representation`. Of sentences: words,
+    statistics of the features, how they become joints, and how a typed sentence is put into the words of the grammar, if the
+    model has learnt it.
 
     Raises:
         ValueError: a model of another system.

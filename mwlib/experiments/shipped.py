@@ -26,7 +26,12 @@ KEPT = ("mean", "standard_error", "windows", "multimodal_apd")  # of what an eva
 RECIPES: dict[str, tuple[str, str, str, dict[str, Any]]] = {  # name -> title, system, preset, changes
     "synthetic": ("Synthetic people", "prediction", "laptop", {"train_steps": 14000}),
     "cmu": ("People of the CMU motion capture database", "prediction", "cmu", {}),
-    "inbetween": ("In-betweens of people of the CMU motion capture database", "inbetweening", "cmu", {"more_data": ("cmu/bvh",)}),
+    "inbetween": (
+        "In-betweens of people of the CMU motion capture database",
+        "inbetweening",
+        "cmu",
+        {"more_data": ("cmu/bvh",), "temperature": 0.4},  # of the validation person's jerk least is missed at 0.4
+    ),
     "evaluator": ("Judge of motions made from sentences, for synthetic people", "matching", "laptop", {}),
     "critic": ("Critic for the semantic loss, for synthetic people", "matching", "laptop", {"half": "critic", "seed": 1}),
     "cmu_evaluator": ("Judge of motions made from sentences, for CMU's people and captions", "matching", "cmu", {}),
@@ -115,8 +120,9 @@ def card(title: str, command: str, cfg: Settings, metrics: Mapping[str, Any]) ->
         if name in model["mean"]
     ]
     sources = [cfg.get("data"), *(cfg.get("more_data") if "more_data" in cfg.owners() else ())]
+    named = " and ".join(f"`{source}`" for source in sources)
     trained = (
-        f"Trained on {' and '.join(f'`{source}`' for source in sources)}{rate}: {training['steps']} steps of {cfg.get('batch')} {items}, seed {cfg.get('seed')}, "
+        f"Trained on {named}{rate}: {training['steps']} steps of {cfg.get('batch')} {items}, seed {cfg.get('seed')}, "
         f"{training['seconds']:.0f} s on {training['machine']['device']}. Weights are kept in half precision."
     )
     sampled = f"sampling seed {cfg.get('sampling_seed')}, "

@@ -68,7 +68,10 @@ def test_samples_depart_from_the_mean():
     more = (found - bridge.sample(x))[:, :, 2:-2]
     torch.testing.assert_close(more[:, 0], more[:, 1], atol=1e-4, rtol=1e-3)
     before, inner, after = parted(x, 2, 2)
-    line, room = bridge.representation.interpolation(inner, before, given(8), after), bridge.representation.room(inner, before, after)
+    line, room = (
+        bridge.representation.interpolation(inner, before, given(8), after),
+        bridge.representation.room(inner, before, after),
+    )
     tokens = bridge.representation.usual(8) * mean(bridge.representation.ends(line, before, after))
     expected = bridge.representation.states(bridge.representation.transform(8).inverse(tokens), line, room) - line
     torch.testing.assert_close(more[:, 0], expected[:, 1:-1], atol=1e-4, rtol=1e-3)
