@@ -84,8 +84,8 @@ def draw(out: Path) -> None:
     axes[0, 0].set_ylabel("error / slerp's")
     figure.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside upper left", ncols=3)
     alt = (
-        "Error of the mean of ten over slerp's for three sets of people. Where velocities are known it rises from about 0.4 to 0.7 "
-        "or 0.9. The curve without the networks lies on this line in short gaps and above it in long ones. From two poses alone "
+        "Error of the mean of ten over slerp's for three sets of people. Where velocities are known it rises from 0.4 to 0.7 or "
+        "0.9. The curve without the networks lies on this line in short gaps and above it in long ones. From two poses alone "
         "all lie near 1."
     )
     mw.plots.save(figure, out / "lafan1", "gaps", data={"between": np.array(gaps), **data}, alt=alt, provenance={"command": RUN})
