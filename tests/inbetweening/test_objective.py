@@ -119,7 +119,7 @@ def gradient_norm(made: InbetweeningObjective, given: Batch) -> float:
 
 
 @pytest.mark.parametrize("weight", ["smoothness_weight", "length_weight", "angle_weight", "contact_weight"])
-def test_where_all_is_noise_the_costson_bodies_hardly_count(weight, monkeypatch):
+def test_where_all_is_noise_the_losses_on_bodies_hardly_count(weight, monkeypatch):
     """Doubling a weight at the last steps changes the gradient little, though errors in eps are blown up there."""
     made = [objective(**PAPER, steps=1000, **{weight: w}) for w in (0.002, 0.004)]
     for each in made:
