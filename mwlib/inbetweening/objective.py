@@ -20,6 +20,7 @@ from mwlib.inbetweening.losses import (  # isort: skip
 from mwlib.inbetweening.representation import Representation
 from mwlib.inbetweening.windows import Clips, PlacedWindows, draw_keyframes, make_space, parted
 from mwlib.networks import TransLinear
+from mwlib.networks.layers import zero_linear
 from mwlib.training import Objective, seeded
 
 BESIDE = 3  # numbers of a token beside the interpolation: mask, frequency, length
@@ -112,14 +113,6 @@ class WienerNetwork(nn.Module):
         return a, s, a * s**2 + 1 - a
 
 
-def _still(entering: int, leaving: int) -> nn.Linear:
-    """A layer that says zero before it is trained."""
-    layer = nn.Linear(entering, leaving)
-    nn.init.zeros_(layer.weight)
-    nn.init.zeros_(layer.bias)
-    return layer
-
-
 class MeanNetwork(nn.Module):
     """What is given of a window in one row, to the mean of its first `SMOOTH` tokens in usual sizes: residual layers.
 
@@ -138,7 +131,7 @@ class MeanNetwork(nn.Module):
             nn.Sequential(nn.LayerNorm(width), nn.Linear(width, width), nn.SiLU(), nn.Dropout(dropout), nn.Linear(width, width))
             for _ in range(MEAN_LAYERS)
         )
-        self.leave = nn.Sequential(nn.SiLU(), _still(width, min(rows, SMOOTH) * columns))
+        self.leave = nn.Sequential(nn.SiLU(), zero_linear(width, min(rows, SMOOTH) * columns))
 
     def forward(self, ends: Float[Tensor, "B entering"]) -> Float[Tensor, "B rows columns"]:
         """The mean of all tokens; of those after the first `SMOOTH` it is 0."""
@@ -167,7 +160,7 @@ class SizedNetwork(WienerNetwork):
     ) -> None:
         rows = inner.net.rows
         super().__init__(inner, torch.ones(rows, inner.net.columns), alpha_bar)
-        last = _still(SIZES, rows)
+        last = zero_linear(SIZES, rows)
         self.log_factor = nn.Sequential(nn.Linear(entering, SIZES), nn.SiLU(), last)
         self.mean_of = mean
 

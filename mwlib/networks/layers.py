@@ -38,6 +38,14 @@ class Dropout(nn.Module):
         return x * kept.to(x.dtype).mul_(256 / (256 - self.dropped))
 
 
+def zero_linear(inputs: int, outputs: int) -> nn.Linear:
+    """A layer that says zero before it is trained."""
+    layer = nn.Linear(inputs, outputs)
+    nn.init.zeros_(layer.weight)
+    nn.init.zeros_(layer.bias)
+    return layer
+
+
 Precision = Literal["float32", "tf32", "bf16"]
 
 

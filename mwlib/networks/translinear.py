@@ -9,14 +9,7 @@ from jaxtyping import Bool, Float, Int
 from torch import Tensor, nn
 from torch.nn import functional as F
 
-from mwlib.networks.layers import Dropout
-
-
-def _zero_linear(inputs: int, outputs: int) -> nn.Linear:
-    layer = nn.Linear(inputs, outputs)
-    nn.init.zeros_(layer.weight)
-    nn.init.zeros_(layer.bias)
-    return layer
+from mwlib.networks.layers import Dropout, zero_linear
 
 
 class Stylize(nn.Module):
@@ -27,7 +20,7 @@ class Stylize(nn.Module):
         self.film = nn.Linear(width, 2 * width)
         self.norm = nn.LayerNorm(width)
         self.dropout = Dropout(dropout)
-        self.out = _zero_linear(width, width)
+        self.out = zero_linear(width, width)
 
     def forward(self, h: Float[Tensor, "B rows width"], emb: Float[Tensor, "B width"]) -> Float[Tensor, "B rows width"]:
         """What is added to the stream."""
@@ -45,7 +38,7 @@ class Block(nn.Module):
         self.qkv = nn.Linear(width, 3 * width, bias=False)  # one product for the three projections
         self.style_attention = Stylize(width, dropout)
         self.up = nn.Linear(width, feedforward)
-        self.down = _zero_linear(feedforward, width)
+        self.down = zero_linear(feedforward, width)
         self.style_feedforward = Stylize(width, dropout)
 
     def forward(
@@ -114,7 +107,7 @@ class TransLinear(nn.Module):
         attention_dropout = dropout if attention_dropout is None else attention_dropout
         self.blocks = nn.ModuleList(Block(width, heads, feedforward, dropout, attention_dropout) for _ in range(layers))
         self.sizes = (heads, feedforward)
-        self.leave = _zero_linear(width, columns)
+        self.leave = zero_linear(width, columns)
 
     def forward(
         self,
