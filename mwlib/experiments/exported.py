@@ -87,8 +87,9 @@ class _OfKeyframes(nn.Module):
         ends: Float[Tensor, "1 entering"],
     ) -> tuple[Float[Tensor, "B rows columns"], Float[Tensor, "1 rows columns"], Float[Tensor, "1 rows 1"]]:
         """The clean tokens, and what makes tokens in usual sizes of them: they are times the factor, plus the mean."""
-        rows = y_t.shape[1]
-        return self.net(y_t, t, condition.expand(y_t.shape[0], -1, -1)), self.net.mean(ends, rows), self.net.factor(ends, rows)
+        rows, net = y_t.shape[1], self.net
+        output = net(y_t, t, condition.expand(y_t.shape[0], -1, -1))
+        return output, net.mean(ends, rows), net.factor_of_samples(ends, rows)
 
 
 def export_onnx(model: TrainedModel, file: Path) -> list[Path]:

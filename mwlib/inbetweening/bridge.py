@@ -127,7 +127,7 @@ class Bridge(TrainedModel):
         z = keyframed(denoise, tf, target[:, None], inner, self.alpha_bar, indices, warm, self.cfg.imposing)
         if isinstance(self.net, SizedNetwork):
             ends, usual = self.representation.ends(line, before, after), self.representation.usual(x.shape[-2]).to(z)
-            factor, mean = self.net.factor(ends, tf.shape[0]), self.net.mean(ends, tf.shape[0])
+            factor, mean = self.net.factor_of_samples(ends, tf.shape[0]), self.net.mean(ends, tf.shape[0])
             z = tf.inverse(tf(z) * (usual * factor)[:, None] + (usual * mean)[:, None])
         states = self.space.valid(self.representation.states(z, line[:, None], room[:, None]))
         if settings.bones == "keyframes":

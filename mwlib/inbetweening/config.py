@@ -57,7 +57,8 @@ PRESETS: dict[str, dict[str, Any]] = {
     # The protocol of `mwlib lafan1-benchmark`: ten frames before, one after, up to 45 between; persons 1 to 4 train, 5 tests.
     "lafan1_official": _LAPTOP | dict(
         data="lafan1", fps=30.0, state="rotations", temperature=0.5, past=10, between=45, shortest=5, coast=8.0,
-        departure_scale="each", train_subjects=("1", "2", "3", "4"), test_subjects=("5",),
+        departure_scale="window", mean_width=256, other_speeds=0.2, level_weight="unit", width=64, feedforward=128,
+        train_subjects=("1", "2", "3", "4"), test_subjects=("5",),
     ),
     # 81 files of Bandai-Namco under MWLIB_DATA: rotations of 22 joints. They name no people; whole styles are held out.
     "bandai": _LAPTOP | dict(

@@ -27,6 +27,7 @@ BESIDE = 3  # numbers of a token beside the interpolation: mask, frequency, leng
 SIZES = 64  # width of the network that says how large a window's numbers are
 LARGEST = 4.0  # bound of the logarithm that it says
 SMOOTH = 12  # tokens, from the first, whose mean a network says
+FINE = 6.0  # hertz: what people mean to do is slower
 MEAN_LAYERS = 3  # of that network
 
 
@@ -152,14 +153,16 @@ class SizedNetwork(WienerNetwork):
     Args:
         inner, alpha_bar: as of `WienerNetwork`.
         entering: how many numbers tell of a window, see `Representation.ends`.
+        fps: frames per second of the windows.
         mean: says the mean of the tokens in each window; None: it is 0.
     """
 
     def __init__(
-        self, inner: KeyframeNetwork, entering: int, alpha_bar: Float[Tensor, " M"], mean: MeanNetwork | None = None
+        self, inner: KeyframeNetwork, entering: int, alpha_bar: Float[Tensor, " M"], fps: float, mean: MeanNetwork | None = None
     ) -> None:
         rows = inner.net.rows
         super().__init__(inner, torch.ones(rows, inner.net.columns), alpha_bar)
+        self.fps = fps
         last = zero_linear(SIZES, rows)
         self.log_factor = nn.Sequential(nn.Linear(entering, SIZES), nn.SiLU(), last)
         self.mean_of = mean
@@ -169,8 +172,19 @@ class SizedNetwork(WienerNetwork):
         return ends.new_zeros(len(ends), rows, self.power.shape[-1]) if self.mean_of is None else self.mean_of(ends)[:, :rows]
 
     def factor(self, ends: Float[Tensor, "B entering"], rows: int) -> Float[Tensor, "B rows 1"]:
-        """By what the usual sizes of the first tokens are multiplied in each window."""
+        """By what the usual sizes of the first tokens are multiplied in each window, as training fits it."""
         return self.log_factor(ends)[:, :rows, None].clamp(-LARGEST, LARGEST).exp()
+
+    def factor_of_samples(self, ends: Float[Tensor, "B entering"], rows: int) -> Float[Tensor, "B rows 1"]:
+        """`factor`, but for tokens above `FINE` at most 1: most of what is so fine is noise of the recording, which does not
+        grow with the movement, and for people faster than those in training the network says that it does.
+
+        Source: Winter, Biomechanics and Motor Control of Human Movement, filters gait at 6 Hz; own choice: the bound.
+        """
+        frames = ends[:, -1:, None].exp()  # from keyframe to keyframe, see `Representation.ends`
+        hertz = torch.arange(1, rows + 1, device=ends.device)[None, :, None] * self.fps / (2 * (frames - 1))
+        found = self.factor(ends, rows)
+        return torch.where(hertz > FINE, found.clamp_max(1), found)
 
 
 FITTED_ON = 4000  # windows
@@ -348,4 +362,4 @@ def make_network(cfg: Config, representation: Representation) -> KeyframeNetwork
     entering = (2 + cfg.task.steps) * channels + cfg.task.steps * bool(cfg.model.hide) + 1
     m, rows = cfg.model, representation.transform(representation.frames).shape[0]
     mean = MeanNetwork(entering, rows, channels, m.mean_width, m.dropout) if m.mean_width else None
-    return SizedNetwork(inner, entering, levels, mean)
+    return SizedNetwork(inner, entering, levels, cfg.data.fps, mean)

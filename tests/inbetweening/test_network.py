@@ -103,7 +103,7 @@ def test_shorter_motions_have_the_deviations_of_the_first_tokens(generator):
 
 
 def test_sizes_begin_as_usual_and_are_bounded(generator):
-    net = SizedNetwork(network(), 4, A_BAR)
+    net = SizedNetwork(network(), 4, A_BAR, 30.0)
     ends = 3 * torch.randn(3, 4, generator=generator)
     assert torch.equal(net.factor(ends, 5), torch.ones(3, 5, 1))
     shaken(net.log_factor, 1.0)
@@ -112,10 +112,24 @@ def test_sizes_begin_as_usual_and_are_bounded(generator):
     torch.testing.assert_close(net.factor(ends, 8)[:, :5], found)
 
 
+def test_samples_of_fast_people_have_no_more_of_what_is_fine_than_usual(generator):
+    """Sine k of windows of T frames at 30 Hz has 15 k / (T - 1) Hz: above 6 Hz from k = 5 on at 11 frames, k = 9 at 21."""
+    net = SizedNetwork(network(), 4, A_BAR, 30.0)
+    last = net.log_factor[-1]
+    torch.nn.init.constant_(last.bias, 0.7)
+    ends = torch.zeros(2, 4)
+    ends[:, -1] = torch.tensor([11.0, 21.0]).log()
+    found, factor = net.factor_of_samples(ends, 12), net.factor(ends, 12)
+    assert (found[0, :4] == factor[0, :4]).all() and (found[0, 4:] == 1).all() and (factor > 2).all()
+    assert (found[1, :8] == factor[1, :8]).all() and (found[1, 8:] == 1).all()
+    torch.nn.init.constant_(last.bias, -0.7)
+    assert torch.equal(net.factor_of_samples(ends, 12), net.factor(ends, 12))  # smaller ones stay
+
+
 def test_a_mean_is_smooth_and_begins_as_none(generator):
     ends = 3 * torch.randn(3, 4, generator=generator)
-    without, mean = SizedNetwork(network(), 4, A_BAR), MeanNetwork(4, 20, 5, 8, 0.5)
+    without, mean = SizedNetwork(network(), 4, A_BAR, 30.0), MeanNetwork(4, 20, 5, 8, 0.5)
     assert torch.equal(without.mean(ends, 8), torch.zeros(3, 8, 5)) and torch.equal(mean(ends), torch.zeros(3, 20, 5))
     found = shaken(mean, 1.0).eval()(ends)
     assert SMOOTH < 20 and not found[:, SMOOTH:].any() and found[:, :SMOOTH].abs().min() > 0
-    assert torch.equal(SizedNetwork(network(), 4, A_BAR, mean).mean(ends, 7), found[:, :7])
+    assert torch.equal(SizedNetwork(network(), 4, A_BAR, 30.0, mean).mean(ends, 7), found[:, :7])
