@@ -78,6 +78,18 @@ def test_samples_depart_from_the_mean():
     assert expected.abs().max() > 1e-3
 
 
+def test_what_is_fine_is_no_larger_than_usual_in_samples():
+    bridge = untrained(**WINDOW, bones="free")
+    x, last = windows_for(bridge).x[:2], bridge.net.log_factor[-1]
+    torch.nn.init.zeros_(last.weight), torch.nn.init.zeros_(last.bias)
+    usual = bridge.sample(x)
+    torch.nn.init.constant_(last.bias, 0.7)
+    bridge.net.fps = 1e4  # then every token is fine
+    assert torch.equal(bridge.sample(x), usual)
+    bridge.net.fps = 1e-3  # then none is
+    assert not torch.equal(bridge.sample(x), usual)
+
+
 @pytest.mark.parametrize("scheme", SCHEMES.values(), ids=SCHEMES)
 @pytest.mark.parametrize("base", [PAPER, {}, dict(past=3, coast=4.0)], ids=["paper", "conditioned", "past"])
 def test_who_knows_the_clip_gives_the_clip(scheme, base, monkeypatch):

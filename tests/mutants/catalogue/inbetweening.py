@@ -131,6 +131,13 @@ MUTANTS = [
         "inbetweening/bridge.py", "inbetweening/test_bridge.py",
         ("samples-without-a-mean", " + (usual * mean)[:, None]", "",
          "inbetweening/test_bridge.py::test_samples_depart_from_the_mean"),
+        ("fine-tokens-as-large-as-said", "self.net.factor_of_samples(ends", "self.net.factor(ends",
+         "inbetweening/test_bridge.py::test_what_is_fine_is_no_larger_than_usual_in_samples"),
+    ),
+    *of(
+        "inbetweening/objective.py", "inbetweening/test_network.py",
+        ("fine-by-another-frequency", "self.fps / (2 * (frames - 1))", "self.fps / (2 * frames)"),
+        ("fine-tokens-never-smaller", "found.clamp_max(1), found)", "found.clamp(1, 1), found)"),
     ),
     *of(
         "inbetweening/system.py", "inbetweening/test_system.py",
