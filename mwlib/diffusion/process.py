@@ -1,8 +1,12 @@
-"""The forward process: noise schedules, and the three things that a network may predict."""
+"""The forward process and its settings: noise schedules, and the three things that a network may predict."""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from typing import Annotated, Literal
+
 import torch
+from annotated_types import Interval
 from jaxtyping import Float
 from torch import Tensor
 
@@ -10,14 +14,16 @@ from mwlib.settings import choice, whole
 from mwlib.transforms.linear import Coefficients
 
 Level = Tensor | float  # alpha_bar of the items
+Steps = Annotated[int, Interval(ge=1, le=100_000)]  # of noising; own choice: far more than any paper's
 
 
-def _cosine(u: Tensor) -> Tensor:
-    return torch.cos((u + 0.008) / 1.008 * torch.pi / 2) ** 2
+@dataclass(frozen=True)
+class DiffusionConfig:
+    """The forward process and what the network predicts."""
 
-
-def _sqrt(u: Tensor) -> Tensor:
-    return 1 - torch.sqrt(u + 1e-4)
+    schedule: Literal["linear", "cosine", "sigmoid", "sqrt"] = "cosine"  # of the noise, see `alpha_bar`
+    steps: Steps = 1000  # M, noising steps
+    prediction: Literal["eps", "y0", "v"] = "eps"  # what the network says: noise, clean coefficients, or both mixed
 
 
 def _sigmoid(u: Tensor) -> Tensor:
@@ -27,7 +33,11 @@ def _sigmoid(u: Tensor) -> Tensor:
 
 
 # Continuous alpha_bar at u in [0, 1]; "linear" is given by its betas instead.
-CURVES = {"cosine": _cosine, "sigmoid": _sigmoid, "sqrt": _sqrt}
+CURVES = {
+    "cosine": lambda u: torch.cos((u + 0.008) / 1.008 * torch.pi / 2) ** 2,
+    "sigmoid": _sigmoid,
+    "sqrt": lambda u: 1 - torch.sqrt(u + 1e-4),
+}
 SCHEDULES = ("linear", *CURVES)
 PREDICTIONS = ("eps", "y0", "v")
 

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Sequence
+from functools import partial
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -236,8 +237,8 @@ def posterior_mean(
     """Eq. 6 taken literally, over any subset: y_prev = (y_t - (1-alpha)/sqrt(1-alpha_bar_t) eps) / sqrt(alpha).
 
     Source: MotionWavelet Eq. 6 and the last line of Algorithm 1, the DDPM mean. Its one-step ratio alpha_t is read
-    as alpha_bar_t / alpha_bar_prev, without which skipping indices is wrong. Own choice: `noise` adds DDPM's
-    posterior noise, which the paper leaves out.
+    as alpha_bar_t / alpha_bar_prev, without which skipping indices is wrong. With eps for the clean estimate it is the mean
+    of DDIM with eta = 1, and computed so. Own choice: `noise` adds DDPM's posterior noise, which the paper leaves out.
 
     Args:
         denoise, y, alpha_bar, indices, on_y0_hat, after_step: as in `ddim`.
@@ -249,15 +250,8 @@ def posterior_mean(
     >>> torch.allclose(last.y, clean, atol=1e-5)
     True
     """
-    for t, a, a_prev in _levels(alpha_bar, indices):
-        alpha = a / a_prev
-        y0_hat, eps = _estimate(denoise, y, t, a, on_y0_hat)
-        y = (y - (1 - alpha) / (1 - a) ** 0.5 * eps) / alpha**0.5
-        if noise is not None and a_prev < 1:
-            y = y + ((1 - a_prev) / (1 - a) * (1 - alpha)) ** 0.5 * noise()
-        if after_step is not None:
-            y = after_step(y, a_prev)
-        yield Step(t, y, y0_hat, eps)
+    draw = noise or partial(torch.zeros_like, y)
+    return ddim(denoise, y, alpha_bar, indices, eta=1.0, noise=draw, on_y0_hat=on_y0_hat, after_step=after_step)
 
 
 RHO = 7.0  # Karras et al. 2022, Sec. 3

@@ -226,12 +226,12 @@ def published_weights(file: str | Path) -> PublishedEvaluator:
         flat = {f"{part}.{name}": value for part, state in found.items() for name, value in state.items()}
     states = {part: _below(flat, f"{part}_encoder.") for part in ("text", "motion", "movement")}
     try:
-        shapes = {part: {name: tuple(value.shape) for name, value in state.items()} for part, state in states.items()}
-        text, motion, movement = shapes["text"], shapes["motion"], shapes["movement"]
+        text, motion, movement = states.values()
+        codes, features, _ = movement["main.0.weight"].shape
         made = PublishedEvaluator(
-            SentenceEncoder(*_sizes(text), parts_of_speech=text["pos_emb.weight"][1]),
+            SentenceEncoder(*_sizes(text), parts_of_speech=text["pos_emb.weight"].shape[1]),
             MotionEncoder(*_sizes(motion)),
-            MovementEncoder(movement["main.0.weight"][1] + CONTACTS, movement["main.0.weight"][0], movement["out_net.weight"][0]),
+            MovementEncoder(features + CONTACTS, codes, len(movement["out_net.weight"])),
         )
         for part, network in made._asdict().items():
             network.load_state_dict(states[part])
@@ -255,10 +255,10 @@ def checkpoint(file: Path) -> object:
         raise ValueError(f"{found}; expected a checkpoint of tensors and numbers alone") from None
 
 
-def _sizes(shapes: dict[str, tuple[int, ...]]) -> tuple[int, int, int]:
+def _sizes(state: dict[str, Tensor]) -> tuple[int, int, int]:
     """Inputs, width and embedding of a reader."""
-    hidden, inputs = shapes["input_emb.weight"]
-    return inputs, hidden, shapes["output_net.3.weight"][0]
+    hidden, inputs = state["input_emb.weight"].shape
+    return inputs, hidden, len(state["output_net.3.weight"])
 
 
 def _below(flat: dict[str, Tensor], prefix: str) -> dict[str, Tensor]:

@@ -92,7 +92,13 @@ class _WordEncoder(TextEncoder):
     """A start token and one token per word, each a vector that a subclass gives it, through a transformer."""
 
     def __init__(
-        self, width: int, layers: int, heads: int, dropout: float, feedforward: int | None, pooling: Literal["mean", "first"]
+        self,
+        width: int,
+        layers: int = 2,
+        heads: int = 4,
+        dropout: float = 0.1,
+        feedforward: int | None = None,
+        pooling: Literal["mean", "first"] = "mean",
     ) -> None:
         super().__init__()
         choice("pooling", pooling, ("mean", "first"))
@@ -224,23 +230,14 @@ class HashedNgrams(_WordEncoder):
     Args:
         buckets: number of learned vectors; groups that share one are not told apart.
         width: E, an even multiple of `heads`.
-        layers, heads, dropout, feedforward, pooling: as in `WordTransformer`.
+        transformer: layers, heads, dropout, feedforward and pooling, as in `WordTransformer`.
 
     Raises:
         ValueError: no bucket.
     """
 
-    def __init__(
-        self,
-        buckets: int = 4096,
-        width: int = 128,
-        layers: int = 2,
-        heads: int = 4,
-        dropout: float = 0.1,
-        feedforward: int | None = None,
-        pooling: Literal["mean", "first"] = "mean",
-    ) -> None:
-        super().__init__(width, layers, heads, dropout, feedforward, pooling)
+    def __init__(self, buckets: int = 4096, width: int = 128, **transformer: Any) -> None:
+        super().__init__(width, **transformer)
         self.buckets = whole("buckets", buckets, 1)
         self.groups = nn.EmbeddingBag(buckets, width, mode="mean")
         self._numbers: dict[str, int] = {}  # of all words met
@@ -338,12 +335,10 @@ class ClipText(TextEncoder):
         known = self._tower.known
         found = {text: known[text] for text in texts if text in known}
         if new := list(dict.fromkeys(text for text in texts if text not in found)):
-            found |= self._encode_new(new)
-        for text in new:
-            if len(known) >= self.keep > 0:
-                del known[next(iter(known))]  # the one that came first
-            if self.keep:
-                known[text] = found[text]
+            found |= (encoded := self._encode_new(new))
+            known |= encoded
+        for text in [*known][: max(len(known) - self.keep, 0)]:  # those that came first
+            del known[text]
         tokens = nn.utils.rnn.pad_sequence([found[text][0] for text in texts], batch_first=True)
         lengths = torch.tensor([len(found[text][0]) for text in texts])
         mask = torch.arange(tokens.shape[1]) < lengths[:, None]

@@ -173,9 +173,8 @@ class PhaseTransform(Transform):
     ) -> None:  # fmt: skip
         if whole("window", window, 3) % 2 == 0:
             raise ValueError(f"window is {window}; expected an odd number of frames, at least 3")
-        for name, count in (("frames", frames), ("channels", channels), ("phases", phases)):
-            whole(name, count, 1)
-        self.frames, self.channels = frames, channels
+        self.frames, self.channels = whole("frames", frames, 1), whole("channels", channels, 1)
+        self.phases, self.window, self.fps = whole("phases", phases, 1), window, fps
         self.shape, self.seed = (frames, 4 * phases), seed
         self.bands = {"phase": 2 * phases, "frequency": phases, "offset": phases}  # the phase manifold, and the rest of the code
         with torch.random.fork_rng([]):
@@ -215,11 +214,11 @@ class PhaseTransform(Transform):
 
     def __call__(self, x: Motions) -> Coefficients:
         """Code of every frame."""
-        return self._run(x, (self.frames, self.channels), lambda net, part: net.encode(part) * net.gain)
+        return self._run(x, (self.frames, self.channels), lambda part: self.net.encode(part) * self.net.gain)
 
     def inverse(self, y: Coefficients) -> Motions:
         """The decoder's motion, metres."""
-        return self._run(y, self.shape, lambda net, part: net.decode(part / net.gain))
+        return self._run(y, self.shape, lambda part: self.net.decode(part / self.net.gain))
 
     def tensors(self) -> dict[str, Tensor]:
         """Weights and scales."""
@@ -240,11 +239,11 @@ class PhaseTransform(Transform):
         gain = torch.stack([m.square().mean().sqrt() for m in moved]) / deviation
         return gain.clamp_min(1e-4 * float(gain.max()))
 
-    def _run(self, array: Tensor, expected: tuple[int, int], function: Callable[[PeriodicAutoencoder, Tensor], Tensor]) -> Tensor:
+    def _run(self, array: Tensor, expected: tuple[int, int], function: Callable[[Tensor], Tensor]) -> Tensor:
         if self.net.training:
             raise RuntimeError("this PhaseTransform is untrained: call fit or restore first")
         self._expect(array, expected)
-        net, flat = self.net.to(array.device), array.reshape(-1, *expected).float()
+        self.net.to(array.device)
         with torch.autocast(array.device.type, enabled=False):
-            out = torch.cat([function(net, part) for part in flat.split(_CHUNK)])
+            out = torch.cat([function(part) for part in array.reshape(-1, *expected).float().split(_CHUNK)])
         return out.to(array.dtype).reshape(*array.shape[:-2], *out.shape[1:])

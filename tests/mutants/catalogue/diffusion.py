@@ -58,8 +58,7 @@ MUTANTS = [
         ("eps-always-read-at-the-level", 'float(alpha_bar[t]) if read_at == "index" else None', "None"),
         ("noise-of-the-index-not-of-the-state", "[float(alpha_bar[t]) for t in indices] if levels is None else [*levels]",
          "[float(alpha_bar[t]) for t in indices]"),
-        ("eq6-without-the-root", "(1 - alpha) / (1 - a) ** 0.5 * eps", "(1 - alpha) / (1 - a) * eps"),
-        ("eq6-noise-of-the-forward-step", "((1 - a_prev) / (1 - a) * (1 - alpha)) ** 0.5", "(1 - alpha) ** 0.5"),
-        ("eq6-noise-in-the-last-step", "if noise is not None and a_prev < 1:", "if noise is not None:"),
+        ("eq6-is-ddim", "indices, eta=1.0, noise=draw", "indices, eta=0.0, noise=draw"),
+        ("eq6-never-draws", "draw = noise or partial", "draw = partial"),
     ),
 ]  # fmt: skip
