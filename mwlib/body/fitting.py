@@ -7,16 +7,22 @@ from typing import NamedTuple
 import numpy as np
 import torch
 from jaxtyping import Float
-from scipy.spatial.transform import Rotation
 from torch import Tensor
+from torch.nn.functional import normalize
 
 from mwlib.body.motion import Motion
 from mwlib.body.rig import ANGLES, MOVES, ROTATION_DTYPE, Rig
-from mwlib.body.rotation import continuous, inverse, multiply, rotate, shortest_arc
+from mwlib.body.rotation import about, continuous, from_matrix, inverse, multiply, rotate, shortest_arc, wrapped
 
 ROUNDS = 3  # of averaging the shape of several children; on real motion the fourth changes less than 1e-4 m
 LEAST_TWIST = 1e-9  # weight, against the bones themselves, of not turning where the bones leave it open
 JUMP = np.pi / 4  # radians of twist from one frame to the next that no body makes
+
+Turns = Float[Tensor, "T 4"]
+Directions = Float[Tensor, "T 3"]
+Bones = Float[Tensor, "children 3"]
+Seen = Float[Tensor, "T children 3"]
+Angles = Float[Tensor, " T"]
 
 
 class FitError(NamedTuple):
@@ -101,14 +107,15 @@ def _fit(
             lengths = (target[:, below] - target[:, joint, None]).norm(dim=-1).median(dim=0).values
             start = _rest_of_root(target, motion, below) if joint == 0 else _mean_direction(seen)
             rest[below] = _shape(start, seen, lengths) if offsets is None else offsets[below]
-            rotations[:, joint] = _turn(rest[below], seen)
+            turned = aimed(rest[below], seen)
+            rotations[:, joint] = turned if len(below) > 1 else _steady(turned, rest[below[0]])
         turns[joint] = multiply(above, rotations[:, joint])
         for child in below:
             places[child] = places[joint] + rotate(turns[joint], rest[child])
     return rest, rotations
 
 
-def _rest_of_root(target: Float[Tensor, "T joints 3"], motion: Motion, below: list[int]) -> Float[Tensor, "children 3"]:
+def _rest_of_root(target: Float[Tensor, "T joints 3"], motion: Motion, below: list[int]) -> Bones:
     """The root's children where the body stands tallest, turned so that left is +x."""
     tallest = (target[..., 1].amax(dim=1) - target[..., 1].amin(dim=1)).argmax()
     bones = target[tallest, below] - target[tallest, 0]
@@ -118,23 +125,21 @@ def _rest_of_root(target: Float[Tensor, "T joints 3"], motion: Motion, below: li
     return rotate(shortest_arc(across, across.new_tensor([1.0, 0.0, 0.0])), bones)
 
 
-def _mean_direction(seen: Float[Tensor, "T children 3"]) -> Float[Tensor, "children 3"]:
+def _mean_direction(seen: Seen) -> Bones:
     """Unit vectors; the first frame's where the directions cancel out, up where there are none."""
-    units = torch.nn.functional.normalize(seen, dim=-1)
+    units = normalize(seen, dim=-1)
     mean = units.mean(dim=0)
     mean = torch.where(mean.norm(dim=-1, keepdim=True) < 0.1, units[0], mean)
     up = mean.new_tensor([0.0, 1.0, 0.0])
-    return torch.nn.functional.normalize(torch.where(mean.norm(dim=-1, keepdim=True) < 0.1, up, mean), dim=-1)
+    return normalize(torch.where(mean.norm(dim=-1, keepdim=True) < 0.1, up, mean), dim=-1)
 
 
-def _shape(
-    start: Float[Tensor, "children 3"], seen: Float[Tensor, "T children 3"], lengths: Float[Tensor, " children"]
-) -> Float[Tensor, "children 3"]:
+def _shape(start: Bones, seen: Seen, lengths: Float[Tensor, " children"]) -> Bones:
     """Bones of given lengths as they lie to each other on average: generalised Procrustes analysis."""
 
     def scaled(bones: Tensor) -> Tensor:
         """Bones of the right lengths, in their directions."""
-        return torch.nn.functional.normalize(bones, dim=-1) * lengths[:, None]
+        return normalize(bones, dim=-1) * lengths[:, None]
 
     shape = scaled(start)
     for _ in range(ROUNDS if len(start) > 1 else 0):
@@ -142,11 +147,12 @@ def _shape(
     return shape
 
 
-def _turn(rest: Float[Tensor, "children 3"], seen: Float[Tensor, "T children 3"]) -> Float[Tensor, "T 4"]:
-    return kabsch(rest, seen) if len(rest) > 1 else _steady(shortest_arc(rest[0], seen[:, 0]), rest[0])
+def aimed(rest: Float[Tensor, "*#T children 3"], seen: Seen) -> Turns:
+    """The rotations that carry several bones nearest to `seen`; of a single one, the smallest that does."""
+    return kabsch(rest, seen) if seen.shape[1] > 1 else shortest_arc(rest[..., 0, :], seen[:, 0])
 
 
-def kabsch(rest: Float[Tensor, "*#T children 3"], seen: Float[Tensor, "T children 3"]) -> Float[Tensor, "T 4"]:
+def kabsch(rest: Float[Tensor, "*#T children 3"], seen: Seen) -> Turns:
     """The rotations that carry `rest` nearest to `seen`; where the bones lie on one line, with the least twist.
 
     Source: Kabsch 1976. Bones weigh as their squared lengths.
@@ -156,31 +162,19 @@ def kabsch(rest: Float[Tensor, "*#T children 3"], seen: Float[Tensor, "T childre
     u, _, v = torch.linalg.svd(products / size + LEAST_TWIST * torch.eye(3, dtype=rest.dtype))
     sign = torch.ones_like(products[:, 0])
     sign[:, 2] = torch.det(u @ v).sign()
-    matrices = u @ (sign[:, :, None] * v)
-    return torch.from_numpy(np.roll(Rotation.from_matrix(matrices.numpy()).as_quat(), 1, axis=-1))
+    return from_matrix(u @ (sign[:, :, None] * v))
 
 
-def _steady(turns: Float[Tensor, "T 4"], bone: Float[Tensor, " 3"]) -> Float[Tensor, "T 4"]:
+def _steady(turns: Turns, bone: Float[Tensor, " 3"]) -> Turns:
     """The same directions of `bone`, its twist made to go on where it would jump, as near a half turn."""
-    axis = torch.nn.functional.normalize(bone, dim=-1).expand(len(turns), 3)
+    axis = normalize(bone, dim=-1).expand(len(turns), 3)
     return multiply(turns, about(axis, -twist_jumps(turns, axis, JUMP)))
 
 
-def twist_jumps(turns: Float[Tensor, "T 4"], axis: Float[Tensor, "T 3"], most: float) -> Float[Tensor, " T"]:
+def twist_jumps(turns: Turns, axis: Directions, most: float) -> Angles:
     """Sum up to each frame of the twists about an axis, radians, that are larger than `most` from one frame to the next."""
     pointing = rotate(turns, axis)
     carried = multiply(shortest_arc(pointing[:-1], pointing[1:]), turns[:-1])
     twisted = multiply(inverse(carried), turns[1:])
     angle = wrapped(2 * torch.atan2((twisted[:, 1:] * axis[1:]).sum(dim=-1), twisted[:, 0]))
     return torch.cat([angle.new_zeros(1), torch.where(angle.abs() > most, angle, 0.0).cumsum(dim=0)])
-
-
-def about(axis: Float[Tensor, "T 3"], angle: Float[Tensor, " T"]) -> Float[Tensor, "T 4"]:
-    """Turns about unit vectors; radians."""
-    half = angle[:, None] / 2
-    return torch.cat([half.cos(), half.sin() * axis], dim=-1)
-
-
-def wrapped(angle: Float[Tensor, " T"]) -> Float[Tensor, " T"]:
-    """The same angles from -pi to pi."""
-    return torch.remainder(angle + torch.pi, 2 * torch.pi) - torch.pi

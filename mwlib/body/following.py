@@ -11,11 +11,22 @@ import torch
 from jaxtyping import Float, Int
 from scipy.interpolate import CubicSpline
 from torch import Tensor
+from torch.nn.functional import normalize
 
-from mwlib.body.fitting import JUMP, about, kabsch, twist_jumps, wrapped
+from mwlib.body.fitting import JUMP, Directions, Turns, aimed, twist_jumps
 from mwlib.body.motion import Motion
 from mwlib.body.rig import MOVES, ROTATION_DTYPE, Rig, axes_of
-from mwlib.body.rotation import continuous, euler_angles, euler_quaternions, inverse, multiply, rotate, shortest_arc
+from mwlib.body.rotation import (
+    about,
+    continuous,
+    euler_angles,
+    euler_quaternions,
+    inverse,
+    multiply,
+    rotate,
+    tensor64,
+    wrapped,
+)
 from mwlib.body.skeleton import H36M17, Skeleton, to_h36m17
 
 COINCIDENT = 5e-3  # metres of bones: a joint so near another says nothing of its direction
@@ -115,8 +126,8 @@ def _told(held: Rig, motion: Motion, times: Float[np.ndarray, " T"], root: int) 
     for joint, name in enumerate(own.skeleton.joints):
         if name in held.skeleton.joints:
             rotations[:, held.skeleton.joints.index(name)] = own.rotations[:, joint]
-    above = _tensor(held.world()[1][:, max(held.skeleton.parents[root], 0)])
-    turns = _tensor(own.world()[1][:, own.points[0]])
+    above = tensor64(held.world()[1][:, max(held.skeleton.parents[root], 0)])
+    turns = tensor64(own.world()[1][:, own.points[0]])
     rotations[:, root] = (multiply(inverse(above), turns) if root else turns).numpy()
     return replace(held, rotations=rotations)
 
@@ -131,13 +142,13 @@ def _followed(
     held: Rig, targets: Float[np.ndarray, "T points 3"], points: list[int], limbs: list[int], line: Timeline, jump: float
 ) -> Rig:
     """The rig, its root moved and its joints turned from the root outward, so that its points come to lie at the targets."""
-    goals = dict(zip(points, _tensor(targets).unbind(1), strict=True))
-    seen, seen_turns = map(_tensor, held.world())
+    goals = dict(zip(points, tensor64(targets).unbind(1), strict=True))
+    seen, seen_turns = map(tensor64, held.world())
     held = _carried(held, goals[points[0]] - seen[:, points[0]], seen_turns, points[0])
-    ends, local, parents = _ends(held, points), _tensor(held.rotations), held.skeleton.parents
-    offsets = _tensor(held.offsets[None] if held.moves is None else held.moves)
+    ends, local, parents = _ends(held, points), tensor64(held.rotations), held.skeleton.parents
+    offsets = tensor64(held.offsets[None] if held.moves is None else held.moves)
     none = local.new_tensor([1.0, 0.0, 0.0, 0.0]).expand(len(local), 4)
-    places, turns = {0: _tensor(held.root)}, {-1: none}
+    places, turns = {0: tensor64(held.root)}, {-1: none}
     for joint, above in enumerate(parents):
         if joint:
             places[joint] = places[above] + rotate(turns[above], offsets[:, joint])
@@ -147,7 +158,7 @@ def _followed(
             continue
         moved = multiply(turns[joint], inverse(seen_turns[:, joint]))
         arms = rotate(moved[:, None], seen[:, below] - seen[:, [joint]])
-        swing = _swing(arms, torch.stack([goals[end] for end in below], dim=1) - places[joint][:, None])
+        swing = aimed(arms, torch.stack([goals[end] for end in below], dim=1) - places[joint][:, None])
         if joint in limbs and len(below) == 1 and len(tip := ends[below[0]]) == 1:
             bent = rotate(multiply(swing, moved), seen[:, tip[0]] - seen[:, below[0]])
             swing = multiply(_twist(goals[below[0]] - places[joint], bent, goals[tip[0]] - goals[below[0]]), swing)
@@ -159,7 +170,7 @@ def _followed(
     return replace(held, rotations=continuous(local).numpy().astype(ROTATION_DTYPE))
 
 
-def _carried(rig: Rig, way: Float[Tensor, "T 3"], turns: Float[Tensor, "T rig 4"], point: int) -> Rig:
+def _carried(rig: Rig, way: Directions, turns: Float[Tensor, "T rig 4"], point: int) -> Rig:
     """The whole body moved, by the place of the joint nearest above `point` that has one of its own."""
     while point > 0 and not {*MOVES} <= {*(rig.channels[point] or ())}:
         point = rig.skeleton.parents[point]
@@ -172,7 +183,7 @@ def _carried(rig: Rig, way: Float[Tensor, "T 3"], turns: Float[Tensor, "T rig 4"
 
 def _ends(rig: Rig, points: list[int]) -> list[list[int]]:
     """For each joint at or below the first point the points next below it that do not stand where it does itself."""
-    lengths = np.linalg.norm(rig.offsets if rig.moves is None else rig.moves[0], axis=-1)
+    lengths = np.linalg.norm(rig.at_first, axis=-1)
     ends: list[list[int]] = [[] for _ in lengths]
     for point in points[1:]:
         joint, way = point, 0.0
@@ -183,29 +194,25 @@ def _ends(rig: Rig, points: list[int]) -> list[list[int]]:
     return ends
 
 
-def _swing(arms: Float[Tensor, "T ends 3"], wanted: Float[Tensor, "T ends 3"]) -> Float[Tensor, "T 4"]:
-    return kabsch(arms, wanted) if arms.shape[1] > 1 else shortest_arc(arms[:, 0], wanted[:, 0])
-
-
-def _twist(bone: Float[Tensor, "T 3"], bent: Float[Tensor, "T 3"], wanted: Float[Tensor, "T 3"]) -> Float[Tensor, "T 4"]:
+def _twist(bone: Directions, bent: Directions, wanted: Directions) -> Turns:
     """The turn about a bone that brings what is bent at its end into the plane that is wanted; little where it is straight."""
-    axis, a, b = (torch.nn.functional.normalize(v, dim=-1) for v in (bone, bent, wanted))
+    axis, a, b = (normalize(v, dim=-1) for v in (bone, bent, wanted))
     a, b = (v - (v * axis).sum(dim=-1, keepdim=True) * axis for v in (a, b))
     return about(axis, torch.atan2((axis * torch.linalg.cross(a, b)).sum(dim=-1), (a * b).sum(dim=-1).clamp_min(0) + STRAIGHT))
 
 
-def _steady(turns: Float[Tensor, "T 4"], bone: Float[Tensor, "T 3"], line: Timeline, jump: float) -> Float[Tensor, "T 4"]:
+def _steady(turns: Turns, bone: Directions, line: Timeline, jump: float) -> Turns:
     """The same directions of a bone, its twist made to go on where it would jump, and to end as it does at the next pose."""
-    axis = torch.nn.functional.normalize(bone, dim=-1)
+    axis = normalize(bone, dim=-1)
     back = -twist_jumps(turns, axis, jump)
     start, way = back[line.given[line.low]], wrapped(back[line.given[line.high]] - back[line.given[line.low]])
     return multiply(turns, about(axis, back - start - torch.from_numpy(line.share) * way))
 
 
-def _turnable(axes: str, turns: Float[Tensor, "T 4"]) -> Float[Tensor, "T 4"]:
+def _turnable(axes: str, turns: Turns) -> Turns:
     """What a joint with these channels can do of it, of length 1."""
-    turns = torch.nn.functional.normalize(turns, dim=-1)  # else lengths drift, twice as far with each joint down the tree
-    return turns if len(axes) == 3 else _tensor(euler_quaternions(axes, euler_angles(axes, turns.numpy())))
+    turns = normalize(turns, dim=-1)  # else lengths drift, twice as far with each joint down the tree
+    return turns if len(axes) == 3 else tensor64(euler_quaternions(axes, euler_angles(axes, turns.numpy())))
 
 
 def _meeting(rig: Rig, poses: Rig, line: Timeline) -> Rig:
@@ -213,19 +220,14 @@ def _meeting(rig: Rig, poses: Rig, line: Timeline) -> Rig:
     found = rig.pick(line.given)
     lacking = replace(
         found,
-        rotations=multiply(inverse(_tensor(found.rotations)), _tensor(poses.rotations)).numpy(),
+        rotations=multiply(inverse(tensor64(found.rotations)), tensor64(poses.rotations)).numpy(),
         root=poses.root - found.root,
         moves=None if found.moves is None or poses.moves is None else poses.moves - found.moves,
     ).between(line.low, line.high, line.share)
-    turns = continuous(multiply(_tensor(rig.rotations), _tensor(lacking.rotations)))
+    turns = continuous(multiply(tensor64(rig.rotations), tensor64(lacking.rotations)))
     return replace(
         rig,
-        rotations=torch.nn.functional.normalize(turns, dim=-1).numpy().astype(ROTATION_DTYPE),
+        rotations=normalize(turns, dim=-1).numpy().astype(ROTATION_DTYPE),
         root=rig.root + lacking.root,
         moves=None if rig.moves is None or lacking.moves is None else rig.moves + lacking.moves,
     )
-
-
-def _tensor(values: Float[np.ndarray, "*shape"]) -> Float[Tensor, "*shape"]:
-    """As float64, for torch."""
-    return torch.from_numpy(np.array(values, np.float64))

@@ -17,12 +17,11 @@ ROUGHLY = 0.05  # the same of positions without a rig, whose bones are measured:
 FIRM = ("knee", "foot", "elbow", "wrist")  # joints of H36M17 at the ends of single bones; its others are spans of the trunk
 
 
-def check_one_body(first: Motion, second: Motion, names: tuple[str, str] = ("start", "end")) -> None:
+def check_one_body(first: Motion, second: Motion) -> None:
     """Refuse two motions of different bodies.
 
     Args:
         first, second: of rigs: joints and bones are compared; else the bones between positions of one skeleton, roughly.
-        names: of the arguments.
 
     Raises:
         ValueError: joints have other names or parents, or a bone is longer in one; the message says which.
@@ -33,23 +32,21 @@ def check_one_body(first: Motion, second: Motion, names: tuple[str, str] = ("sta
         (one, other), close = (_bones_of_positions(motion) for motion in (first, second)), ROUGHLY
     else:
         return
-    what = f"{names[0]} and {names[1]} are of different bodies"
+    what = "start and end are of different bodies"
     if one.keys() != other.keys():
-        lost = [sorted(" under ".join(bone) for bone in a.keys() - b.keys()) for a, b in ((one, other), (other, one))]
-        said = [
-            f"{name} has {', '.join(only[:3])}{' ...' * (len(only) > 3)}" for name, only in zip(names, lost, strict=True) if only
-        ]
+        parts = (("start", one.keys() - other.keys()), ("end", other.keys() - one.keys()))
+        lost = {name: sorted(" under ".join(bone) for bone in bones) for name, bones in parts if bones}
+        said = [f"{name} has {', '.join(only[:3])}{' ...' * (len(only) > 3)}" for name, only in lost.items()]
         raise ValueError(f"{what}: only {', and only '.join(said)}; expected the same joints")
     worst = max(one, key=lambda bone: abs(one[bone] - other[bone]), default=None)
     if worst is not None and not abs(one[worst] - other[worst]) <= close:
-        lengths = f"{one[worst]:.3f} m in {names[0]} and {other[worst]:.3f} m in {names[1]}"
+        lengths = f"{one[worst]:.3f} m in start and {other[worst]:.3f} m in end"
         raise ValueError(f"{what}: from {worst[1]} to {worst[0]} it is {lengths}; expected bones of the same length")
 
 
 def _bones_of_rig(rig: Rig) -> dict[tuple[str, str], float]:
     """Lengths by joint and parent, metres, of what hangs from the motion's root."""
-    offsets = rig.offsets if rig.moves is None else rig.moves[0]
-    names, parents, lengths = rig.skeleton.joints, rig.skeleton.parents, np.linalg.norm(offsets, axis=-1)
+    names, parents, lengths = rig.skeleton.joints, rig.skeleton.parents, np.linalg.norm(rig.at_first, axis=-1)
     return {(names[joint], names[parents[joint]]): float(lengths[joint]) for joint in rig.hanging()[1:]}
 
 

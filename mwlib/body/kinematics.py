@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from functools import lru_cache
+from functools import lru_cache, partial
 
 import numpy as np
 import torch
@@ -69,14 +69,14 @@ def fk(
             [0., 1., 0.],
             [0., 2., 0.]])
     """
-    levels, order = _levels(skeleton.parents, rotations.device)
+    joints, above, order = _levels(skeleton.parents, rotations.device)
     local, offsets = rotations.movedim(-1, 0), offsets.movedim(-1, 0)
     places, turns = [root.movedim(-1, 0)[..., None]], [local[..., :1]]
-    for joints, parents in levels:
-        above = turns[-1].index_select(-1, parents)
-        steps = rotate_parts(above, offsets.index_select(-1, joints))
+    for row, parents in zip(joints[1:].split([*map(len, above)]), above, strict=True):
+        turned = turns[-1].index_select(-1, parents)
+        steps = rotate_parts(turned, offsets.index_select(-1, row))
         places.append(places[-1].index_select(-1, parents) + steps)
-        turns.append(multiply_parts(above, local.index_select(-1, joints)))
+        turns.append(multiply_parts(turned, local.index_select(-1, row)))
     positions, world = (torch.cat(parts, dim=-1).index_select(-1, order).movedim(0, -1) for parts in (places, turns))
     return positions, world
 
@@ -104,7 +104,7 @@ def places(
             [0., 1., 0.],
             [0., 2., 0.]])
     """
-    joints, above, holders = _holders(skeleton.parents, numbers.device)
+    joints, above, holders = _levels(skeleton.parents, numbers.device, of_parents=True)
     local = matrix_parts(numbers.index_select(-2, joints).movedim((-1, -2), (0, 1)).contiguous())
     first, *others = local.split([1, *map(len, above)], dim=2)
     turns = [first]
@@ -123,34 +123,21 @@ def _times(a: Float[Tensor, "3 3 *lead"], b: Float[Tensor, "3 columns *#lead"]) 
 
 
 @lru_cache(maxsize=256)
-def _levels(parents: tuple[int, ...], device: torch.device) -> tuple[list[tuple[Tensor, Tensor]], Int[Tensor, " joints"]]:
-    """For each depth below the root its joints and their parents' places one depth above; and where each joint comes to lie."""
-    rows = _rows(parents)
-    pairs = [(row, [above.index(parents[joint]) for joint in row]) for above, row in zip(rows, rows[1:], strict=False)]
-    order = np.argsort([joint for row in rows for joint in row])
-    levels = [(torch.tensor(row, device=device), torch.tensor(above, device=device)) for row, above in pairs]
-    return levels, torch.from_numpy(order).to(device)
+def _levels(
+    parents: tuple[int, ...], device: torch.device, of_parents: bool = False
+) -> tuple[Int[Tensor, " order"], list[Tensor], Int[Tensor, " found"]]:
+    """Joints, depth by depth; for each depth below the root their parents' places one depth above; and where each joint stands.
 
-
-@lru_cache(maxsize=256)
-def _holders(parents: tuple[int, ...], device: torch.device) -> tuple[Tensor, list[Tensor], Int[Tensor, " bones"]]:
-    """Joints with children, depth by depth; for each depth below the root their parents' places one depth above; and among
-    all of them the place of the parent of joints 1, 2, ..."""
-    rows = [held for row in _rows(parents) if (held := [joint for joint in row if joint in parents])]
+    With `of_parents` joints without children are left out, and where the parents of joints 1, 2, ... stand is said instead.
+    """
+    depth, wanted = _depths(parents), parents[1:] if of_parents else range(len(parents))
+    rows = [[joint for joint in sorted({*wanted}) if depth[joint] == level] for level in range(max(depth) + 1)]
+    rows = [row for row in rows if row]
     order = [joint for row in rows for joint in row]
     above = [[up.index(parents[joint]) for joint in row] for up, row in zip(rows, rows[1:], strict=False)]
-    holders = [order.index(parent) for parent in parents[1:]]
-    return (
-        torch.tensor(order, device=device),
-        [torch.tensor(a, device=device) for a in above],
-        torch.tensor(holders, device=device),
-    )
-
-
-def _rows(parents: tuple[int, ...]) -> list[list[int]]:
-    """The joints of each depth."""
-    depth = _depths(parents)
-    return [[joint for joint, d in enumerate(depth) if d == level] for level in range(max(depth) + 1)]
+    found = [order.index(joint) for joint in wanted]
+    numbers = partial(torch.tensor, device=device)
+    return numbers(order), [numbers(places) for places in above], numbers(found)
 
 
 def _depths(parents: tuple[int, ...]) -> list[int]:
@@ -190,7 +177,8 @@ def heading(pose: Float[Tensor, "*lead C"], skeleton: Skeleton, up: str = "z") -
     depth = _depths(skeleton.parents)
     left, right = min(zip(skeleton.left, skeleton.right, strict=True), key=lambda pair: depth[pair[0]])
     a, b, _ = horizontal(up)
-    across = pose[..., 3 * (left - 1) : 3 * left] - pose[..., 3 * (right - 1) : 3 * right]
+    joints = pose.unflatten(-1, (-1, 3))
+    across = joints[..., left - 1, :] - joints[..., right - 1, :]
     return torch.atan2(across[..., b], across[..., a])
 
 

@@ -7,8 +7,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Float
 
-from mwlib.body.kinematics import AXES, horizontal
-from mwlib.body.rig import Rig
+from mwlib.body.kinematics import AXES
+from mwlib.body.rig import Rig, on_the_way
+from mwlib.body.rotation import about, rotate, tensor64
 from mwlib.body.skeleton import H36M17, HUMANML22, Skeleton, to_h36m17, to_humanml22
 from mwlib.settings import choice, of_kind, real, shown, whole
 
@@ -117,8 +118,7 @@ class Motion:
         low = np.minimum(at.astype(int), max(len(self) - 2, 0))
         high = np.minimum(low + 1, len(self) - 1)
         share = (at - low).astype(self.positions.dtype)
-        weight = share[:, None, None]
-        positions = self.positions[low] * (1 - weight) + self.positions[high] * weight
+        positions = on_the_way(self.positions, low, high, share)
         rig = None if self.rig is None else self.rig.between(low, high, share)
         if rig is not None:
             between = (share > 0) & (share < 1)
@@ -140,10 +140,10 @@ class Motion:
         if up == self.up:
             return self
         x, y, z = np.moveaxis(self.positions, -1, 0)
-        to_z = (self.up, up) == ("y", "z")
-        turned = (x, -z, y) if to_z else (x, z, -y)
-        quarter = np.array([0.5, 0.5 if to_z else -0.5, 0.0, 0.0]) * np.sqrt(2)
-        return replace(self, positions=np.stack(turned, axis=-1), up=up, rig=self.rig and self.rig.turned(quarter))
+        sign = 1 if up == "z" else -1
+        positions = np.stack([x, -sign * z, sign * y], axis=-1)
+        quarter = np.array([0.5, 0.5 * sign, 0.0, 0.0]) * np.sqrt(2)
+        return replace(self, positions=positions, up=up, rig=self.rig and self.rig.turned(quarter))
 
     def turn(self, angle: float) -> Motion:
         """Turn the body about the up-axis through the world's origin, the first horizontal axis towards the second; radians.
@@ -153,14 +153,10 @@ class Motion:
         Raises:
             ValueError: the angle is no finite number.
         """
-        (a, b, up), angle = horizontal(self.up), real("angle", angle)
-        cos, sin = np.cos(angle), np.sin(angle)
-        positions = self.positions.copy()
-        positions[..., a] = cos * self.positions[..., a] - sin * self.positions[..., b]
-        positions[..., b] = sin * self.positions[..., a] + cos * self.positions[..., b]
-        by = np.zeros(4)
-        by[0], by[1 + up] = np.cos(angle / 2), np.sin(angle / 2) * (1 if self.up == "z" else -1)  # x to z is backward about y
-        return replace(self, positions=positions, rig=self.rig and self.rig.turned(by))
+        angle = real("angle", angle) * (1 if self.up == "z" else -1)  # x to z is backward about y
+        by = about(tensor64(np.eye(3)[AXES[self.up]]), tensor64(angle))
+        positions = rotate(by, tensor64(self.positions)).numpy().astype(self.positions.dtype)
+        return replace(self, positions=positions, rig=self.rig and self.rig.turned(by.numpy()))
 
     def mirror(self) -> Motion:
         """The mirror image across the plane x = 0, which is upright; left and right joints are exchanged.

@@ -7,10 +7,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 import torch
 from jaxtyping import Float, Shaped
-from torch import Tensor
+from torch.nn.functional import normalize
 
 from mwlib.body.kinematics import fk
-from mwlib.body.rotation import continuous, multiply, rotate, slerp
+from mwlib.body.rotation import continuous, multiply, rotate, slerp, tensor64
 from mwlib.body.skeleton import Skeleton
 
 ROTATION_DTYPE = np.float32  # half the memory of float64; off by less than 5e-7 m on every file at hand
@@ -71,10 +71,15 @@ class Rig:
 
     def world(self) -> tuple[Float[np.ndarray, "T rig 3"], Float[np.ndarray, "T rig 4"]]:
         """Positions of all its joints (metres) and their turns against the world, float64: forward kinematics."""
-        turns = torch.nn.functional.normalize(_tensor(self.rotations), dim=-1)
+        turns = normalize(tensor64(self.rotations), dim=-1)
         offsets = self.offsets if self.moves is None else self.moves
-        places, turns = fk(turns, _tensor(offsets), _tensor(self.root), self.skeleton)
+        places, turns = fk(turns, tensor64(offsets), tensor64(self.root), self.skeleton)
         return places.numpy(), turns.numpy()
+
+    @property
+    def at_first(self) -> Float[np.ndarray, "rig 3"]:
+        """From parent to joint in the first frame, metres."""
+        return self.offsets if self.moves is None else self.moves[0]
 
     def positions(self) -> Float[np.ndarray, "T joints 3"]:
         """Positions of the motion's joints, metres, float64."""
@@ -87,22 +92,22 @@ class Rig:
 
     def between(self, low: Shaped[np.ndarray, " n"], high: Shaped[np.ndarray, " n"], share: Float[np.ndarray, " n"]) -> Rig:
         """Frames between frames `low` and `high`: rotations by slerp, positions linearly; share 0 is `low`."""
-        turns = slerp(_tensor(self.rotations[low]), _tensor(self.rotations[high]), _tensor(share)[:, None])
+        turns = slerp(tensor64(self.rotations[low]), tensor64(self.rotations[high]), tensor64(share)[:, None])
         return replace(
             self,
             rotations=continuous(turns).numpy().astype(self.rotations.dtype),
-            root=_between(self.root, low, high, share),
-            moves=None if self.moves is None else _between(self.moves, low, high, share),
+            root=on_the_way(self.root, low, high, share),
+            moves=None if self.moves is None else on_the_way(self.moves, low, high, share),
         )
 
     def turned(self, turn: Float[np.ndarray, " 4"]) -> Rig:
         """The whole body turned about the world's origin by one quaternion; every joint but the root keeps its frame."""
-        by = _tensor(turn)
+        by = tensor64(turn)
         rotations = self.rotations.copy()
-        rotations[:, 0] = multiply(by, _tensor(self.rotations[:, 0])).numpy()
+        rotations[:, 0] = multiply(by, tensor64(self.rotations[:, 0])).numpy()
         offsets = self.offsets.copy()
-        offsets[0] = rotate(by, _tensor(self.offsets[0])).numpy()
-        return replace(self, rotations=rotations, root=rotate(by, _tensor(self.root)).numpy(), offsets=offsets)
+        offsets[0] = rotate(by, tensor64(self.offsets[0])).numpy()
+        return replace(self, rotations=rotations, root=rotate(by, tensor64(self.root)).numpy(), offsets=offsets)
 
     def mirrored(self, order: Shaped[np.ndarray, " joints"]) -> Rig:
         """The mirror image across the plane x = 0, left and right joints exchanged.
@@ -119,8 +124,8 @@ class Rig:
             raise ValueError(f"left and right of {self.skeleton.name} are not built alike; expected pairs that hang from pairs")
         axis, world = self.across() or 0, np.array([-1.0, 1.0, 1.0])
         flip = np.where(np.arange(3) == axis, -1.0, 1.0)
-        rotations = _tensor(self.rotations[:, swap]) * torch.tensor([1.0, *-flip])
-        rotations[:, 0] = _tensor(self.rotations[:, 0]) * torch.tensor([1.0, *-world])
+        rotations = tensor64(self.rotations[:, swap]) * torch.tensor([1.0, *-flip])
+        rotations[:, 0] = tensor64(self.rotations[:, 0]) * torch.tensor([1.0, *-world])
         if axis:  # from the world's mirror plane to that of the joints: half a turn about the third axis
             rotations[:, 0] = multiply(rotations[:, 0], torch.eye(4, dtype=torch.float64)[4 - axis])
         offsets = self.offsets[swap] * flip
@@ -140,7 +145,7 @@ class Rig:
         What does not hang from the motion's root, like a joint on the floor, and the root's own way do not count.
         Of CMU's rigs and most others it is x. Of LaFAN1's, whose bones lie along x, it is z.
         """
-        offsets, below = self.offsets if self.moves is None else self.moves[0], self.hanging()[1:]
+        offsets, below = self.at_first, self.hanging()[1:]
         image = offsets[self.skeleton.mirror]
         apart = [np.abs(image * (1 - 2 * unit) - offsets)[below].max(initial=0.0) for unit in np.eye(3)]
         return int(np.argmin(apart)) if min(apart) < ALIKE else None
@@ -173,7 +178,7 @@ class Rig:
         joints = tuple(self.skeleton.joints[j] for j in kept)
         tree = Skeleton(self.skeleton.name, joints, (-1, *[at[parents[j]] for j in below]), left, right)
         return Rig(
-            tree, moves.mean(axis=0)[kept], continuous(_tensor(rotations)).numpy().astype(rotations.dtype), places[:, root],
+            tree, moves.mean(axis=0)[kept], continuous(tensor64(rotations)).numpy().astype(rotations.dtype), places[:, root],
             tuple(at[j] for j in self.points), (MOVES + ANGLES, *[self.channels[j] for j in below]),
         )  # fmt: skip
 
@@ -190,11 +195,7 @@ def axes_of(channels: tuple[str, ...]) -> str:
     return "".join(name[0] for name in channels if name in ANGLES)
 
 
-def _between(path: np.ndarray, low: np.ndarray, high: np.ndarray, share: np.ndarray) -> np.ndarray:
+def on_the_way(path: np.ndarray, low: np.ndarray, high: np.ndarray, share: np.ndarray) -> np.ndarray:
+    """Numbers between those of frames `low` and `high`, linearly; share 0 is `low`."""
     share = share.reshape(-1, *[1] * (path.ndim - 1))
     return path[low] * (1 - share) + path[high] * share
-
-
-def _tensor(values: Float[np.ndarray, "*shape"]) -> Float[Tensor, "*shape"]:
-    """As float64, for torch."""
-    return torch.from_numpy(np.array(values, np.float64))

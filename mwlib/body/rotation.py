@@ -7,15 +7,20 @@ from __future__ import annotations
 
 import functools
 import warnings
+from typing import TypeVar
 
 import numpy as np
 import torch
 from jaxtyping import Float
 from scipy.spatial.transform import Rotation
 from torch import Tensor
+from torch.nn.functional import normalize
 
-# A quaternion times the unit quaternion of an axis has its own four numbers in this order, with these signs.
-TIMES_UNIT = {"x": ([1, 0, 3, 2], [-1, 1, 1, -1]), "y": ([2, 3, 0, 1], [-1, -1, 1, 1]), "z": ([3, 2, 1, 0], [-1, 1, -1, 1])}
+Quaternions = Float[Tensor, "*#lead 4"]
+Vectors = Float[Tensor, "*#lead 3"]
+QuaternionParts = Float[Tensor, "4 *#lead"]
+OverTime = Float[np.ndarray, "T *joints 4"]  # quaternions
+Angles = TypeVar("Angles", np.ndarray, Tensor)
 
 
 def euler_matrices(axes: str, angles: Float[np.ndarray, "T turns"]) -> Float[np.ndarray, "T 3 3"]:
@@ -35,16 +40,12 @@ def euler_quaternions(axes: str, angles: Float[np.ndarray, "*lead turns"]) -> Fl
         axes: one letter of xyz per angle, the first turn outermost.
         angles: radians.
     """
-    half = angles / 2
-    cos, sin = np.cos(half), np.sin(half)
-    parts = [np.ones(angles.shape[:-1]), *[np.zeros(angles.shape[:-1])] * 3]
-    for i, axis in enumerate(axes):
-        order, signs = TIMES_UNIT[axis]
-        parts = [cos[..., i] * parts[k] + sign * sin[..., i] * parts[order[k]] for k, sign in enumerate(signs)]
-    return np.stack(parts, axis=-1)
+    units, still = torch.eye(3, dtype=torch.float64), torch.eye(4, dtype=torch.float64)[0].repeat(*angles.shape[:-1], 1)
+    turns = [about(units["xyz".index(axis)], angle) for axis, angle in zip(axes, tensor64(angles).unbind(-1), strict=True)]
+    return functools.reduce(multiply, turns, still).numpy()
 
 
-def euler_angles(axes: str, quaternions: Float[np.ndarray, "T *joints 4"]) -> Float[np.ndarray, "T *joints turns"]:
+def euler_angles(axes: str, quaternions: OverTime) -> Float[np.ndarray, "T *joints turns"]:
     """Inverse of `euler_quaternions`: radians that pass from frame to frame without a jump.
 
     Of the two sets of three angles that make a turn, the one nearer to the frame before is taken. Fewer axes make what they
@@ -54,26 +55,25 @@ def euler_angles(axes: str, quaternions: Float[np.ndarray, "T *joints 4"]) -> Fl
         axes: up to three different letters of xyz.
     """
     angles = _three_angles(axes, quaternions) if len(axes) == 3 else _few_angles(axes, quaternions)
-    angles[0] = _wrapped(angles[0])
+    angles[0] = wrapped(angles[0])
     return np.unwrap(angles, axis=0)
 
 
-def _three_angles(axes: str, quaternions: Float[np.ndarray, "T *joints 4"]) -> Float[np.ndarray, "T *joints 3"]:
+def _three_angles(axes: str, quaternions: OverTime) -> Float[np.ndarray, "T *joints 3"]:
     with warnings.catch_warnings(action="ignore"):  # gimbal lock: the third angle is free, SciPy takes 0 and says so
         turns = Rotation.from_quat(quaternions[..., [1, 2, 3, 0]].reshape(-1, 4)).as_euler(axes.upper())
     one = turns.reshape(*quaternions.shape[:-1], 3)
     other = np.stack([one[..., 0] + np.pi, np.pi - one[..., 1], one[..., 2] + np.pi], axis=-1)
-    stay, swap = (np.abs(_wrapped(after - one[:-1])).sum(axis=-1) for after in (one[1:], other[1:]))
+    stay, swap = (np.abs(wrapped(after - one[:-1])).sum(axis=-1) for after in (one[1:], other[1:]))
     is_other = np.zeros(one.shape[:-1], bool)
     is_other[1:] = np.cumsum(swap < stay, axis=0) % 2
     return np.where(is_other[..., None], other, one)
 
 
-def _few_angles(axes: str, quaternions: Float[np.ndarray, "T *joints 4"]) -> Float[np.ndarray, "T *joints turns"]:
+def _few_angles(axes: str, quaternions: OverTime) -> Float[np.ndarray, "T *joints turns"]:
     """By q = (cos a + i sin a)(cos b + j sin b), a and b half the angles about axes i and j; k = i j."""
     if len(axes) < 2:
-        half = [np.arctan2(quaternions[..., 1 + "xyz".index(axis)], quaternions[..., 0]) for axis in axes]
-        return 2 * np.stack([*half, *[quaternions[..., 0]] * (not axes)], axis=-1)[..., : len(axes)]
+        return 2 * np.arctan2(quaternions[..., [1 + "xyz".index(axis) for axis in axes]], quaternions[..., :1])
     i, j = ("xyz".index(axis) for axis in axes)
     is_cyclic = (j - i) % 3 == 1
     w, qi, qj, qk = np.moveaxis(quaternions, -1, 0)[[0, 1 + i, 1 + j, 4 - i - j]]
@@ -83,12 +83,23 @@ def _few_angles(axes: str, quaternions: Float[np.ndarray, "T *joints 4"]) -> Flo
     return 2 * np.stack([a, b], axis=-1)
 
 
-def _wrapped(angle: Float[np.ndarray, "*lead"]) -> Float[np.ndarray, "*lead"]:
-    """The same angle from -pi to pi."""
+def wrapped(angle: Angles) -> Angles:
+    """The same angles from -pi to pi."""
     return (angle + np.pi) % (2 * np.pi) - np.pi
 
 
-def multiply(a: Float[Tensor, "*#lead 4"], b: Float[Tensor, "*#lead 4"]) -> Float[Tensor, "*#lead 4"]:
+def tensor64(values: Float[np.ndarray, "*shape"] | float) -> Float[Tensor, "*shape"]:
+    """A copy as float64, for torch."""
+    return torch.from_numpy(np.array(values, np.float64))
+
+
+def about(axis: Vectors, angle: Float[Tensor, "*#lead"]) -> Quaternions:
+    """Turns about unit vectors; radians."""
+    half = angle[..., None] / 2
+    return torch.cat([half.cos(), half.sin() * axis], dim=-1)
+
+
+def multiply(a: Quaternions, b: Quaternions) -> Quaternions:
     """Hamilton product: the turn b, then the turn a.
 
     >>> quarter = torch.tensor([0.5**0.5, 0.0, 0.0, 0.5**0.5])  # about z
@@ -98,7 +109,7 @@ def multiply(a: Float[Tensor, "*#lead 4"], b: Float[Tensor, "*#lead 4"]) -> Floa
     return multiply_parts(a.movedim(-1, 0), b.movedim(-1, 0)).movedim(0, -1)
 
 
-def multiply_parts(a: Float[Tensor, "4 *#lead"], b: Float[Tensor, "4 *#lead"]) -> Float[Tensor, "4 *#lead"]:
+def multiply_parts(a: QuaternionParts, b: QuaternionParts) -> QuaternionParts:
     """`multiply` with the four numbers on the first axis: each lies in one piece of memory, which is several times faster."""
     (aw, ax, ay, az), (bw, bx, by, bz) = a.unbind(0), b.unbind(0)
     product = (
@@ -110,32 +121,26 @@ def multiply_parts(a: Float[Tensor, "4 *#lead"], b: Float[Tensor, "4 *#lead"]) -
     return torch.stack(product)
 
 
-def inverse(q: Float[Tensor, "*lead 4"]) -> Float[Tensor, "*lead 4"]:
+def inverse(q: Quaternions) -> Quaternions:
     """The turn back."""
     return q * q.new_tensor([1.0, -1.0, -1.0, -1.0])
 
 
-def rotate(q: Float[Tensor, "*#lead 4"], vectors: Float[Tensor, "*#lead 3"]) -> Float[Tensor, "*#lead 3"]:
+def rotate(q: Quaternions, vectors: Vectors) -> Vectors:
     """Turn vectors by unit quaternions."""
     return rotate_parts(q.movedim(-1, 0), vectors.movedim(-1, 0)).movedim(0, -1)
 
 
-def rotate_parts(q: Float[Tensor, "4 *#lead"], vectors: Float[Tensor, "3 *#lead"]) -> Float[Tensor, "3 *#lead"]:
+def rotate_parts(q: QuaternionParts, vectors: Float[Tensor, "3 *#lead"]) -> Float[Tensor, "3 *#lead"]:
     """`rotate` with numbers on the first axis: v + 2 w (u x v) + 2 u x (u x v) for q = (w, u)."""
     (w, x, y, z), (a, b, c) = q.unbind(0), vectors.unbind(0)
     k, m, n = 2 * (y * c - z * b), 2 * (z * a - x * c), 2 * (x * b - y * a)
     return torch.stack((a + w * k + y * n - z * m, b + w * m + z * k - x * n, c + w * n + x * m - y * k))
 
 
-def matrix(q: Float[Tensor, "*lead 4"]) -> Float[Tensor, "*lead 3 3"]:
+def matrix(q: Quaternions) -> Float[Tensor, "*lead 3 3"]:
     """Rotation matrices of unit quaternions."""
-    w, x, y, z = q.unbind(-1)
-    rows = (
-        1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y),
-        2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x),
-        2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y),
-    )  # fmt: skip
-    return torch.stack(rows, dim=-1).unflatten(-1, (3, 3))
+    return rotate(q[..., None, :], torch.eye(3).to(q)).mT
 
 
 def continuous(q: Float[Tensor, "*lead T joints 4"]) -> Float[Tensor, "*lead T joints 4"]:
@@ -149,9 +154,7 @@ def continuous(q: Float[Tensor, "*lead T joints 4"]) -> Float[Tensor, "*lead T j
     return q * signs
 
 
-def slerp(
-    a: Float[Tensor, "*#lead 4"], b: Float[Tensor, "*#lead 4"], share: Float[Tensor, "*#lead"]
-) -> Float[Tensor, "*#lead 4"]:
+def slerp(a: Quaternions, b: Quaternions, share: Float[Tensor, "*#lead"]) -> Quaternions:
     """Spherical interpolation along the shorter way: a at share 0, b (or -b) at 1."""
     b = torch.where((a * b).sum(dim=-1, keepdim=True) < 0, -b, b)
     angle = 2 * torch.atan2((b - a).norm(dim=-1, keepdim=True), (b + a).norm(dim=-1, keepdim=True))
@@ -159,28 +162,28 @@ def slerp(
     is_small = angle < 1e-4  # sin(s t) / sin t is s to 2e-9
     safe = torch.where(is_small, torch.ones_like(angle), angle)
     weights = [torch.where(is_small, s, torch.sin(s * safe) / torch.sin(safe)) for s in (1 - share, share)]
-    return torch.nn.functional.normalize(weights[0] * a + weights[1] * b, dim=-1)
+    return normalize(weights[0] * a + weights[1] * b, dim=-1)
 
 
-def shortest_arc(a: Float[Tensor, "*#lead 3"], b: Float[Tensor, "*#lead 3"]) -> Float[Tensor, "*#lead 4"]:
+def shortest_arc(a: Vectors, b: Vectors) -> Quaternions:
     """The smallest turn that carries the direction of a to that of b; opposite ones by some axis across a, zeros not at all."""
     a, b = torch.broadcast_tensors(a, b)
-    a, b = (torch.nn.functional.normalize(v, dim=-1) for v in (a, b))
+    a, b = (normalize(v, dim=-1) for v in (a, b))
     w = 1 + (a * b).sum(dim=-1, keepdim=True)
     shortest = torch.eye(3, dtype=a.dtype, device=a.device)[a.abs().argmin(dim=-1)]
     axis = torch.where(w < 1e-12, torch.linalg.cross(a, shortest), torch.linalg.cross(a, b))
-    return torch.nn.functional.normalize(torch.cat([w, axis], dim=-1), dim=-1)
+    return normalize(torch.cat([w, axis], dim=-1), dim=-1)
 
 
-def six(q: Float[Tensor, "*lead 4"]) -> Float[Tensor, "*lead 6"]:
+def six(q: Quaternions) -> Float[Tensor, "*#lead 6"]:
     """The first two columns of each rotation matrix, one after the other: numbers without jumps and without signs to choose.
 
     Source: Zhou et al. 2019, "On the continuity of rotation representations".
     """
-    return matrix(q)[..., :2].transpose(-1, -2).flatten(-2)
+    return rotate(q[..., None, :], torch.eye(3)[:2].to(q)).flatten(-2)
 
 
-def from_six(numbers: Float[Tensor, "*lead 6"]) -> Float[Tensor, "*lead 4"]:
+def from_six(numbers: Float[Tensor, "*lead 6"]) -> Quaternions:
     """The unit quaternions nearest in Gram and Schmidt's sense: the first column keeps its direction. Inverse of `six`.
 
     >>> quarter = torch.tensor([0.5**0.5, 0.0, 0.0, 0.5**0.5])
@@ -206,7 +209,7 @@ def _unit(parts: Float[Tensor, "3 *lead"]) -> Float[Tensor, "3 *lead"]:
     return parts * parts.square().sum(0).clamp_min(1e-24).rsqrt()
 
 
-def from_matrix(m: Float[Tensor, "*lead 3 3"]) -> Float[Tensor, "*lead 4"]:
+def from_matrix(m: Float[Tensor, "*lead 3 3"]) -> Quaternions:
     """Unit quaternions of rotation matrices, w at least 0 where it is the largest part. Inverse of `matrix`; gradients pass.
 
     Source: Shepperd 1978: of the four ways to solve for the quaternion, the one that divides by the largest of its parts.
@@ -222,4 +225,4 @@ def from_matrix(m: Float[Tensor, "*lead 3 3"]) -> Float[Tensor, "*lead 4"]:
     ways = torch.stack(rows, dim=-1).unflatten(-1, (4, 4))  # 4 q_i q: each row is the quaternion, times four of its parts
     largest = torch.diagonal(ways, dim1=-2, dim2=-1).argmax(dim=-1)
     chosen = torch.take_along_dim(ways, largest[..., None, None], dim=-2).squeeze(-2)
-    return torch.nn.functional.normalize(chosen, dim=-1)
+    return normalize(chosen, dim=-1)

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import re
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from os.path import commonprefix
 from typing import NamedTuple
@@ -98,24 +99,17 @@ class Skeleton:
         return (3 * joints[:, None] + np.arange(3)).ravel()
 
 
+SIDES = {"left": "right", "Left": "Right", "_L": "_R"}
+
+
 def named_tree(name: str, rows: str, parts: dict[str, str] | None = None, h36m17: str = "", humanml22: str = "") -> Skeleton:
     """A skeleton of "joint parent" words; left and right pairs follow from the names. Further arguments as words, too."""
     words = rows.split()
     joints, parents = tuple(words[::2]), tuple(int(p) for p in words[1::2])
-    pairs = [(i, joints.index(_other_side(j))) for i, j in enumerate(joints) if _is_left(j)]
-    left, right = zip(*pairs, strict=True)
+    others = [re.sub("^left|^Left|_L$", lambda found: SIDES[found[0]], joint) for joint in joints]
+    left, right = zip(*[(i, joints.index(other)) for i, other in enumerate(others) if other != joints[i]], strict=True)
     members = {part: tuple(joints.index(j) for j in names.split()) for part, names in (parts or {}).items()}
     return Skeleton(name, joints, parents, left, right, members, tuple(h36m17.split()), tuple(humanml22.split()))
-
-
-def _is_left(joint: str) -> bool:
-    return joint.startswith(("left", "Left")) or joint.endswith("_L")
-
-
-def _other_side(joint: str) -> str:
-    if joint.endswith("_L"):
-        return joint[:-2] + "_R"
-    return joint.replace("left", "right", 1).replace("Left", "Right", 1)
 
 
 # Human3.6M after VideoPose3D's joint reduction; parts as HumanMAC's control demo uses them.
@@ -167,6 +161,11 @@ def _scheme(tree: str, joints: str) -> Scheme:
     return Scheme(dict(zip(words[::2], words[1::2], strict=True)), joints.split())
 
 
+def _above(names: Sequence[str], skeleton: Skeleton) -> dict[str, str]:
+    """The parent of each joint of a skeleton whose joints have these names."""
+    return {names[child]: names[parent] for parent, child in skeleton.bones}
+
+
 def _short(name: str) -> str:
     """A joint of CMU as ASF files call it."""
     return name.replace("left_", "l").replace("right_", "r")
@@ -176,10 +175,7 @@ def _short(name: str) -> str:
 # ones, whose points are where bones begin: none is at the top of the head, so "neck" and "head" begin there, as for LAFAN1.
 # Fingers, toes and eyes may be missing.
 SCHEMES = (
-    _scheme(
-        " ".join(f"{_short(CMU.joints[child])} {_short(CMU.joints[parent])}" for parent, child in CMU.bones),
-        _short(" ".join(CMU.h36m17)),
-    ),
+    Scheme(_above([*map(_short, CMU.joints)], CMU), [*map(_short, CMU.h36m17)]),
     _scheme(
         "LHipJoint Hips LeftUpLeg LHipJoint LeftLeg LeftUpLeg LeftFoot LeftLeg RHipJoint Hips RightUpLeg RHipJoint "
         "RightLeg RightUpLeg RightFoot RightLeg LowerBack Hips Spine LowerBack Spine1 Spine Neck Spine1 Neck1 Neck Head Neck1 "
@@ -206,10 +202,7 @@ MIXAMO = _scheme(
 )
 
 # SMPL's bodies as their rigs have them: with hands or fingers, jaw and eyes.
-SMPL = _scheme(
-    " ".join(f"{HUMANML22.joints[child]} {HUMANML22.joints[parent]}" for parent, child in HUMANML22.bones),
-    " ".join(HUMANML22.h36m17),
-)
+SMPL = Scheme(_above(HUMANML22.joints, HUMANML22), [*HUMANML22.h36m17])
 
 
 def to_h36m17(skeleton: Skeleton) -> list[int] | None:
@@ -236,8 +229,7 @@ def is_cmu(skeleton: Skeleton) -> bool:
 
 def _scheme_of(skeleton: Skeleton, schemes: tuple[Scheme, ...]) -> Scheme | None:
     """The first scheme whose joints the skeleton has, under the same parents."""
-    names = _bare(skeleton)
-    above = {names[child]: names[parent] for parent, child in skeleton.bones}
+    above = _above(_bare(skeleton), skeleton)
     return next((scheme for scheme in schemes if scheme.above.items() <= above.items()), None)
 
 

@@ -17,6 +17,8 @@ LOW = 0.08  # metres above the floor up to which a foot is low
 SHORTEST = 0.1  # seconds that a foot stands at least
 STRAIGHT = 0.999  # share of its length to which a leg stretches
 
+Path = Float[np.ndarray, "T 3"]
+
 
 def standing(motion: Motion, floor: float) -> Motion:
     """The motion with feet that stand where they stand, and none below the floor; the first and last frame stay as they are.
@@ -48,7 +50,7 @@ def legs(skeleton: Skeleton) -> list[tuple[int, int, int]]:
     return [(skeleton.parents[knee], knee, below[knee][0]) for knee in knees if len(below[knee]) == 1]
 
 
-def _stands(path: Float[np.ndarray, "T 3"], vertical: int, floor: float, fps: float) -> list[slice]:
+def _stands(path: Path, vertical: int, floor: float, fps: float) -> list[slice]:
     """Stretches of frames in which a foot stands."""
     slow = np.linalg.norm(np.diff(path, axis=0), axis=-1) * fps <= SLOW
     low = path[:, vertical] <= floor + LOW
@@ -57,7 +59,7 @@ def _stands(path: Float[np.ndarray, "T 3"], vertical: int, floor: float, fps: fl
     return [slice(a, b) for a, b in edges.reshape(-1, 2) if b - a >= SHORTEST * fps]
 
 
-def _held(path: Float[np.ndarray, "T 3"], stands: list[slice], flat: list[int]) -> Float[np.ndarray, "T 3"]:
+def _held(path: Path, stands: list[slice], flat: list[int]) -> Path:
     """The path with the foot held where it stands."""
     last, lack = len(path) - 1, np.zeros((len(path), len(flat)))
     set_at = np.zeros(len(path), bool)
@@ -79,9 +81,7 @@ def _held(path: Float[np.ndarray, "T 3"], stands: list[slice], flat: list[int]) 
     return moved
 
 
-def bent(
-    hip: Float[np.ndarray, "T 3"], knee: Float[np.ndarray, "T 3"], foot: Float[np.ndarray, "T 3"], goal: Float[np.ndarray, "T 3"]
-) -> tuple[Float[np.ndarray, "T 3"], Float[np.ndarray, "T 3"]]:
+def bent(hip: Path, knee: Path, foot: Path, goal: Path) -> tuple[Path, Path]:
     """Knee and foot of a leg whose foot is to be at the goal, or as near as it reaches. Bones keep their lengths, and the knee
     the side that it bends to.
 

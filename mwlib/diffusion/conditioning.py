@@ -2,19 +2,34 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Literal
 
 import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
-from mwlib.diffusion.config import KeyframeConfig
 from mwlib.diffusion.process import noised, y0_hat_of
-from mwlib.diffusion.samplers import AfterStep, Denoise, OnEstimate, Step, ddim
+from mwlib.diffusion.samplers import AfterStep, Denoise, Draw, OnEstimate, Schedule, Step, ddim
+from mwlib.settings import Count, NotNegative, choice
 from mwlib.transforms import Transform
+from mwlib.transforms.linear import Coefficients, Motions
 
 # True or 1 where a target holds, in between a mixture; over frames alone it is of every channel.
 Mask = Bool[Tensor, "T C"] | Float[Tensor, "T C"] | Bool[Tensor, " T"] | Float[Tensor, " T"]
+
+
+@dataclass(frozen=True)
+class KeyframeConfig:
+    """How a sampler is made to meet keyframes. The defaults are FreqDiffusionBridge's, as far as the paper tells."""
+
+    # "replacement": noisy keyframes in every y_t; "paste": clean ones in every clean estimate; "none": the gradient alone
+    scheme: Literal["replacement", "paste", "none"] = "replacement"
+    keyframe_noise: Literal["fresh", "fixed"] = "fresh"  # of "replacement": drawn at every step, or once
+    eta: NotNegative = 0.0  # share of the posterior deviation that DDIM draws anew
+    repeats: Count = 1  # RePaint's r, how often each step is taken
+    reconstruction_weight: NotNegative = 0.0  # w of the gradient that draws the clean estimate to the keyframes
 
 
 def weights(mask: Mask, like: Tensor) -> Float[Tensor, "T C"] | Float[Tensor, "T 1"]:
@@ -23,19 +38,17 @@ def weights(mask: Mask, like: Tensor) -> Float[Tensor, "T C"] | Float[Tensor, "T
     return m[:, None] if m.ndim == 1 else m
 
 
-def known(x_target: Float[Tensor, "... T C"], mask: Mask) -> Float[Tensor, "... T C"]:
+def known(x_target: Motions, mask: Mask) -> Motions:
     """The target where the mask is not 0, and 0 elsewhere, where it may be unknown (NaN)."""
     return x_target.masked_fill(weights(mask, x_target) == 0, 0)
 
 
-def beside_samples(x: Float[Tensor, "... rows columns"], y: Float[Tensor, "... k l"]) -> Float[Tensor, "... rows columns"]:
+def beside_samples(x: Coefficients, y: Float[Tensor, "... k l"]) -> Coefficients:
     """x with an axis for the samples that y has, where x has none."""
     return x.unsqueeze(-3) if x.ndim < y.ndim else x
 
 
-def masked(
-    tf: Transform, x_target: Float[Tensor, "... T C"], mask: Mask, noise: Callable[[], Tensor], until: float = 1.0
-) -> AfterStep:
+def masked(tf: Transform, x_target: Motions, mask: Mask, noise: Draw, until: float = 1.0) -> AfterStep:
     """Eq. 12 and 13 as the `after_step` of a sampler: the masked part of the motion is the noisy target's.
 
     y_c = sqrt(a) DWT(x_target) + sqrt(1-a) z (Eq. 12), x_c = iDWT(y_c), x' = M x_c + (1-M) iDWT(y) (Eq. 13), and DWT(x')
@@ -57,7 +70,7 @@ def masked(
     y0 = tf(x_known)
     lost = x_known - tf.inverse(y0)
 
-    def impose(y: Float[Tensor, "... rows columns"], alpha_bar_prev: float) -> Float[Tensor, "... rows columns"]:
+    def impose(y: Coefficients, alpha_bar_prev: float) -> Coefficients:
         """Coefficients whose masked part is the known motion, as noisy as the rest."""
         if alpha_bar_prev > until:
             return y
@@ -67,7 +80,7 @@ def masked(
     return impose
 
 
-def pasted(tf: Transform, x_target: Float[Tensor, "... T C"], mask: Mask) -> OnEstimate:
+def pasted(tf: Transform, x_target: Motions, mask: Mask) -> OnEstimate:
     """The clean target in place of the masked part of every clean estimate, as the `on_y0_hat` of a sampler.
 
     y0_hat <- tf(M x_target + (1-M) tf_inverse(y0_hat)); the sampler derives the noise anew from it. No second noise comes in.
@@ -79,16 +92,14 @@ def pasted(tf: Transform, x_target: Float[Tensor, "... T C"], mask: Mask) -> OnE
     """
     m, x_known = weights(mask, x_target), known(x_target, mask)
 
-    def paste(y0_hat: Float[Tensor, "... rows columns"]) -> Float[Tensor, "... rows columns"]:
+    def paste(y0_hat: Coefficients) -> Coefficients:
         """Clean estimates whose masked part is the known motion."""
         return tf(m * beside_samples(x_known, y0_hat) + (1 - m) * tf.inverse(y0_hat))
 
     return paste
 
 
-def history_completion(
-    tf: Transform, x_padded: Float[Tensor, "... T C"], history: int, noise: Callable[[], Tensor]
-) -> Callable[[Tensor, float], Tensor]:
+def history_completion(tf: Transform, x_padded: Motions, history: int, noise: Draw) -> AfterStep:
     """HumanMAC's mask completion, as the `after_step` of a sampler: observed frames are put back after every step.
 
     y0 = tf(x_padded) is noised to the step's alpha_bar; in the time domain its first H frames replace those of y. With
@@ -119,19 +130,18 @@ def classifier_free(conditional: Tensor, unconditional: Tensor, w: float, form: 
     >>> classifier_free(conditional, unconditional, 0.5), classifier_free(conditional, unconditional, 1.5, "alg1")
     (tensor(2.5000), tensor(2.5000))
     """
+    choice("form", form, ("eq7", "alg1"))
     if form == "eq7":
         return ((1 + w) * conditional).sub_(w * unconditional)
-    if form == "alg1":
-        return unconditional + w * (conditional - unconditional)
-    raise ValueError(f"form is {form!r}; expected 'eq7' or 'alg1'")
+    return unconditional + w * (conditional - unconditional)
 
 
 def reconstruction_guided(
     denoise: Denoise,
     tf: Transform,
-    x_target: Float[Tensor, "... T C"],
+    x_target: Motions,
     mask: Mask,
-    alpha_bar: Float[Tensor, " M"],
+    alpha_bar: Schedule,
     weight: float,
 ) -> Denoise:
     """A denoiser whose clean estimate is drawn to the masked part of a target, by the gradient through the network.
@@ -156,7 +166,7 @@ def reconstruction_guided(
     with torch.inference_mode(False):  # else the gradient could not use them
         m, x_known = weights(mask, x_target).clone(), known(x_target, mask).clone()
 
-    def guided(y: Float[Tensor, "... rows columns"], t: int) -> Float[Tensor, "... rows columns"]:
+    def guided(y: Coefficients, t: int) -> Coefficients:
         """The noise, and the gradient of the error against the known motion."""
         a = float(alpha_bar[t])
         with torch.inference_mode(False), torch.enable_grad():
@@ -185,7 +195,7 @@ def keyframe_mask(frames: int, keyframes: Sequence[int]) -> Bool[Tensor, " T"]:
     return mask
 
 
-def with_keyframes(x: Float[Tensor, "... T C"], x_target: Float[Tensor, "... T C"], mask: Mask) -> Float[Tensor, "... T C"]:
+def with_keyframes(x: Motions, x_target: Motions, mask: Mask) -> Motions:
     """x with the clean target in its masked part, to the bit: the paper's last step, concat_time(s, x_mid, e).
 
     Args:
@@ -199,11 +209,11 @@ def with_keyframes(x: Float[Tensor, "... T C"], x_target: Float[Tensor, "... T C
 def keyframe_steps(
     denoise: Denoise,
     tf: Transform,
-    x_target: Float[Tensor, "... T C"],
+    x_target: Motions,
     mask: Mask,
-    alpha_bar: Float[Tensor, " M"],
+    alpha_bar: Schedule,
     indices: Sequence[int],
-    noise: Callable[[], Tensor],
+    noise: Draw,
     how: KeyframeConfig,
 ) -> Iterator[Step]:
     """DDIM from noise to a motion that meets keyframes, by the scheme of the settings.
@@ -236,13 +246,13 @@ def keyframe_steps(
 def keyframed(
     denoise: Denoise,
     tf: Transform,
-    x_target: Float[Tensor, "... T C"],
+    x_target: Motions,
     mask: Mask,
-    alpha_bar: Float[Tensor, " M"],
+    alpha_bar: Schedule,
     indices: Sequence[int],
-    noise: Callable[[], Tensor],
+    noise: Draw,
     how: KeyframeConfig,
-) -> Float[Tensor, "... T C"]:
+) -> Motions:
     """The motion that `keyframe_steps` ends with. Schemes that hold the keyframes give them back to the bit.
 
     Own choice: the paper does not say how its last step ends. With the scheme "none" the keyframes stay as the sampler left

@@ -1,18 +1,29 @@
-"""The forward process: noise schedules, and the three things that a network may predict."""
+"""The forward process and its settings: noise schedules, and the three things that a network may predict."""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from typing import Annotated, Literal
+
 import torch
+from annotated_types import Interval
 from jaxtyping import Float
 from torch import Tensor
 
+from mwlib.settings import choice, whole
+from mwlib.transforms.linear import Coefficients
 
-def _cosine(u: Tensor) -> Tensor:
-    return torch.cos((u + 0.008) / 1.008 * torch.pi / 2) ** 2
+Level = Tensor | float  # alpha_bar of the items
+Steps = Annotated[int, Interval(ge=1, le=100_000)]  # of noising; own choice: far more than any paper's
 
 
-def _sqrt(u: Tensor) -> Tensor:
-    return 1 - torch.sqrt(u + 1e-4)
+@dataclass(frozen=True)
+class DiffusionConfig:
+    """The forward process and what the network predicts."""
+
+    schedule: Literal["linear", "cosine", "sigmoid", "sqrt"] = "cosine"  # of the noise, see `alpha_bar`
+    steps: Steps = 1000  # M, noising steps
+    prediction: Literal["eps", "y0", "v"] = "eps"  # what the network says: noise, clean coefficients, or both mixed
 
 
 def _sigmoid(u: Tensor) -> Tensor:
@@ -22,8 +33,13 @@ def _sigmoid(u: Tensor) -> Tensor:
 
 
 # Continuous alpha_bar at u in [0, 1]; "linear" is given by its betas instead.
-CURVES = {"cosine": _cosine, "sigmoid": _sigmoid, "sqrt": _sqrt}
+CURVES = {
+    "cosine": lambda u: torch.cos((u + 0.008) / 1.008 * torch.pi / 2) ** 2,
+    "sigmoid": _sigmoid,
+    "sqrt": lambda u: 1 - torch.sqrt(u + 1e-4),
+}
 SCHEDULES = ("linear", *CURVES)
+PREDICTIONS = ("eps", "y0", "v")
 
 
 def alpha_bar(kind: str, steps: int) -> Float[Tensor, " steps"]:
@@ -43,15 +59,13 @@ def alpha_bar(kind: str, steps: int) -> Float[Tensor, " steps"]:
     >>> [round(float(a), 3) for a in alpha_bar("cosine", 1000)[[0, 499, 899]]]
     [1.0, 0.494, 0.024]
     """
-    if steps < 1:
-        raise ValueError(f"steps is {steps}; expected at least 1")
+    choice("kind", kind, SCHEDULES)
+    whole("steps", steps, 1)
     if kind == "linear":
         beta = torch.linspace(1e-4, 0.02, steps, dtype=torch.float64) * (1000 / steps)
-    elif kind in CURVES:
+    else:
         curve = CURVES[kind](torch.arange(steps + 1, dtype=torch.float64) / steps)
         beta = 1 - curve[1:] / curve[:-1]
-    else:
-        raise ValueError(f"kind is {kind!r}; expected one of {', '.join(SCHEDULES)}")
     return torch.cumprod(1 - beta.clamp(0, 0.999), dim=0)
 
 
@@ -80,10 +94,8 @@ def ddim_indices(steps: int, subset: int, spacing: str = "leading") -> list[int]
     >>> ddim_indices(1000, 4), ddim_indices(1000, 4, "trailing")
     ([751, 501, 251, 1], [999, 749, 499, 249])
     """
-    if not 1 <= subset <= steps:
-        raise ValueError(f"subset is {subset}; expected 1 to {steps}")
-    if spacing not in ("leading", "trailing"):
-        raise ValueError(f"spacing is {spacing!r}; expected 'leading' or 'trailing'")
+    whole("subset", subset, 1, steps)
+    choice("spacing", spacing, ("leading", "trailing"))
     return [_index(i, steps, subset, spacing) for i in reversed(range(subset))]
 
 
@@ -127,21 +139,15 @@ def check_indices(name: str, schedule: str, steps: int, subset: int, spacing: st
         raise ValueError(f"{name} is {subset} of {steps}, spacing {spacing}: {told}; expected {expected}{other}")
 
 
-def _signal_noise(alpha_bar_t: Tensor | float, like: Tensor) -> tuple[Tensor, Tensor]:
+def _signal_noise(alpha_bar_t: Level, like: Tensor) -> tuple[Tensor, Tensor]:
     """sqrt(alpha_bar_t) and sqrt(1 - alpha_bar_t), trailing axes added so that they multiply `like`."""
     a = torch.as_tensor(alpha_bar_t, dtype=torch.float64)
     a = a.reshape(a.shape + (1,) * (like.ndim - a.ndim))
-    return _like(a.sqrt(), like), _like((1 - a).sqrt(), like)
+    signal, noise = (part.sqrt().to(like.dtype).to(like.device) for part in (a, 1 - a))  # not every device has float64
+    return signal, noise
 
 
-def _like(a: Tensor, like: Tensor) -> Tensor:
-    """In like's precision first, then on its device: not every device has float64."""
-    return a.to(like.dtype).to(like.device)
-
-
-def noised(
-    y: Float[Tensor, "... rows columns"], eps: Float[Tensor, "... rows columns"], alpha_bar_t: Tensor | float
-) -> Float[Tensor, "... rows columns"]:
+def noised(y: Coefficients, eps: Coefficients, alpha_bar_t: Level) -> Coefficients:
     """y_t = sqrt(alpha_bar_t) y + sqrt(1 - alpha_bar_t) eps: t forward steps at once (Sec. 3.2.2; Ho et al. 2020, Eq. 4).
 
     >>> y, eps = torch.ones(2, 3), torch.zeros(2, 3)
@@ -153,7 +159,7 @@ def noised(
     return signal * y + noise * eps
 
 
-def network_target(prediction: str, y: Tensor, eps: Tensor, alpha_bar_t: Tensor | float) -> Tensor:
+def network_target(prediction: str, y: Tensor, eps: Tensor, alpha_bar_t: Level) -> Tensor:
     """What the network should say: "eps" (Eq. 5), "y0" (the clean coefficients) or "v" (Salimans and Ho, 2022).
 
     Raises:
@@ -165,17 +171,14 @@ def network_target(prediction: str, y: Tensor, eps: Tensor, alpha_bar_t: Tensor 
     >>> round(float(network_target("v", y, eps, 0.36)), 3)  # 0.6 eps - 0.8 y
     0.4
     """
-    if prediction == "eps":
-        return eps
-    if prediction == "y0":
-        return y
+    choice("prediction", prediction, PREDICTIONS)
     if prediction == "v":
         signal, noise = _signal_noise(alpha_bar_t, y)
         return signal * eps - noise * y
-    raise ValueError(f"prediction is {prediction!r}; expected 'eps', 'y0' or 'v'")
+    return eps if prediction == "eps" else y
 
 
-def to_eps(prediction: str, output: Tensor, y_t: Tensor, alpha_bar_t: Tensor | float) -> Tensor:
+def to_eps(prediction: str, output: Tensor, y_t: Tensor, alpha_bar_t: Level) -> Tensor:
     """The noise that a network output of the given kind stands for.
 
     >>> y, eps = torch.ones(2, 3), torch.randn(2, 3)
@@ -183,17 +186,14 @@ def to_eps(prediction: str, output: Tensor, y_t: Tensor, alpha_bar_t: Tensor | f
     >>> torch.allclose(to_eps("v", output, noised(y, eps, 0.36), 0.36), eps, atol=1e-6)
     True
     """
+    choice("prediction", prediction, PREDICTIONS)
     if prediction == "eps":
         return output
     signal, noise = _signal_noise(alpha_bar_t, y_t)
-    if prediction == "y0":
-        return (y_t - signal * output) / noise
-    if prediction == "v":
-        return signal * output + noise * y_t
-    raise ValueError(f"prediction is {prediction!r}; expected 'eps', 'y0' or 'v'")
+    return (y_t - signal * output) / noise if prediction == "y0" else signal * output + noise * y_t
 
 
-def y0_hat_of(y_t: Tensor, eps: Tensor, alpha_bar_t: Tensor | float) -> Tensor:
+def y0_hat_of(y_t: Tensor, eps: Tensor, alpha_bar_t: Level) -> Tensor:
     """y0_hat = (y_t - sqrt(1 - alpha_bar_t) eps) / sqrt(alpha_bar_t).
 
     >>> y, eps = torch.ones(2, 3), torch.randn(2, 3)
@@ -204,7 +204,7 @@ def y0_hat_of(y_t: Tensor, eps: Tensor, alpha_bar_t: Tensor | float) -> Tensor:
     return (y_t - noise * eps) / signal
 
 
-def eps_of(y_t: Tensor, y0_hat: Tensor, alpha_bar_t: Tensor | float) -> Tensor:
+def eps_of(y_t: Tensor, y0_hat: Tensor, alpha_bar_t: Level) -> Tensor:
     """The noise that leads from y0_hat to y_t: the inverse of `y0_hat_of`.
 
     >>> y, eps = torch.ones(2, 3), torch.randn(2, 3)

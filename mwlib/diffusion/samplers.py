@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Sequence
+from functools import partial
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -15,6 +16,7 @@ from jaxtyping import Float
 from torch import Tensor
 
 from mwlib.diffusion.process import eps_of, noised, y0_hat_of
+from mwlib.settings import choice, whole
 
 
 class WindowNoise:
@@ -58,6 +60,8 @@ class WindowNoise:
 Denoise = Callable[[Tensor, int], Tensor]  # y_t, t -> eps
 OnEstimate = Callable[[Tensor], Tensor]  # y0_hat -> y0_hat
 AfterStep = Callable[[Tensor, float], Tensor]  # y, its alpha_bar -> y
+Schedule = Float[Tensor, " M"]  # alpha_bar of each index
+Draw = Callable[[], Tensor]  # the next noise
 
 
 class Step(NamedTuple):
@@ -97,12 +101,12 @@ def _estimate(
 def ddim(
     denoise: Denoise,
     y: Float[Tensor, "..."],
-    alpha_bar: Float[Tensor, " M"],
+    alpha_bar: Schedule,
     indices: Sequence[int],
     *,
     eta: float = 0.0,
     repeats: int = 1,
-    noise: Callable[[], Tensor] | None = None,
+    noise: Draw | None = None,
     on_y0_hat: OnEstimate | None = None,
     after_step: AfterStep | None = None,
 ) -> Iterator[Step]:
@@ -156,12 +160,12 @@ def ddim(
 def dpm_solver(
     denoise: Denoise,
     y: Float[Tensor, "..."],
-    alpha_bar: Float[Tensor, " M"],
+    alpha_bar: Schedule,
     indices: Sequence[int],
     *,
     levels: Sequence[float] | None = None,
     read_at: Literal["index", "level"] = "level",
-    noise: Callable[[], Tensor] | None = None,
+    noise: Draw | None = None,
     on_y0_hat: OnEstimate | None = None,
     after_step: AfterStep | None = None,
 ) -> Iterator[Step]:
@@ -195,8 +199,7 @@ def dpm_solver(
     >>> torch.allclose(last.y, clean, atol=1e-5)
     True
     """
-    if read_at not in ("index", "level"):
-        raise ValueError(f"read_at is {read_at!r}; expected 'index' or 'level'")
+    choice("read_at", read_at, ("index", "level"))
     h_last, last = 0.0, None  # length of the last step in lambda, and the clean estimate that it started from
     for t, a, a_prev in _levels(alpha_bar, indices, levels):
         y0_hat, eps = _estimate(denoise, y, t, a, on_y0_hat, float(alpha_bar[t]) if read_at == "index" else None)
@@ -224,18 +227,18 @@ def _half_log_snr(alpha_bar: float) -> float:
 def posterior_mean(
     denoise: Denoise,
     y: Float[Tensor, "..."],
-    alpha_bar: Float[Tensor, " M"],
+    alpha_bar: Schedule,
     indices: Sequence[int],
     *,
-    noise: Callable[[], Tensor] | None = None,
+    noise: Draw | None = None,
     on_y0_hat: OnEstimate | None = None,
     after_step: AfterStep | None = None,
 ) -> Iterator[Step]:
     """Eq. 6 taken literally, over any subset: y_prev = (y_t - (1-alpha)/sqrt(1-alpha_bar_t) eps) / sqrt(alpha).
 
     Source: MotionWavelet Eq. 6 and the last line of Algorithm 1, the DDPM mean. Its one-step ratio alpha_t is read
-    as alpha_bar_t / alpha_bar_prev, without which skipping indices is wrong. Own choice: `noise` adds DDPM's
-    posterior noise, which the paper leaves out.
+    as alpha_bar_t / alpha_bar_prev, without which skipping indices is wrong. With eps for the clean estimate it is the mean
+    of DDIM with eta = 1, and computed so. Own choice: `noise` adds DDPM's posterior noise, which the paper leaves out.
 
     Args:
         denoise, y, alpha_bar, indices, on_y0_hat, after_step: as in `ddim`.
@@ -247,21 +250,14 @@ def posterior_mean(
     >>> torch.allclose(last.y, clean, atol=1e-5)
     True
     """
-    for t, a, a_prev in _levels(alpha_bar, indices):
-        alpha = a / a_prev
-        y0_hat, eps = _estimate(denoise, y, t, a, on_y0_hat)
-        y = (y - (1 - alpha) / (1 - a) ** 0.5 * eps) / alpha**0.5
-        if noise is not None and a_prev < 1:
-            y = y + ((1 - a_prev) / (1 - a) * (1 - alpha)) ** 0.5 * noise()
-        if after_step is not None:
-            y = after_step(y, a_prev)
-        yield Step(t, y, y0_hat, eps)
+    draw = noise or partial(torch.zeros_like, y)
+    return ddim(denoise, y, alpha_bar, indices, eta=1.0, noise=draw, on_y0_hat=on_y0_hat, after_step=after_step)
 
 
 RHO = 7.0  # Karras et al. 2022, Sec. 3
 
 
-def karras_levels(alpha_bar: Float[Tensor, " M"], steps: int) -> list[tuple[int, float]]:
+def karras_levels(alpha_bar: Schedule, steps: int) -> list[tuple[int, float]]:
     """For each step the diffusion index that the network is told, and the alpha_bar of the state.
 
     Levels sigma = sqrt((1 - alpha_bar) / alpha_bar) go from the schedule's largest to its smallest, evenly in sigma^(1/7). They
@@ -282,8 +278,7 @@ def karras_levels(alpha_bar: Float[Tensor, " M"], steps: int) -> list[tuple[int,
     >>> [t for t, _ in karras_levels(alpha_bar("linear", 1000), 5)]
     [999, 843, 593, 142, 0]
     """
-    if steps < 1:
-        raise ValueError(f"steps is {steps}; expected at least 1")
+    whole("steps", steps, 1)
     a = alpha_bar.double().cpu().numpy()
     of_index = np.sqrt((1 - a) / a)
     sigma = np.linspace(of_index[-1] ** (1 / RHO), of_index[0] ** (1 / RHO), steps) ** RHO
@@ -294,10 +289,10 @@ def karras_levels(alpha_bar: Float[Tensor, " M"], steps: int) -> list[tuple[int,
 def sde_dpm_solver(
     denoise: Denoise,
     y: Float[Tensor, "..."],
-    alpha_bar: Float[Tensor, " M"],
+    alpha_bar: Schedule,
     steps: int,
     *,
-    noise: Callable[[], Tensor] | None,
+    noise: Draw | None,
     read_at: Literal["index", "level"] = "index",
     on_y0_hat: OnEstimate | None = None,
     after_step: AfterStep | None = None,
@@ -318,5 +313,5 @@ def sde_dpm_solver(
     True
     """
     indices, levels = zip(*karras_levels(alpha_bar, steps), strict=True)
-    shared = {"noise": noise, "on_y0_hat": on_y0_hat, "after_step": after_step}
-    return dpm_solver(denoise, y, alpha_bar, indices, levels=levels, read_at=read_at, **shared)
+    hooks = {"noise": noise, "on_y0_hat": on_y0_hat, "after_step": after_step}
+    return dpm_solver(denoise, y, alpha_bar, indices, levels=levels, read_at=read_at, **hooks)

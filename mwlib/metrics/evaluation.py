@@ -6,7 +6,8 @@ smoothness and the error's growth with the horizon are to be read beside the sam
 
 from __future__ import annotations
 
-from collections.abc import Callable, Hashable, Sequence
+from collections.abc import Hashable, Sequence
+from functools import partial
 from typing import Any
 
 import torch
@@ -14,19 +15,21 @@ from jaxtyping import Float, Int
 from torch import Tensor
 
 from mwlib.body.skeleton import Skeleton
-from mwlib.settings import Positive
+from mwlib.settings import Positive, choice
 
 from mwlib.metrics.prediction import (  # isort: skip
-    ERRORS, Metric, MultimodalFutures, Predictions, ade, by_action, check_shapes, cmd, fde, mean_ade, step_length,
+    ERRORS, Metric, MultimodalFutures, PerWindow, Predictions, Samples, Sets, Truths, ade, by_action, check_shapes, cmd, fde,
+    mean_ade, step_length,
 )  # fmt: skip
 from mwlib.metrics.table import Column, summary
 
 SPEED_SECONDS = 0.2  # speeds over shorter times measure a recording's noise
 HORIZONS = (0.2, 0.4, 1.0)  # seconds ahead at which errors are reported beside FDE
 BANDS = (0.5, 0.9)  # shares of the samples in whose middle the truth is looked for
+Past = Float[Tensor, "N H C"]  # the frames before
 
 
-def speed(p: Float[Tensor, "N S F C"], fps: Positive) -> Float[Tensor, " N"]:
+def speed(p: Samples, fps: Positive) -> PerWindow:
     """How fast a joint moves, m/s: mean over samples, joints and frames of the way in 0.2 s.
 
     Source: own choice.
@@ -44,7 +47,7 @@ def speed(p: Float[Tensor, "N S F C"], fps: Positive) -> Float[Tensor, " N"]:
     return (joints[:, :, step:] - joints[:, :, :-step]).norm(dim=-1).mean((1, 2, 3)) * fps / step
 
 
-def pose_change(p: Float[Tensor, "N S F C"]) -> Float[Tensor, " N"]:
+def pose_change(p: Samples) -> PerWindow:
     """How far the last predicted pose is from the first, metres over the C values; mean over samples.
 
     Source: own choice.
@@ -56,7 +59,7 @@ def pose_change(p: Float[Tensor, "N S F C"]) -> Float[Tensor, " N"]:
     return (p[:, :, -1] - p[:, :, 0]).norm(dim=-1).mean(1)
 
 
-def jerk(p: Float[Tensor, "N S F C"], fps: Positive) -> Float[Tensor, " N"]:
+def jerk(p: Samples, fps: Positive) -> PerWindow:
     """Third derivative of a joint's place, m/s³: mean length over samples, joints and frames of the third difference.
 
     Source: own choice; Flash and Hogan, 1985, take it as the measure of smoothness.
@@ -72,7 +75,7 @@ def jerk(p: Float[Tensor, "N S F C"], fps: Positive) -> Float[Tensor, " N"]:
     return _jerks(p, fps).mean((1, 2, 3))
 
 
-def median_jerk(p: Float[Tensor, "N S F C"], fps: Positive) -> Float[Tensor, " N"]:
+def median_jerk(p: Samples, fps: Positive) -> PerWindow:
     """The median over frames of the jerk there, m/s³: a twitch at one end does not make up for a stiff middle.
 
     Source: own choice, as `jerk`.
@@ -84,7 +87,7 @@ def median_jerk(p: Float[Tensor, "N S F C"], fps: Positive) -> Float[Tensor, " N
     return _jerks(p, fps).mean((1, 3)).median(dim=1).values
 
 
-def seam_jerk(p: Float[Tensor, "N S F C"], x_history: Float[Tensor, "N H C"], fps: Positive) -> Float[Tensor, " N"]:
+def seam_jerk(p: Samples, x_history: Past, fps: Positive) -> PerWindow:
     """Jerk where the future begins, m/s³: the largest of the three third differences that straddle it, each a mean over samples
     and joints.
 
@@ -108,7 +111,7 @@ def seam_jerk(p: Float[Tensor, "N S F C"], x_history: Float[Tensor, "N H C"], fp
     return _jerks(around, fps).mean((1, 3)).amax(1)
 
 
-def first_step(p: Float[Tensor, "N S F C"], x_history: Float[Tensor, "N H C"]) -> Float[Tensor, " N"]:
+def first_step(p: Samples, x_history: Past) -> PerWindow:
     """How far a joint of the first predicted frame is from where its last observed step would take it, metres.
 
     Source: own choice; mean over samples and joints.
@@ -121,18 +124,18 @@ def first_step(p: Float[Tensor, "N S F C"], x_history: Float[Tensor, "N H C"]) -
     return (p[:, :, 0] - (2 * last - before)[:, None]).unflatten(-1, (-1, 3)).norm(dim=-1).mean((1, 2))
 
 
-def _jerks(p: Float[Tensor, "N S F C"], fps: float) -> Float[Tensor, "N S _F J"]:
+def _jerks(p: Samples, fps: float) -> Float[Tensor, "N S _F J"]:
     """Of each joint between four neighbouring frames, m/s³."""
     return p.unflatten(-1, (-1, 3)).diff(n=3, dim=2).norm(dim=-1) * fps**3
 
 
-def _last(x_history: Float[Tensor, "N H C"], frames: int) -> Float[Tensor, "N _frames C"]:
+def _last(x_history: Past, frames: int) -> Float[Tensor, "N _frames C"]:
     if x_history.shape[1] < frames:
         raise ValueError(f"{x_history.shape[1]} frames are observed; expected at least {frames}")
     return x_history[:, -frames:]
 
 
-def error_at(p: Float[Tensor, "N S F C"], g: Float[Tensor, "N F C"], fps: Positive, seconds: float) -> Float[Tensor, " N"]:
+def error_at(p: Samples, g: Truths, fps: Positive, seconds: float) -> PerWindow:
     """Error of the best sample at one time ahead, metres over the C values: `fde`, had the prediction ended there.
 
     Raises:
@@ -148,7 +151,7 @@ def error_at(p: Float[Tensor, "N S F C"], g: Float[Tensor, "N F C"], fps: Positi
     return fde(p[:, :, :frame], g[:, :frame])
 
 
-def coverage(p: Float[Tensor, "N S F C"], g: Float[Tensor, "N F C"], share: float) -> Float[Tensor, " N"]:
+def coverage(p: Samples, g: Truths, share: float) -> PerWindow:
     """How often a coordinate of the truth lies in the middle `share` of the samples; NaN for a single sample.
 
     The truth's rank among S samples stands for an interval of length 1/(S+1); what counts is how much of it lies in the band.
@@ -180,41 +183,24 @@ def _step(fps: float) -> int:
     return max(round(SPEED_SECONDS * fps), 1)
 
 
-def _timed(
-    heading: str, of: Callable[[Predictions], Tensor], fewest: Callable[[float], int], better: str = "", scale: float = 1.0
-) -> Metric:
-    """A metric of futures at a known rate that have so many frames or more; 0: such a rate has none."""
-    return Metric(Column(heading, better, scale), of, lambda frames, fps, _: fps > 0 and 1 <= fewest(fps) <= frames)
-
-
-REALISM = {
-    "speed": _timed("speed (m/s)", lambda w: speed(w.p, w.fps), lambda fps: _step(fps) + 1),
-    "pose_change": _timed("change of pose (m)", lambda w: pose_change(w.p), lambda _: 1),
-    "jerk": _timed("jerk (m/s³)", lambda w: jerk(w.p, w.fps), lambda _: 4),
-    "median_jerk": _timed("jerk of the median frame (m/s³)", lambda w: median_jerk(w.p, w.fps), lambda _: 4),
+REALISM = {  # of futures at a known rate
+    "speed": Metric(Column("speed (m/s)"), speed, lambda fps: _step(fps) + 1),
+    "pose_change": Metric(Column("change of pose (m)"), pose_change),
+    "jerk": Metric(Column("jerk (m/s³)"), jerk, lambda _: 4),
+    "median_jerk": Metric(Column("jerk of the median frame (m/s³)"), median_jerk, lambda _: 4),
     **{
-        f"error_{s:g}s": _timed(
-            f"error at {s:g} s", lambda w, s=s: error_at(w.p, w.g, w.fps, s), lambda fps, s=s: round(s * fps), "lower"
+        f"error_{s:g}s": Metric(
+            Column(f"error at {s:g} s", "lower"), partial(error_at, seconds=s), lambda fps, s=s: round(s * fps)
         )
         for s in HORIZONS
     },
-    **{
-        f"coverage_{share:g}": _timed(f"inside {100 * share:g} %", lambda w, share=share: coverage(w.p, w.g, share), lambda _: 1)
-        for share in BANDS
-    },
+    **{f"coverage_{share:g}": Metric(Column(f"inside {100 * share:g} %"), partial(coverage, share=share)) for share in BANDS},
 }
-
-
-def _seen(w: Predictions) -> Tensor:
-    assert w.history is not None  # a table without it has no such column
-    return w.history
-
-
-SEAM = {  # of futures whose past is known
-    "seam_jerk": _timed("jerk where it begins (m/s³)", lambda w: seam_jerk(w.p, _seen(w), w.fps), lambda _: 4),
-    "first_step": _timed("first frame from steady motion (mm)", lambda w: first_step(w.p, _seen(w)), lambda _: 1, scale=1000.0),
-    "average_ade": _timed("ADE of the average sample", lambda w: mean_ade(w.p, w.g), lambda _: 1, "lower"),
-    "ade_of_mean": _timed("ADE of the samples' mean", lambda w: ade(w.p.mean(1, keepdim=True), w.g), lambda _: 1, "lower"),
+SEAM = {  # of those whose past is known, too
+    "seam_jerk": Metric(Column("jerk where it begins (m/s³)"), seam_jerk, lambda _: 4),
+    "first_step": Metric(Column("first frame from steady motion (mm)", scale=1000.0), first_step),
+    "average_ade": Metric(Column("ADE of the average sample", "lower"), mean_ade),
+    "ade_of_mean": Metric(Column("ADE of the samples' mean", "lower"), lambda p, g: ade(p.mean(1, keepdim=True), g)),
 }
 
 MM_SINGLETONS = ("keep", "skip_all", "skip_mm")
@@ -252,16 +238,15 @@ class MetricTable:
 
     def __init__(
         self,
-        gs: Sequence[Float[Tensor, "_M F C"]],
+        gs: Sets,
         actions: Sequence[Hashable] | None = None,
         skeleton: Skeleton | None = None,
         mm_singletons: str = "keep",
         fps: float | None = None,
         clips: Sequence[Hashable] | None = None,
-        history: Float[Tensor, "N H C"] | None = None,
+        history: Past | None = None,
     ) -> None:
-        if mm_singletons not in MM_SINGLETONS:
-            raise ValueError(f"mm_singletons is {mm_singletons!r}; expected one of {', '.join(MM_SINGLETONS)}")
+        choice("mm_singletons", mm_singletons, MM_SINGLETONS)
         if actions is not None and len(actions) != len(gs):
             raise ValueError(f"{len(actions)} actions for {len(gs)} windows; expected one each")
         self.gs, self.skeleton, self.fps, self.mm_singletons = MultimodalFutures.of(gs), skeleton, fps or 0.0, mm_singletons
@@ -269,8 +254,10 @@ class MetricTable:
         self.clips = list(range(len(gs))) if clips is None else list(clips)
         frames = self.gs.futures.shape[1]
         self.history = history
-        offered = ERRORS | REALISM | (SEAM if history is not None else {})
-        self.metrics = {name: m for name, m in offered.items() if m.fits(frames, self.fps, skeleton)}
+        offered = ERRORS | (REALISM if fps else {}) | (SEAM if fps and history is not None else {})
+        if skeleton is None:
+            del offered["bone_length_jitter"]
+        self.metrics = {name: m for name, m in offered.items() if 1 <= m.fewest(self.fps) <= frames}
         self.values = {name: torch.full((len(gs),), torch.nan, dtype=torch.float64) for name in self.metrics}
         self._steps = torch.full((2, len(gs), frames - 1), torch.nan, dtype=torch.float64)
 
@@ -295,10 +282,10 @@ class MetricTable:
         for the windows of each action.
         """
         alone = self.gs.sizes == 1
-        counted = self.values["apd"].isfinite() & ~(alone if self.mm_singletons == "skip_all" else torch.zeros_like(alone))
+        counted = self.values["apd"].isfinite() & ~(alone & (self.mm_singletons == "skip_all"))
         rows = counted.nonzero()[:, 0].tolist()
         actions = [self.actions[i] for i in rows]
-        hidden = alone if self.mm_singletons == "skip_mm" else torch.zeros_like(alone)
+        hidden = alone & (self.mm_singletons == "skip_mm")
         kept = {k: v.masked_fill(hidden, torch.nan)[rows] if k.startswith("mm") else v[rows] for k, v in self.values.items()}
         predicted, truth = self._steps[:, rows]
         clips = [self.clips[i] for i in rows]

@@ -18,15 +18,16 @@ from torch import Tensor
 from mwlib.body.kinematics import bones_of, horizontal
 from mwlib.body.rotation import continuous
 from mwlib.body.skeleton import Skeleton
-from mwlib.metrics.prediction import sample_ade
-from mwlib.settings import Positive
+from mwlib.metrics.prediction import PerWindow, Samples, Truths, sample_ade
+from mwlib.settings import Positive, choice
 
-POWERS = ("real", "magnitude")
+Moving = Float[Tensor, "*lead T C"]
+PerMotion = Float[Tensor, "*lead"]
+Frames = Float[Tensor, "*#lead F C"]  # of predictions or of truths, whose leading axes broadcast
+Turns = Float[Tensor, "*#lead F J 4"]
 
 
-def l2p(
-    p: Float[Tensor, "*#lead F C"], g: Float[Tensor, "*#lead F C"], mean: Float[Tensor, " C"], deviation: Float[Tensor, " C"]
-) -> Float[Tensor, "*lead"]:
+def l2p(p: Frames, g: Frames, mean: Float[Tensor, " C"], deviation: Float[Tensor, " C"]) -> PerMotion:
     """Global position error of each sequence: mean over frames of ‖z(p_t) - z(g_t)‖, z(x) = (x - mean) / deviation.
 
     The norm is that of all C numbers of a pose at once, not a mean over joints. No unit: that of the positions cancels.
@@ -56,9 +57,7 @@ def l2p(
     return torch.linalg.vector_norm((p - mean) / deviation - (g - mean) / deviation, dim=-1).mean(-1)
 
 
-def l2q(
-    p: Float[Tensor, "*#lead F J 4"], g: Float[Tensor, "*#lead F J 4"], start: Float[Tensor, "*#lead J 4"] | None = None
-) -> Float[Tensor, "*lead"]:
+def l2q(p: Turns, g: Turns, start: Float[Tensor, "*#lead J 4"] | None = None) -> PerMotion:
     """Global rotation error of each sequence: mean over frames of the norm of all 4J differences of quaternions.
 
     A quaternion and its negative are one turn, but far-apart numbers. The benchmark's code leaves signs as they are, which
@@ -87,7 +86,7 @@ def l2q(
     return torch.linalg.vector_norm((p - g).flatten(-2), dim=-1).mean(-1)
 
 
-def continued(q: Float[Tensor, "*#lead F J 4"], start: Float[Tensor, "*#lead J 4"]) -> Float[Tensor, "*lead F J 4"]:
+def continued(q: Turns, start: Float[Tensor, "*#lead J 4"]) -> Float[Tensor, "*lead F J 4"]:
     """The same turns with signs such that no quaternion lies opposite to the one before, the first not to `start`.
 
     Source: the evaluation of the Δ-interpolator (Oreshkin et al., 2022): the frame before is put in front, signs are made
@@ -132,12 +131,11 @@ class NPSS:
     """
 
     def __init__(self, power: str = "real") -> None:
-        if power not in POWERS:
-            raise ValueError(f"power is {power!r}; expected one of {', '.join(POWERS)}")
+        choice("power", power, ("real", "magnitude"))
         self.power = power
         self._weighted, self._weight = 0.0, 0.0
 
-    def update(self, p: Float[Tensor, "*#lead F C"], g: Float[Tensor, "*#lead F C"]) -> None:
+    def update(self, p: Frames, g: Frames) -> None:
         """Add sequences: predictions, and their truths. Quaternions are flattened, `q.flatten(-2)`, their signs continuous.
 
         Raises:
@@ -163,7 +161,7 @@ class NPSS:
         return power.cumsum(-2) / torch.where(total > 0, total, 1.0)[..., None, :], total
 
 
-def npss(p: Float[Tensor, "*#lead F C"], g: Float[Tensor, "*#lead F C"], power: str = "real") -> float:
+def npss(p: Frames, g: Frames, power: str = "real") -> float:
     """`NPSS` of one batch that holds all sequences.
 
     Raises:
@@ -194,16 +192,14 @@ def check_pair(p: Tensor, g: Tensor, axes: int) -> None:
         torch.broadcast_shapes(p.shape, g.shape)
     except RuntimeError:
         raise ValueError(f"p has shape {tuple(p.shape)} and g {tuple(g.shape)}; expected as many sequences in both") from None
-    for name, x in (("p", p), ("g", g)):
-        if not x.isfinite().all():
-            first = (~x.isfinite()).nonzero()[0].tolist()
-            raise ValueError(f"{name} is not finite at {first}; expected finite numbers")
+    _check_finite("p", p)
+    _check_finite("g", g)
 
 
 CONTACT_HEIGHT = 0.05  # metres above the floor below which a foot is said to stand
 
 
-def seam_ratio(x: Float[Tensor, "*lead T C"]) -> Float[Tensor, "*lead"]:
+def seam_ratio(x: Moving) -> PerMotion:
     """How much a motion jumps beside its two keyframes: mean of its first and last step over its mean step between.
 
     A step is ‖x_t+1 - x_t‖ over all C values. About 1 for recorded motion, much more where keyframes were only pasted. Standing
@@ -223,9 +219,7 @@ def seam_ratio(x: Float[Tensor, "*lead T C"]) -> Float[Tensor, "*lead"]:
     return (step[..., 0] + step[..., -1]) / 2 / step[..., 1:-1].mean(-1)
 
 
-def keyframe_error(
-    p: Float[Tensor, "*#lead T C"], g: Float[Tensor, "*#lead T C"], keyframes: Sequence[int]
-) -> Float[Tensor, "*lead"]:
+def keyframe_error(p: Float[Tensor, "*#lead T C"], g: Float[Tensor, "*#lead T C"], keyframes: Sequence[int]) -> PerMotion:
     """How far a motion is from its keyframes, metres: the largest distance of a joint over the given frames.
 
     Source: own choice; 0 where keyframes are met exactly.
@@ -250,7 +244,7 @@ def keyframe_error(
     return (_joints(p)[..., picked, :, :] - _joints(g)[..., picked, :, :]).norm(dim=-1).amax((-2, -1))
 
 
-def path_length(path: Float[Tensor, "*lead T axes"]) -> Float[Tensor, "*lead"]:
+def path_length(path: Float[Tensor, "*lead T axes"]) -> PerMotion:
     """Length of a path, metres: sum of the distances from frame to frame.
 
     Source: own choice. Of the root's two horizontal coordinates it is the way gone; of all three the bobbing counts, too.
@@ -300,14 +294,14 @@ def foot_contacts(
 
 
 def foot_skate(
-    x: Float[Tensor, "*lead T C"],
+    x: Moving,
     feet: Sequence[int],
     fps: Positive,
     *,
     up: str = "z",
     floor: float = 0.0,
     height: float = CONTACT_HEIGHT,
-) -> Float[Tensor, "*lead"]:
+) -> PerMotion:
     """How fast feet slide while they stand, m/s: mean horizontal speed of those in contact, NaN if none ever is.
 
     A foot is in contact as `foot_contacts` has it, however fast it is. A speed in m/s does not depend on the frame rate.
@@ -339,9 +333,7 @@ def foot_skate(
     return (speed * stands).sum((-2, -1)) / stands.sum((-2, -1))
 
 
-def bone_length_error(
-    x: Float[Tensor, "*lead T C"], lengths: Float[Tensor, "*#lead bones"], skeleton: Skeleton
-) -> Float[Tensor, "*lead"]:
+def bone_length_error(x: Moving, lengths: Float[Tensor, "*#lead bones"], skeleton: Skeleton) -> PerMotion:
     """How far bones are from their lengths, metres: mean over bones and frames of |length - given length|.
 
     Source: own choice; the unsquared form of the bone-length loss of FreqDiffusionBridge (2026). Zero for forward kinematics.
@@ -366,9 +358,7 @@ def bone_length_error(
     return (bones.norm(dim=-1) - lengths.to(x)[..., None, :]).abs().mean((-2, -1))
 
 
-def nearer_share(
-    p: Float[Tensor, "N S F C"], g: Float[Tensor, "N F C"], reference: Float[Tensor, "N F C"]
-) -> Float[Tensor, " N"]:
+def nearer_share(p: Samples, g: Truths, reference: Truths) -> PerWindow:
     """Share of the samples that are nearer to the truth than another motion is, in the distance of `ade`; ties do not count.
 
     Source: own choice. The minimum of `ade` over samples falls with their number; this does not.
@@ -386,7 +376,7 @@ def nearer_share(
     return (sample_ade(p, g) < sample_ade(reference[:, None], g)).to(p).mean(1)
 
 
-def _joints(x: Float[Tensor, "*lead T C"]) -> Float[Tensor, "*lead T J 3"]:
+def _joints(x: Moving) -> Float[Tensor, "*lead T J 3"]:
     if x.shape[-1] % 3:
         raise ValueError(f"{x.shape[-1]} numbers per frame; expected a multiple of 3")
     return x.unflatten(-1, (-1, 3))
@@ -395,5 +385,9 @@ def _joints(x: Float[Tensor, "*lead T C"]) -> Float[Tensor, "*lead T J 3"]:
 def _check(x: Tensor, frames: int) -> None:
     if x.ndim < 2 or x.shape[-2] < frames:
         raise ValueError(f"shape is {tuple(x.shape)}; expected (..., frames, numbers) with at least {frames} frames")
+    _check_finite("x", x)
+
+
+def _check_finite(name: str, x: Tensor) -> None:
     if not x.isfinite().all():
-        raise ValueError(f"not finite at {(~x.isfinite()).nonzero()[0].tolist()}; expected finite metres")
+        raise ValueError(f"{name} is not finite at {(~x.isfinite()).nonzero()[0].tolist()}; expected finite numbers")

@@ -6,9 +6,10 @@ Euclidean norm of its C = 3J values, not a mean over joints: with 16 joints, num
 
 from __future__ import annotations
 
+import inspect
 from collections.abc import Callable, Hashable, Sequence
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import torch
 from jaxtyping import Float, Int
@@ -18,6 +19,11 @@ from mwlib.body.kinematics import bones_of
 from mwlib.body.skeleton import Skeleton
 from mwlib.metrics.table import Column
 from mwlib.settings import of_kind
+
+Samples = Float[Tensor, "N S F C"]  # predictions, S of each window
+Truths = Float[Tensor, "N F C"]
+PerWindow = Float[Tensor, " N"]
+Sets = Sequence[Float[Tensor, "_M F C"]]  # multimodal sets, one of each window
 
 
 @dataclass(frozen=True)
@@ -32,7 +38,7 @@ class MultimodalFutures(Sequence):
         ValueError: a set is empty; the message names the window.
     """
 
-    futures: Float[Tensor, "N F C"]
+    futures: Truths
     members: Sequence[Int[Tensor, " _M"]]
 
     def __post_init__(self) -> None:
@@ -41,7 +47,7 @@ class MultimodalFutures(Sequence):
                 raise ValueError(f"multimodal set of window {i} is empty; expected at least the window itself")
 
     @classmethod
-    def of(cls, gs: Sequence[Float[Tensor, "_M F C"]]) -> MultimodalFutures:
+    def of(cls, gs: Sets) -> MultimodalFutures:
         """The same for sets that are already tensors, one for each window.
 
         Raises:
@@ -70,7 +76,7 @@ class MultimodalFutures(Sequence):
 
 
 def multimodal_futures(
-    last: Float[Tensor, "N C"], futures: Float[Tensor, "N F C"], threshold: float = 0.5, *, chunk: int = 512
+    last: Float[Tensor, "N C"], futures: Truths, threshold: float = 0.5, *, chunk: int = 512
 ) -> MultimodalFutures:
     """Futures of all windows whose last observed pose is close: ‖last_j - last_i‖ < threshold, i itself included.
 
@@ -103,7 +109,7 @@ def multimodal_futures(
     return MultimodalFutures(futures, members)
 
 
-def multimodal_apd(gs: MultimodalFutures, *, chunk: int = 512) -> Float[Tensor, " N"]:
+def multimodal_apd(gs: MultimodalFutures, *, chunk: int = 512) -> PerWindow:
     """APD of each multimodal set, metres; 0 for a set of one. Holds an N×N matrix of the sequence distances.
 
     Source: BeLFusion (Barquero et al., 2023). Known answer for a correct Human3.6M file at 0.5 m: mean 7.971, or 8.085
@@ -138,7 +144,7 @@ _TILE = 16  # members of a multimodal set that share one copy of the samples
 _BUDGET = 2**23  # numbers held at once, 32 MiB in float32
 
 
-def apd(p: Float[Tensor, "N S F C"]) -> Float[Tensor, " N"]:
+def apd(p: Samples) -> PerWindow:
     """Average pairwise distance, metres over all F·C values of a sequence (no mean over time); 0 when S is 1.
 
     Mean over the S(S-1)/2 unordered pairs of ‖vec(p_a) - vec(p_b)‖. Source: DLow (Yuan and Kitani, 2020).
@@ -155,7 +161,7 @@ def apd(p: Float[Tensor, "N S F C"]) -> Float[Tensor, " N"]:
     return torch.stack([torch.pdist(samples).sum() / pairs for samples in p.flatten(2)]) if len(p) else p.new_zeros(0)
 
 
-def ade(p: Float[Tensor, "N S F C"], g: Float[Tensor, "N F C"]) -> Float[Tensor, " N"]:
+def ade(p: Samples, g: Truths) -> PerWindow:
     """Average displacement error of the best sample, metres over the C values of a frame: min_s mean_t ‖p_s,t - g_t‖.
 
     Source: DLow (Yuan and Kitani, 2020).
@@ -170,7 +176,7 @@ def ade(p: Float[Tensor, "N S F C"], g: Float[Tensor, "N F C"]) -> Float[Tensor,
     return sample_ade(p, g).amin(1)
 
 
-def mean_ade(p: Float[Tensor, "N S F C"], g: Float[Tensor, "N F C"]) -> Float[Tensor, " N"]:
+def mean_ade(p: Samples, g: Truths) -> PerWindow:
     """ADE of a sample drawn blindly, metres: mean over the samples where `ade` takes the smallest.
 
     It does not fall with the number of samples. Source: own choice; the other reading where a paper says "ADE" only.
@@ -184,7 +190,7 @@ def mean_ade(p: Float[Tensor, "N S F C"], g: Float[Tensor, "N F C"]) -> Float[Te
     return sample_ade(p, g).mean(1)
 
 
-def sample_ade(p: Float[Tensor, "N S F C"], g: Float[Tensor, "N F C"]) -> Float[Tensor, "N S"]:
+def sample_ade(p: Samples, g: Truths) -> Float[Tensor, "N S"]:
     """Average displacement error of each sample, metres over the C values of a frame: mean_t ‖p_s,t - g_t‖.
 
     Raises:
@@ -194,7 +200,7 @@ def sample_ade(p: Float[Tensor, "N S F C"], g: Float[Tensor, "N F C"]) -> Float[
     return torch.linalg.vector_norm(p - g[:, None], dim=-1).mean(-1)
 
 
-def fde(p: Float[Tensor, "N S F C"], g: Float[Tensor, "N F C"]) -> Float[Tensor, " N"]:
+def fde(p: Samples, g: Truths) -> PerWindow:
     """Final displacement error, metres: min_s ‖p_s,F - g_F‖; the best sample may differ from that of `ade`.
 
     Source: DLow (Yuan and Kitani, 2020).
@@ -209,7 +215,7 @@ def fde(p: Float[Tensor, "N S F C"], g: Float[Tensor, "N F C"]) -> Float[Tensor,
     return ade(p[:, :, -1:], g[:, -1:])
 
 
-def mmade(p: Float[Tensor, "N S F C"], gs: Sequence[Float[Tensor, "_M F C"]]) -> Float[Tensor, " N"]:
+def mmade(p: Samples, gs: Sets) -> PerWindow:
     """Multimodal ADE, metres: mean over the futures g' in a window's set of (min_s mean_t ‖p_s,t - g'_t‖).
 
     Args:
@@ -234,7 +240,7 @@ def mmade(p: Float[Tensor, "N S F C"], gs: Sequence[Float[Tensor, "_M F C"]]) ->
     return _mean_best_error(p, sets)
 
 
-def mmfde(p: Float[Tensor, "N S F C"], gs: Sequence[Float[Tensor, "_M F C"]]) -> Float[Tensor, " N"]:
+def mmfde(p: Samples, gs: Sets) -> PerWindow:
     """Multimodal FDE, metres: as `mmade`, on the last frame alone.
 
     Raises:
@@ -249,7 +255,7 @@ def mmfde(p: Float[Tensor, "N S F C"], gs: Sequence[Float[Tensor, "_M F C"]]) ->
     return mmade(p[:, :, -1:], MultimodalFutures(sets.futures[:, -1:], sets.members))
 
 
-def apde(predicted: Float[Tensor, " N"], multimodal: Float[Tensor, " N"]) -> Float[Tensor, ""]:
+def apde(predicted: PerWindow, multimodal: PerWindow) -> Float[Tensor, ""]:
     """APD error, metres: mean of |APD - APD of the multimodal set| over the windows where the latter is not 0.
 
     Args:
@@ -264,7 +270,7 @@ def apde(predicted: Float[Tensor, " N"], multimodal: Float[Tensor, " N"]) -> Flo
     return (predicted - multimodal)[multimodal > 0].abs().mean()
 
 
-def step_length(p: Float[Tensor, "N S F C"]) -> Float[Tensor, "N F-1"]:
+def step_length(p: Samples) -> Float[Tensor, "N F-1"]:
     """Path that a joint covers from each frame to the next, metres, mean over samples and joints; needs F >= 2.
 
     The jump from the last observed frame is not included. Source: M_c,t of BeLFusion's CMD, per window.
@@ -298,7 +304,7 @@ def cmd(predicted: Float[Tensor, "N steps"], truth: Float[Tensor, "N steps"], ac
     return total / len(predicted)
 
 
-def bone_length_jitter(p: Float[Tensor, "N S F C"], skeleton: Skeleton) -> Float[Tensor, " N"]:
+def bone_length_jitter(p: Samples, skeleton: Skeleton) -> PerWindow:
     """Change of a bone's length from frame to frame, metres: mean over bones, frames and samples of |l_t+1 - l_t|.
 
     0 for a rigid body. The dropped root is put back at the origin. Source: own choice, after the realism metrics of
@@ -363,29 +369,30 @@ class Predictions(NamedTuple):
 
     p: Float[Tensor, "n S F C"]
     g: Float[Tensor, "n F C"]
-    sets: MultimodalFutures
-    skeleton: Any  # a Skeleton, or None; `Metric.fits` has seen it
+    gs: MultimodalFutures
+    skeleton: Skeleton | None
     fps: float  # 0 = unknown
-    history: Float[Tensor, "n H C"] | None = None  # the frames before, where they are known
+    x_history: Float[Tensor, "n H C"] | None  # the frames before
 
 
 class Metric(NamedTuple):
-    """A metric of a test set: its column, its function, and whether futures of (frames, fps, skeleton) have it."""
+    """A metric of a test set: its column, its function, and the fewest frames that it needs at a rate; 0: it has none there."""
 
     column: Column
-    of: Callable[[Predictions], Tensor]
-    fits: Callable[[int, float, Skeleton | None], bool] = lambda frames, fps, skeleton: True
+    function: Callable[..., Tensor]  # of fields of `Predictions`, which its arguments are named after
+    fewest: Callable[[float], int] = lambda fps: 1
+
+    def of(self, windows: Predictions) -> PerWindow:
+        """The metric of each window."""
+        wanted = inspect.signature(self.function).parameters
+        return self.function(**{name: value for name, value in windows._asdict().items() if name in wanted})
 
 
 ERRORS = {
-    "apd": Metric(Column("APD"), lambda w: apd(w.p)),
-    "ade": Metric(Column("ADE", "lower"), lambda w: ade(w.p, w.g)),
-    "fde": Metric(Column("FDE", "lower"), lambda w: fde(w.p, w.g)),
-    "mmade": Metric(Column("MMADE", "lower"), lambda w: mmade(w.p, w.sets)),
-    "mmfde": Metric(Column("MMFDE", "lower"), lambda w: mmfde(w.p, w.sets)),
-    "bone_length_jitter": Metric(
-        Column("bone jitter (mm)", scale=1000.0),
-        lambda w: bone_length_jitter(w.p, w.skeleton),
-        lambda frames, fps, skeleton: skeleton is not None,
-    ),
+    "apd": Metric(Column("APD"), apd),
+    "ade": Metric(Column("ADE", "lower"), ade),
+    "fde": Metric(Column("FDE", "lower"), fde),
+    "mmade": Metric(Column("MMADE", "lower"), mmade),
+    "mmfde": Metric(Column("MMFDE", "lower"), mmfde),
+    "bone_length_jitter": Metric(Column("bone jitter (mm)", scale=1000.0), bone_length_jitter),
 }

@@ -53,11 +53,10 @@ def clustered_error(values: Float[np.ndarray, " N"], clusters: Sequence[Hashable
     if len(values) != len(clusters):
         raise ValueError(f"{len(values)} values of {len(clusters)} clusters; expected one each")
     kept = np.isfinite(values)
-    names = {name: i for i, name in enumerate(dict.fromkeys(c for c, k in zip(clusters, kept, strict=True) if k))}
+    found, names = values[kept], {}
+    number = [names.setdefault(cluster, len(names)) for cluster, k in zip(clusters, kept, strict=True) if k]
     if len(names) < 2:
         return float("nan")
-    found = values[kept]
-    number = [names[c] for c, k in zip(clusters, kept, strict=True) if k]
     totals = np.bincount(number, found - found.mean())
     return float(np.sqrt(len(names) / (len(names) - 1) * (totals**2).sum()) / len(found))
 

@@ -12,8 +12,10 @@ import torch
 from jaxtyping import Float, Int
 from torch import Tensor
 
+Embeddings = Float[Tensor, "N E"]
 
-def fid(a: Float[Tensor, "N E"], b: Float[Tensor, "M E"]) -> float:
+
+def fid(a: Embeddings, b: Float[Tensor, "M E"]) -> float:
     """Fréchet distance of two Gaussians: ‖μ_a - μ_b‖² + tr(S_a + S_b - 2 (S_a S_b)^½), covariances with n - 1.
 
     Source: Guo et al. 2022 and its code; Free-T2M, Eq. 51, has the wrong sign before the trace. Own choice: no root of a matrix
@@ -39,15 +41,15 @@ def fid(a: Float[Tensor, "N E"], b: Float[Tensor, "M E"]) -> float:
     return float((mean_a - mean_b).square().sum() + root_a.square().sum() + root_b.square().sum() - 2 * shared)
 
 
-def _gaussian(x: Float[Tensor, "N E"]) -> tuple[Float[Tensor, " E"], Float[Tensor, "R E"]]:
+def _gaussian(x: Embeddings) -> tuple[Float[Tensor, " E"], Float[Tensor, "R E"]]:
     """Mean, and a root of the covariance: RᵀR is the covariance."""
     mean = x.mean(0)
     return mean, torch.linalg.qr((x - mean) / (len(x) - 1) ** 0.5, mode="r").R
 
 
 def r_precision(
-    text: Float[Tensor, "N E"],
-    motion: Float[Tensor, "N E"],
+    text: Embeddings,
+    motion: Embeddings,
     pool: int = 32,
     generator: torch.Generator | None = None,
     top: int = 3,
@@ -87,7 +89,7 @@ def r_precision(
     return (rank[..., None] < torch.arange(1, top + 1)).double().mean((0, 1))
 
 
-def mm_dist(text: Float[Tensor, "N E"], motion: Float[Tensor, "N E"]) -> float:
+def mm_dist(text: Embeddings, motion: Embeddings) -> float:
     """Mean distance of a motion to its text, also called matching score.
 
     Source: Guo et al. 2022.
@@ -106,7 +108,7 @@ def mm_dist(text: Float[Tensor, "N E"], motion: Float[Tensor, "N E"]) -> float:
 
 
 def diversity(
-    x: Float[Tensor, "N E"],
+    x: Embeddings,
     pairs: int = 300,
     generator: torch.Generator | None = None,
     chosen: Int[Tensor, "2 P"] | None = None,

@@ -5,12 +5,15 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from contextlib import contextmanager, nullcontext
-from typing import Literal
+from typing import Literal, TypeVar
 
 import torch
 from jaxtyping import Bool, Float, Int
 from torch import Tensor, nn
 from torch.nn import functional as F
+
+Tokens = Float[Tensor, "B L width"]
+Layer = TypeVar("Layer", bound=nn.Module)
 
 
 class Dropout(nn.Module):
@@ -38,12 +41,42 @@ class Dropout(nn.Module):
         return x * kept.to(x.dtype).mul_(256 / (256 - self.dropped))
 
 
-def zero_linear(inputs: int, outputs: int) -> nn.Linear:
+def zeroed(layer: Layer) -> Layer:
     """A layer that says zero before it is trained."""
-    layer = nn.Linear(inputs, outputs)
-    nn.init.zeros_(layer.weight)
-    nn.init.zeros_(layer.bias)
+    for parameter in layer.parameters():
+        nn.init.zeros_(parameter)
     return layer
+
+
+def zero_linear(inputs: int, outputs: int) -> nn.Linear:
+    """A linear layer that says zero before it is trained."""
+    return zeroed(nn.Linear(inputs, outputs))
+
+
+def check_width(width: int, heads: int) -> None:
+    """Refuse tokens of a width that cannot be shared among heads, or halved.
+
+    Raises:
+        ValueError: `width` is not an even multiple of `heads`.
+    """
+    if width % heads or width % 2:
+        raise ValueError(f"width is {width}; expected an even multiple of heads ({heads})")
+
+
+def attend(
+    qkv: Float[Tensor, "B L three_widths"], heads: int, dropout: float, mask: Float[Tensor, "B L"] | None = None
+) -> tuple[Tokens, Tensor, Tensor]:
+    """What fused attention makes of queries, keys and values side by side; and queries and keys, (B, heads, L, width/heads).
+
+    Args:
+        qkv: the three for each token.
+        heads: among which each is shared.
+        dropout: of the weights.
+        mask: added to the products with each token: 0, or -inf for padding.
+    """
+    q, k, v = qkv.unflatten(-1, (3, heads, -1)).permute(2, 0, 3, 1, 4)
+    added = None if mask is None else mask[:, None, None].to(q.dtype)
+    return F.scaled_dot_product_attention(q, k, v, attn_mask=added, dropout_p=dropout).transpose(1, 2).flatten(-2), q, k
 
 
 Precision = Literal["float32", "tf32", "bf16"]
@@ -104,18 +137,15 @@ class _Layer(nn.TransformerEncoderLayer):
 
     def forward(
         self,
-        src: Float[Tensor, "B L width"],
+        src: Tokens,
         src_mask: None = None,
         src_key_padding_mask: Float[Tensor, "B L"] | None = None,
         is_causal: bool = False,
-    ) -> Float[Tensor, "B L width"]:
+    ) -> Tokens:
         """Tokens after the layer; as torch's, with numbers in the mask (0 or -inf) and none but that of padding."""
         attention = self.self_attn
         qkv = F.linear(src, attention.in_proj_weight, attention.in_proj_bias)
-        q, k, v = qkv.unflatten(-1, (3, attention.num_heads, -1)).permute(2, 0, 3, 1, 4)  # (B, heads, L, width/heads)
-        mask = None if src_key_padding_mask is None else src_key_padding_mask[:, None, None].to(q.dtype)
-        p = attention.dropout if self.training else 0.0
-        mixed = F.scaled_dot_product_attention(q, k, v, attn_mask=mask, dropout_p=p).transpose(1, 2).flatten(-2)
+        mixed, *_ = attend(qkv, attention.num_heads, attention.dropout if self.training else 0.0, src_key_padding_mask)
         x = self.norm1(src + self.after(attention.out_proj(mixed)))
         return self.norm2(x + self.after(self.linear2(self.after(F.gelu(self.linear1(x))))))
 
@@ -139,13 +169,12 @@ class Encoder(nn.Module):
         self, width: int, layers: int, heads: int, feedforward: int, dropout: float, attention_dropout: float | None = None
     ) -> None:
         super().__init__()
-        if width % heads or width % 2:
-            raise ValueError(f"width is {width}; expected an even multiple of heads ({heads})")
+        check_width(width, heads)
         layer = _Layer(width, heads, feedforward, dropout, dropout if attention_dropout is None else attention_dropout)
         # a nested tensor would drop what is masked, and warn that it is a prototype
         self.stack = nn.TransformerEncoder(layer, layers, enable_nested_tensor=False) if layers else None
 
-    def forward(self, x: Float[Tensor, "B L width"], mask: Bool[Tensor, "B L"] | None) -> Float[Tensor, "B L width"]:
+    def forward(self, x: Tokens, mask: Bool[Tensor, "B L"] | None) -> Tokens:
         """Tokens after all layers.
 
         Args:

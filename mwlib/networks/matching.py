@@ -22,6 +22,11 @@ CONTACTS = 4  # last features of a frame, which no movement encoder sees
 WINDOW = 196  # frames to which Guo et al. pad every clip, of HumanML3D and of KIT-ML, before it is embedded
 SLOPE = 0.2  # of the leaky rectifiers below zero
 
+Lengths = Int[Tensor, " B"]
+Features = Float[Tensor, "B T D"]  # of T frames
+Codes = Float[Tensor, "B U E"]  # of U movements
+Embeddings = Float[Tensor, "B E"]
+
 
 class MovementEncoder(nn.Module):
     """One code for every 4 frames: two convolutions that halve the time, and a linear layer.
@@ -45,13 +50,11 @@ class MovementEncoder(nn.Module):
         self.out_net = nn.Linear(codes, codes)
         self.apply(_xavier)
 
-    def forward(self, x: Float[Tensor, "B T D"]) -> Float[Tensor, "B U E"]:
+    def forward(self, x: Features) -> Codes:
         """Codes of T // 4 movements, all frames taken as they are; see `codes` for clips of unequal length."""
         return self.out_net(self.main(x[..., :-CONTACTS].transpose(1, 2)).transpose(1, 2))
 
-    def codes(
-        self, x: Float[Tensor, "B T D"], lengths: Int[Tensor, " B"], window: int = 0
-    ) -> tuple[Float[Tensor, "B U E"], Int[Tensor, " B"]]:
+    def codes(self, x: Features, lengths: Lengths, window: int = 0) -> tuple[Codes, Lengths]:
         """Codes of clips of unequal length, and how many each has: lengths // 4.
 
         What stands after a clip's last whole movement is taken as zeros, the mean pose. Its last movement sees two such frames.
@@ -96,7 +99,7 @@ class MovementDecoder(nn.Module):
         self.out_net = nn.Linear(features, features)
         self.apply(_xavier)
 
-    def forward(self, codes: Float[Tensor, "B U E"]) -> Float[Tensor, "B T D"]:
+    def forward(self, codes: Codes) -> Features:
         """4 frames of each code."""
         return self.out_net(self.main(codes.transpose(1, 2)).transpose(1, 2))
 
@@ -126,8 +129,12 @@ class _Reader(nn.Module):
         self.input_emb.apply(_xavier)
         self.output_net.apply(_xavier)
 
-    def read(self, x: Float[Tensor, "B L inputs"], lengths: Int[Tensor, " B"]) -> Float[Tensor, "B E"]:
-        """The last states of both directions, each at its own end of a sequence's own length."""
+    def forward(self, x: Float[Tensor, "B L inputs"], lengths: Lengths) -> Embeddings:
+        """Embeddings in the order given: the last states of both directions, each at its own end of a sequence's own length.
+
+        Raises:
+            ValueError: a row has nothing to read, or more than there is.
+        """
         if len(x) == 0 or int(lengths.min()) < 1 or int(lengths.max()) > x.shape[1]:
             raise ValueError(f"lengths are {lengths.tolist()[:8]} of {x.shape[1]}; expected 1 to that, and at least one sequence")
         packed = pack_padded_sequence(self.input_emb(x), lengths.cpu(), batch_first=True, enforce_sorted=False)
@@ -150,14 +157,6 @@ class MotionEncoder(_Reader):
     def __init__(self, codes: int = 512, hidden: int = 1024, embedding: int = 512) -> None:
         super().__init__(codes, hidden, embedding)
 
-    def forward(self, codes: Float[Tensor, "B U C"], units: Int[Tensor, " B"]) -> Float[Tensor, "B E"]:
-        """Embeddings in the order given; codes after a row's own number do not matter.
-
-        Raises:
-            ValueError: a row has no movement, or more than there are.
-        """
-        return self.read(codes, units)
-
 
 class SentenceEncoder(_Reader):
     """An embedding of a row of word vectors.
@@ -176,9 +175,7 @@ class SentenceEncoder(_Reader):
         self.parts_of_speech = parts_of_speech
         self.pos_emb = nn.Linear(parts_of_speech, words).apply(_xavier) if parts_of_speech else None
 
-    def forward(
-        self, words: Float[Tensor, "B L W"], lengths: Int[Tensor, " B"], parts: Float[Tensor, "B L P"] | None = None
-    ) -> Float[Tensor, "B E"]:
+    def forward(self, words: Float[Tensor, "B L W"], lengths: Lengths, parts: Float[Tensor, "B L P"] | None = None) -> Embeddings:
         """Embeddings in the order given; words after a sentence's own length do not matter.
 
         A published evaluation took the padded length for all, and scored real motions .1 too low in R-precision
@@ -195,7 +192,7 @@ class SentenceEncoder(_Reader):
         if (parts is None) != (self.pos_emb is None):
             raise ValueError(f"parts of speech {'missing' if parts is None else 'given'}; expected the opposite of this encoder")
         vectors = words if parts is None or self.pos_emb is None else words + self.pos_emb(parts)
-        return self.read(vectors, lengths)
+        return super().forward(vectors, lengths)
 
 
 class PublishedEvaluator(NamedTuple):
@@ -229,12 +226,12 @@ def published_weights(file: str | Path) -> PublishedEvaluator:
         flat = {f"{part}.{name}": value for part, state in found.items() for name, value in state.items()}
     states = {part: _below(flat, f"{part}_encoder.") for part in ("text", "motion", "movement")}
     try:
-        shapes = {part: {name: tuple(value.shape) for name, value in state.items()} for part, state in states.items()}
-        text, motion, movement = shapes["text"], shapes["motion"], shapes["movement"]
+        text, motion, movement = states.values()
+        codes, features, _ = movement["main.0.weight"].shape
         made = PublishedEvaluator(
-            SentenceEncoder(*_sizes(text), parts_of_speech=text["pos_emb.weight"][1]),
+            SentenceEncoder(*_sizes(text), parts_of_speech=text["pos_emb.weight"].shape[1]),
             MotionEncoder(*_sizes(motion)),
-            MovementEncoder(movement["main.0.weight"][1] + CONTACTS, movement["main.0.weight"][0], movement["out_net.weight"][0]),
+            MovementEncoder(features + CONTACTS, codes, len(movement["out_net.weight"])),
         )
         for part, network in made._asdict().items():
             network.load_state_dict(states[part])
@@ -258,10 +255,10 @@ def checkpoint(file: Path) -> object:
         raise ValueError(f"{found}; expected a checkpoint of tensors and numbers alone") from None
 
 
-def _sizes(shapes: dict[str, tuple[int, ...]]) -> tuple[int, int, int]:
+def _sizes(state: dict[str, Tensor]) -> tuple[int, int, int]:
     """Inputs, width and embedding of a reader."""
-    hidden, inputs = shapes["input_emb.weight"]
-    return inputs, hidden, shapes["output_net.3.weight"][0]
+    hidden, inputs = state["input_emb.weight"].shape
+    return inputs, hidden, len(state["output_net.3.weight"])
 
 
 def _below(flat: dict[str, Tensor], prefix: str) -> dict[str, Tensor]:

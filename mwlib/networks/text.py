@@ -19,9 +19,11 @@ from jaxtyping import Bool, Float, Int
 from torch import Tensor, nn
 
 from mwlib.networks.layers import Dropout, Encoder, sinusoids
+from mwlib.settings import choice, whole
 
 PADDING, START, UNKNOWN = "<padding>", "<start>", "<unknown>"  # no word looks like these
 LONGEST = 76  # words of a sentence that are read, those after them are not; with the start as many tokens as CLIP's
+Numbers = Int[Tensor, "B L"]  # of words
 _WORD = re.compile(r"\w+(?:'\w+)*")
 
 
@@ -58,6 +60,11 @@ def vocabulary_of(sentences: Iterable[str], at_least: int = 1) -> tuple[str, ...
     return tuple(sorted(word for word, times in found.items() if times >= at_least))
 
 
+def _check_several(texts: Sequence[str]) -> None:
+    if isinstance(texts, str) or not texts:
+        raise ValueError(f"texts is {texts!r}; expected a sequence of at least one sentence")
+
+
 class TextEncoder(nn.Module, ABC):
     """Anything that encodes sentences; `width` is E, the numbers of a token and of a sentence."""
 
@@ -85,11 +92,16 @@ class _WordEncoder(TextEncoder):
     """A start token and one token per word, each a vector that a subclass gives it, through a transformer."""
 
     def __init__(
-        self, width: int, layers: int, heads: int, dropout: float, feedforward: int | None, pooling: Literal["mean", "first"]
+        self,
+        width: int,
+        layers: int = 2,
+        heads: int = 4,
+        dropout: float = 0.1,
+        feedforward: int | None = None,
+        pooling: Literal["mean", "first"] = "mean",
     ) -> None:
         super().__init__()
-        if pooling not in ("mean", "first"):
-            raise ValueError(f"pooling is {pooling!r}; expected 'mean' or 'first'")
+        choice("pooling", pooling, ("mean", "first"))
         self.width, self.pooling = width, pooling
         self.dropout = Dropout(dropout)
         self.encoder = Encoder(width, layers, heads, feedforward or 2 * width, dropout)
@@ -103,17 +115,16 @@ class _WordEncoder(TextEncoder):
         """Of a word or special token; padding has 0."""
 
     @abstractmethod
-    def _embed(self, numbers: Int[Tensor, "B L"]) -> Float[Tensor, "B L E"]:
+    def _embed(self, numbers: Numbers) -> Float[Tensor, "B L E"]:
         """Vectors of words; on their device."""
 
-    def numbers(self, texts: Sequence[str]) -> Int[Tensor, "B L"]:
+    def numbers(self, texts: Sequence[str]) -> Numbers:
         """Of the start and the words of sentences, on the CPU; shorter sentences end in zeros.
 
         Raises:
             ValueError: a single string instead of several, or none.
         """
-        if isinstance(texts, str) or not texts:
-            raise ValueError(f"texts is {texts!r}; expected a sequence of at least one sentence")
+        _check_several(texts)
         number = self._number
         rows = [[number(START), *map(number, self.read(text))] for text in texts]
         length = max(map(len, rows))
@@ -127,7 +138,7 @@ class _WordEncoder(TextEncoder):
         """
         return self.encode_numbers(self.numbers(texts).to(next(self.parameters()).device))
 
-    def encode_numbers(self, numbers: Int[Tensor, "B L"]) -> EncodedText:
+    def encode_numbers(self, numbers: Numbers) -> EncodedText:
         """The same of sentences whose words have been looked up, as `numbers` gives them."""
         mask, x = numbers != 0, self._embed(numbers)
         x = self.dropout(x + sinusoids(torch.arange(x.shape[1], device=x.device), self.width).to(x))
@@ -203,7 +214,7 @@ class WordTransformer(_WordEncoder):
     def _number(self, word: str) -> int:
         return self._numbers.get(word, 2)
 
-    def _embed(self, numbers: Int[Tensor, "B L"]) -> Float[Tensor, "B L E"]:
+    def _embed(self, numbers: Numbers) -> Float[Tensor, "B L E"]:
         if self.training and self.forget:
             forgotten = (torch.rand(numbers.shape, device=numbers.device) < self.forget) & (numbers > 1)
             numbers = numbers.masked_fill(forgotten, 2)
@@ -219,26 +230,15 @@ class HashedNgrams(_WordEncoder):
     Args:
         buckets: number of learned vectors; groups that share one are not told apart.
         width: E, an even multiple of `heads`.
-        layers, heads, dropout, feedforward, pooling: as in `WordTransformer`.
+        transformer: layers, heads, dropout, feedforward and pooling, as in `WordTransformer`.
 
     Raises:
         ValueError: no bucket.
     """
 
-    def __init__(
-        self,
-        buckets: int = 4096,
-        width: int = 128,
-        layers: int = 2,
-        heads: int = 4,
-        dropout: float = 0.1,
-        feedforward: int | None = None,
-        pooling: Literal["mean", "first"] = "mean",
-    ) -> None:
-        super().__init__(width, layers, heads, dropout, feedforward, pooling)
-        if buckets < 1:
-            raise ValueError(f"buckets is {buckets}; expected at least 1")
-        self.buckets = buckets
+    def __init__(self, buckets: int = 4096, width: int = 128, **transformer: Any) -> None:
+        super().__init__(width, **transformer)
+        self.buckets = whole("buckets", buckets, 1)
         self.groups = nn.EmbeddingBag(buckets, width, mode="mean")
         self._numbers: dict[str, int] = {}  # of all words met
         self._hashes: list[list[int]] = []
@@ -259,7 +259,7 @@ class HashedNgrams(_WordEncoder):
             self._hashes.append(self.hashes(word))
         return self._numbers[word]
 
-    def _embed(self, numbers: Int[Tensor, "B L"]) -> Float[Tensor, "B L E"]:
+    def _embed(self, numbers: Numbers) -> Float[Tensor, "B L E"]:
         different, place = numbers.unique(return_inverse=True)  # each word is averaged once
         hashes = [self._hashes[number] for number in different.tolist()]
         order = sorted(range(len(hashes)), key=hashes.__getitem__)  # sums must not depend on which words were met earlier
@@ -331,17 +331,14 @@ class ClipText(TextEncoder):
         Raises:
             ValueError: a single string instead of several, or none.
         """
-        if isinstance(texts, str) or not texts:
-            raise ValueError(f"texts is {texts!r}; expected a sequence of at least one sentence")
+        _check_several(texts)
         known = self._tower.known
         found = {text: known[text] for text in texts if text in known}
         if new := list(dict.fromkeys(text for text in texts if text not in found)):
-            found |= self._encode_new(new)
-        for text in new:
-            if len(known) >= self.keep > 0:
-                del known[next(iter(known))]  # the one that came first
-            if self.keep:
-                known[text] = found[text]
+            found |= (encoded := self._encode_new(new))
+            known |= encoded
+        for text in [*known][: max(len(known) - self.keep, 0)]:  # those that came first
+            del known[text]
         tokens = nn.utils.rnn.pad_sequence([found[text][0] for text in texts], batch_first=True)
         lengths = torch.tensor([len(found[text][0]) for text in texts])
         mask = torch.arange(tokens.shape[1]) < lengths[:, None]
@@ -352,7 +349,7 @@ class ClipText(TextEncoder):
     def _encode_new(self, texts: Sequence[str]) -> dict[str, tuple[Tensor, Tensor]]:
         rows = self.ids(texts)
         length = CLIP_CONTEXT if self.padded else max(map(len, rows))
-        numbers: Int[Tensor, "B L"] = torch.tensor([row + [0] * (length - len(row)) for row in rows])  # padded as by OpenAI
+        numbers: Numbers = torch.tensor([row + [0] * (length - len(row)) for row in rows])  # padded as by OpenAI
         out = self._tower.network(input_ids=numbers.to(next(self._tower.network.parameters()).device))
         tokens, pooled = out.last_hidden_state.cpu(), out.text_embeds.cpu()
         kept = [length if self.padded else len(row) for row in rows]

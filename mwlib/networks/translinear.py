@@ -9,7 +9,10 @@ from jaxtyping import Bool, Float, Int
 from torch import Tensor, nn
 from torch.nn import functional as F
 
-from mwlib.networks.layers import Dropout, zero_linear
+from mwlib.networks.layers import Dropout, attend, check_width, sinusoids, zero_linear
+
+Rows = Float[Tensor, "B rows width"]
+Embedding = Float[Tensor, "B width"]  # of the time, and of the condition
 
 
 class Stylize(nn.Module):
@@ -22,7 +25,7 @@ class Stylize(nn.Module):
         self.dropout = Dropout(dropout)
         self.out = zero_linear(width, width)
 
-    def forward(self, h: Float[Tensor, "B rows width"], emb: Float[Tensor, "B width"]) -> Float[Tensor, "B rows width"]:
+    def forward(self, h: Rows, emb: Embedding) -> Rows:
         """What is added to the stream."""
         scale, shift = self.film(F.silu(emb)).unsqueeze(-2).chunk(2, dim=-1)
         return self.out(self.dropout(F.silu(torch.addcmul(shift, self.norm(h), 1 + scale))))
@@ -41,15 +44,9 @@ class Block(nn.Module):
         self.down = zero_linear(feedforward, width)
         self.style_feedforward = Stylize(width, dropout)
 
-    def forward(
-        self, x: Float[Tensor, "B rows width"], emb: Float[Tensor, "B width"], attention_rows: int
-    ) -> tuple[Tensor, Tensor | None]:
+    def forward(self, x: Rows, emb: Embedding, attention_rows: int) -> tuple[Tensor, Tensor | None]:
         """The stream after both layers; attention (attention_rows, heads, rows, rows) of the first items on request."""
-        q, k, v = (
-            self.qkv(self.norm(x)).unflatten(-1, (3, self.heads, -1)).permute(2, 0, 3, 1, 4)
-        )  # (B, heads, rows, width/heads)
-        p = self.attention_dropout if self.training else 0.0
-        mixed = F.scaled_dot_product_attention(q, k, v, dropout_p=p).transpose(1, 2).flatten(-2)  # (B, rows, width)
+        mixed, q, k = attend(self.qkv(self.norm(x)), self.heads, self.attention_dropout if self.training else 0.0)
         x = x + self.style_attention(mixed, emb)
         x = x + self.style_feedforward(self.down(self.dropout(F.gelu(self.up(x)))), emb)
         if not attention_rows:
@@ -97,8 +94,7 @@ class TransLinear(nn.Module):
         super().__init__()
         if layers % 2:
             raise ValueError(f"layers is {layers}; expected an even number (long skips pair the blocks)")
-        if width % heads or width % 2:
-            raise ValueError(f"width is {width}; expected an even multiple of heads ({heads})")
+        check_width(width, heads)
         self.rows, self.columns, self.width = rows, columns, width
         self.time = nn.Sequential(nn.Linear(width, width), nn.SiLU(), nn.Linear(width, width))
         self.condition = nn.Linear(columns * rows, width) if conditioned else None
@@ -143,25 +139,22 @@ class TransLinear(nn.Module):
             raise ValueError(f"y_t has shape {tuple(y_t.shape)}; expected at least one item to return the attention of")
         return out, attention.reshape(*lead, *attention.shape[1:])
 
-    def embed_condition(self, condition: Float[Tensor, "B rows columns"]) -> Float[Tensor, "B width"]:
+    def embed_condition(self, condition: Float[Tensor, "B rows columns"]) -> Embedding:
         """The condition's share of the embedding; samples of one window can share it."""
         if self.condition is None:
             raise ValueError("the network was built without a layer for a condition; expected none")
         return self.condition(condition.flatten(-2))
 
-    def embed_time(self, t: Int[Tensor, " B"] | int) -> Float[Tensor, "B width"]:
+    def embed_time(self, t: Int[Tensor, " B"] | int) -> Embedding:
         """Sinusoids of the diffusion index, cosines first, through a two-layer network."""
-        half = self.width // 2
-        device, dtype = self.position.device, self.position.dtype
-        speed = torch.exp(torch.arange(half, device=device) * (-math.log(10_000) / half))
-        angle = torch.as_tensor(t, device=device, dtype=torch.float32).reshape(-1, 1) * speed
-        return self.time(torch.cat([angle.cos(), angle.sin()], dim=-1).to(dtype))
+        waves = sinusoids(torch.as_tensor(t, device=self.position.device).reshape(-1), self.width).to(self.position)
+        return self.time(torch.cat([waves[:, 1::2], waves[:, ::2]], dim=-1))
 
     def evaluate(
         self,
         y_t: Float[Tensor, "B rows entering"],
         t: Int[Tensor, " B"] | int,
-        added: Float[Tensor, "B width"] | None,
+        added: Embedding | None,
         attention_rows: int = 0,
     ) -> tuple[Float[Tensor, "B rows columns"], Tensor | None]:
         """Forward pass with the condition embedded already (zeros = unconditional), and extra columns beside the coefficients.

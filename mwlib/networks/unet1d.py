@@ -10,16 +10,18 @@ from jaxtyping import Bool, Float, Int
 from torch import Tensor, nn
 from torch.nn import functional as F
 
-from mwlib.networks.layers import Dropout, Encoder, sinusoids
+from mwlib.networks.layers import Dropout, Encoder, sinusoids, zeroed
 from mwlib.networks.text import EncodedText
+from mwlib.settings import choice
 
 GROUPS = 8  # of the group norms
+Frames = Float[Tensor, "B C T"]
 
 
 class FrameNorm(nn.GroupNorm):
     """Group norm of each frame by itself: statistics of other frames, padding included, do not enter."""
 
-    def forward(self, input: Float[Tensor, "B C T"]) -> Float[Tensor, "B C T"]:
+    def forward(self, input: Frames) -> Frames:
         """Groups of channels with mean 0 and variance 1, then torch's learned scale and shift per channel."""
         groups = input.transpose(1, 2).unflatten(-1, (self.num_groups, -1))
         normed = F.layer_norm(groups, groups.shape[-1:], eps=self.eps).flatten(-2)  # faster than torch's group norm
@@ -40,19 +42,17 @@ class ResBlock(nn.Module):
         super().__init__()
         self.first = nn.Conv1d(inputs, outputs, 5, padding=2)
         self.first_norm = FrameNorm(GROUPS, outputs)
-        self.second = _zero(nn.Conv1d(outputs, outputs, 5, padding=2))
+        self.second = zeroed(nn.Conv1d(outputs, outputs, 5, padding=2))
         self.second_norm = FrameNorm(GROUPS, outputs)
-        self.film = _zero(nn.Linear(time_width, 2 * outputs))
+        self.film = zeroed(nn.Linear(time_width, 2 * outputs))
         self.dropout = Dropout(dropout)
         self.shortcut = nn.Conv1d(inputs, outputs, 1) if inputs != outputs else nn.Identity()
 
-    def forward(
-        self, x: Float[Tensor, "B C T"], time: Float[Tensor, "B E"], valid: Float[Tensor, "B 1 T"] | None
-    ) -> Float[Tensor, "B C2 T"]:
+    def forward(self, x: Frames, time: Float[Tensor, "B E"], valid: Float[Tensor, "B 1 T"] | None) -> Float[Tensor, "B C2 T"]:
         """Frames after the block; where `valid` is 0 the second convolution sees zeros."""
         scale, shift = self.film(F.mish(time))[..., None].chunk(2, dim=1)
         h = F.mish(torch.addcmul(shift, self.first_norm(self.first(x)), 1 + scale))
-        h = h if valid is None else h * valid
+        h = _kept(h, valid)
         return self.shortcut(x) + self.dropout(F.mish(self.second_norm(self.second(h))))
 
 
@@ -76,9 +76,7 @@ class CrossAttention(nn.Module):
         self.norm, self.text_norm = nn.LayerNorm(width), nn.LayerNorm(text_width)
         self.query, self.key, self.value = nn.Linear(width, width), nn.Linear(text_width, width), nn.Linear(text_width, width)
 
-    def forward(
-        self, x: Float[Tensor, "B C T"], tokens: Float[Tensor, "B L E"], mask: Bool[Tensor, "B L"]
-    ) -> Float[Tensor, "B C T"]:
+    def forward(self, x: Frames, tokens: Float[Tensor, "B L E"], mask: Bool[Tensor, "B L"]) -> Frames:
         """What is added to the frames."""
         said = self.text_norm(tokens)
         projected = self.query(self.norm(x.transpose(1, 2))), self.key(said), self.value(said)
@@ -118,7 +116,7 @@ class ConditionalBlock(nn.Module):
 
     def forward(
         self,
-        x: Float[Tensor, "B C T"],
+        x: Frames,
         time: Float[Tensor, "B E"],
         valid: Float[Tensor, "B 1 T"] | None,
         conditioning: _Conditioning | None,
@@ -129,7 +127,7 @@ class ConditionalBlock(nn.Module):
             rows = conditioning.rows
             added = self.attention(x if rows is None else x[rows], conditioning.tokens, conditioning.mask)
             x = x + added if rows is None else x.index_add(0, rows, added.to(x.dtype))
-        return x if valid is None else x * valid
+        return _kept(x, valid)
 
 
 class ConditionalUNet(nn.Module):
@@ -184,7 +182,9 @@ class ConditionalUNet(nn.Module):
         super().__init__()
         widths = [base * m for m in multipliers]
         check_channels(base, multipliers, heads)
-        _check(time_width, steps, attention)
+        if time_width % 2 or steps < 1:
+            raise ValueError(f"time_width is {time_width} and steps {steps}; expected an even number, and at least 1 step")
+        choice("attention", attention, ("linear", "ordinary"))
         self.mask_frames, self.multiple = mask_frames, 2 ** len(widths)
         self.time = nn.Sequential(nn.Linear(time_width, 4 * time_width), nn.Mish(), nn.Linear(4 * time_width, time_width))
         self.times: Tensor
@@ -204,7 +204,7 @@ class ConditionalUNet(nn.Module):
         back = [widths[-1], *reversed(widths)]
         self.grow = nn.ModuleList(nn.ConvTranspose1d(i, o, 4, stride=2, padding=1) for i, o in zip(back, back[1:], strict=False))
         self.ups = nn.ModuleList(two(2 * w, w) for w in reversed(widths))
-        self.leave = _zero(nn.Conv1d(widths[0], features, 1))
+        self.leave = zeroed(nn.Conv1d(widths[0], features, 1))
 
     def forward(
         self,
@@ -262,12 +262,6 @@ def _kept(x: Tensor, valid: Tensor | None) -> Tensor:
     return x if valid is None else x * valid
 
 
-def _zero(layer: nn.Module) -> nn.Module:
-    for parameter in layer.parameters():
-        nn.init.zeros_(parameter)
-    return layer
-
-
 def check_channels(base: int, multipliers: Sequence[int], heads: int = 8) -> None:
     """Refuse channels that `ConditionalUNet` cannot have.
 
@@ -278,10 +272,3 @@ def check_channels(base: int, multipliers: Sequence[int], heads: int = 8) -> Non
     if not widths or any(w < 2 * GROUPS or w % GROUPS or w % heads for w in widths):  # alone in its group a channel is 0
         wanted = f"multiples of {GROUPS} from {2 * GROUPS} on, and of heads ({heads})"
         raise ValueError(f"channels are {widths}; expected one number per level, {wanted}")
-
-
-def _check(time_width: int, steps: int, attention: str) -> None:
-    if time_width % 2 or steps < 1:
-        raise ValueError(f"time_width is {time_width} and steps {steps}; expected an even number, and at least 1 step")
-    if attention not in ("linear", "ordinary"):
-        raise ValueError(f"attention is {attention!r}; expected 'linear' or 'ordinary'")

@@ -12,6 +12,10 @@ from torch import Tensor
 
 from mwlib.settings import choice, of_kind, whole
 
+Motions = Float[Tensor, "... T C"]  # metres
+Coefficients = Float[Tensor, "... rows columns"]
+TimeRows = Float[np.ndarray, "all T"]
+
 
 def pad_history(x_history: Float[Tensor, "... H C"], frames: int) -> Float[Tensor, "... T C"]:
     """Hold the last observed pose over the unknown future, so that a transform over T frames can be applied.
@@ -57,6 +61,7 @@ class Transform(ABC):
     shape: tuple[int, int]
     frames: int
     channels: int
+    bands: dict[str, int]  # columns of each sub-band, in their order
 
     def _expect(self, array: Tensor, expected: tuple[int, int]) -> None:
         """Refuse what is no motion, or no coefficients, of this transform.
@@ -68,34 +73,34 @@ class Transform(ABC):
             raise ValueError(f"last two axes are {tuple(array.shape[-2:])}; expected {expected}")
 
     @abstractmethod
-    def __call__(self, x: Float[Tensor, "... T C"]) -> Float[Tensor, "... rows columns"]:
+    def __call__(self, x: Motions) -> Coefficients:
         """Analysis: motion (metres) to coefficients (metres)."""
 
     @abstractmethod
-    def inverse(self, y: Float[Tensor, "... rows columns"]) -> Float[Tensor, "... T C"]:
+    def inverse(self, y: Coefficients) -> Motions:
         """Synthesis: coefficients to motion."""
 
-    @abstractmethod
-    def project(self, y: Float[Tensor, "... rows columns"]) -> Float[Tensor, "... rows columns"]:
+    def project(self, y: Coefficients) -> Coefficients:
         """Analysis of the synthesis; of a linear map: the nearest thing to y, along a fixed direction, that some motion has."""
+        return self(self.inverse(y))
 
-    @abstractmethod
-    def split(self, y: Float[Tensor, "... rows columns"]) -> dict[str, Tensor]:
+    def split(self, y: Coefficients) -> dict[str, Tensor]:
         """Named views of the sub-bands of y."""
+        return dict(zip(self.bands, y.split([*self.bands.values()], dim=-1), strict=True))
 
-    @abstractmethod
-    def join(self, bands: dict[str, Tensor]) -> Float[Tensor, "... rows columns"]:
+    def join(self, bands: dict[str, Tensor]) -> Coefficients:
         """Put sub-bands together again: ``join(split(y)) == y``."""
+        return torch.cat([bands[name] for name in self.bands], dim=-1)
 
     def tensors(self) -> dict[str, Tensor]:
         """What was learnt from data, by name; nothing for a map given by constants."""
         return {}
 
-    def time_rows(self) -> Float[np.ndarray, "all T"] | None:
+    def time_rows(self) -> TimeRows | None:
         """The matrix by which every channel is analysed along time, where the transform does no more; else None."""
         return None
 
-    def along_time(self, y: Float[Tensor, "... rows columns"]) -> Float[Tensor, "... all C"]:
+    def along_time(self, y: Coefficients) -> Float[Tensor, "... all C"]:
         """What y says of each channel: ``time_rows() @ x`` of a motion x with these coefficients; without rows, x itself."""
         return self.inverse(y)
 
@@ -104,7 +109,50 @@ class LinearTransform(Transform):
     """y = A x Bᵀ up to a fixed arrangement of the columns; its inverse likewise; every matrix is a `Constant`."""
 
 
-class OrthonormalRows(LinearTransform):
+class AlongTime(LinearTransform):
+    """Coefficients of every channel along time, those of one stretch of time side by side in a row, one band after the other.
+
+    Args:
+        analysis: the matrix that gives them, row after row, float64.
+        synthesis: the one that leads back.
+        channels: C of the motions.
+        counts: coefficients of a channel in one row, by band.
+    """
+
+    def __init__(self, analysis: TimeRows, synthesis: Float[np.ndarray, "T all"], channels: int, counts: dict[str, int]) -> None:
+        self.frames, self.channels = analysis.shape[1], whole("channels", channels, 1)
+        self.bands = {name: count * channels for name, count in counts.items()}
+        self.shape = (len(analysis) // sum(counts.values()), sum(self.bands.values()))
+        self.analysis_time, self.synthesis_time = analysis, synthesis
+        self._analysis, self._synthesis, self._projection = map(Constant, (analysis, synthesis, analysis @ synthesis))
+
+    def __call__(self, x: Motions) -> Coefficients:
+        """The coefficients."""
+        self._expect(x, (self.frames, self.channels))
+        return self._rows(self._analysis.like(x) @ x)
+
+    def inverse(self, y: Coefficients) -> Motions:
+        """The motion with these coefficients, all others being zero."""
+        self._expect(y, self.shape)
+        return self._synthesis.like(y) @ self.along_time(y)
+
+    def project(self, y: Coefficients) -> Coefficients:
+        """Analysis of the synthesis: the identity but for what no motion has."""
+        return self._rows(self._projection.like(y) @ self.along_time(y))
+
+    def time_rows(self) -> TimeRows:
+        """The matrix of the analysis."""
+        return self.analysis_time
+
+    def along_time(self, y: Coefficients) -> Float[Tensor, "... all C"]:
+        """The coefficients of each channel, row after row."""
+        return y.unflatten(-1, (-1, self.channels)).flatten(-3, -2)
+
+    def _rows(self, coefficients: Float[Tensor, "... all C"]) -> Coefficients:
+        return coefficients.unflatten(-2, (self.shape[0], -1)).flatten(-2)
+
+
+class OrthonormalRows(AlongTime):
     """Coefficients of every channel along time by a matrix of orthonormal rows; the inverse is its transpose.
 
     Args:
@@ -113,41 +161,12 @@ class OrthonormalRows(LinearTransform):
         name: of its one band.
     """
 
-    def __init__(self, rows: Float[np.ndarray, "rows T"], channels: int, name: str) -> None:
-        self.frames, self.channels, self.name = rows.shape[1], whole("channels", channels, 1), name
-        self.shape = (len(rows), channels)
-        self.analysis_time, self.synthesis_time = rows, rows.T
-        self._forward, self._backward = Constant(self.analysis_time), Constant(self.synthesis_time)
+    def __init__(self, rows: TimeRows, channels: int, name: str) -> None:
+        super().__init__(rows, rows.T, channels, {name: 1})
 
-    def __call__(self, x: Float[Tensor, "... T C"]) -> Float[Tensor, "... rows columns"]:
-        """The coefficients."""
-        self._expect(x, (self.frames, self.channels))
-        return self._forward.like(x) @ x
-
-    def inverse(self, y: Float[Tensor, "... rows columns"]) -> Float[Tensor, "... T C"]:
-        """The motion with these coefficients and no others."""
-        self._expect(y, self.shape)
-        return self._backward.like(y) @ y
-
-    def time_rows(self) -> Float[np.ndarray, "all T"]:
-        """The rows."""
-        return self.analysis_time
-
-    def along_time(self, y: Float[Tensor, "... rows columns"]) -> Float[Tensor, "... all C"]:
-        """The coefficients themselves."""
-        return y
-
-    def project(self, y: Float[Tensor, "... rows columns"]) -> Float[Tensor, "... rows columns"]:
+    def project(self, y: Coefficients) -> Coefficients:
         """The identity: the rows are orthonormal, so all coefficients are a motion's."""
         return y
-
-    def split(self, y: Float[Tensor, "... rows columns"]) -> dict[str, Tensor]:
-        """One band."""
-        return {self.name: y}
-
-    def join(self, bands: dict[str, Tensor]) -> Float[Tensor, "... rows columns"]:
-        """Inverse of `split`."""
-        return bands[self.name]
 
 
 class DCTTransform(OrthonormalRows):
@@ -260,37 +279,37 @@ class ScaledTransform(Transform):
         self.mean, self.deviation = mean.numpy(), deviation.numpy()
         self._mean, self._deviation = Constant(self.mean), Constant(self.deviation)
 
-    def __call__(self, x: Float[Tensor, "... T C"]) -> Float[Tensor, "... rows columns"]:
+    def __call__(self, x: Motions) -> Coefficients:
         """Unit-deviation coefficients of a motion."""
         return self._scale(self.base(x))
 
-    def inverse(self, y: Float[Tensor, "... rows columns"]) -> Float[Tensor, "... T C"]:
+    def inverse(self, y: Coefficients) -> Motions:
         """Motion, metres."""
         return self.base.inverse(self._unscale(y))
 
-    def time_rows(self) -> Float[np.ndarray, "all T"] | None:
+    def time_rows(self) -> TimeRows | None:
         """The base's."""
         return self.base.time_rows()
 
-    def along_time(self, y: Float[Tensor, "... rows columns"]) -> Float[Tensor, "... all C"]:
+    def along_time(self, y: Coefficients) -> Float[Tensor, "... all C"]:
         """The base's, metres."""
         return self.base.along_time(self._unscale(y))
 
-    def project(self, y: Float[Tensor, "... rows columns"]) -> Float[Tensor, "... rows columns"]:
+    def project(self, y: Coefficients) -> Coefficients:
         """The base's projection, seen in scaled coefficients."""
-        projected = self.base.project(self._unscale(y))  # of a tensor that nobody else has
-        return projected.sub_(self._mean.like(y)).div_(self._deviation.like(y))
+        return self._scale(self.base.project(self._unscale(y)))
 
-    def split(self, y: Float[Tensor, "... rows columns"]) -> dict[str, Tensor]:
+    def split(self, y: Coefficients) -> dict[str, Tensor]:
         """Sub-bands of the scaled coefficients."""
         return self.base.split(y)
 
-    def join(self, bands: dict[str, Tensor]) -> Float[Tensor, "... rows columns"]:
+    def join(self, bands: dict[str, Tensor]) -> Coefficients:
         """Inverse of `split`."""
         return self.base.join(bands)
 
     def _scale(self, y: Tensor) -> Tensor:
-        return (y - self._mean.like(y)).div_(self._deviation.like(y))
+        """In place, as nobody else has y."""
+        return y.sub_(self._mean.like(y)).div_(self._deviation.like(y))
 
     def _unscale(self, y: Tensor) -> Tensor:
         return torch.addcmul(self._mean.like(y), y, self._deviation.like(y))

@@ -11,7 +11,9 @@ from torch import Tensor, nn
 from torch.nn import functional as nnf
 
 from mwlib.settings import whole
-from mwlib.transforms.linear import Transform
+from mwlib.transforms.linear import Coefficients, Motions, Transform
+
+Batch = Float[Tensor, "B T C"]  # motions, metres
 
 # Added to powers (of latents of about unit size): a window that stands still has amplitude and frequency 0, and gradients.
 _POWER = 1e-6
@@ -47,6 +49,10 @@ def periodic_parameters(
 
 def _conv(inputs: int, outputs: int) -> nn.Conv1d:
     return nn.Conv1d(inputs, outputs, _TAPS, padding=_TAPS // 2, padding_mode="replicate")
+
+
+def _two_convolutions(inputs: int, hidden: int, outputs: int) -> nn.Sequential:
+    return nn.Sequential(_conv(inputs, hidden), nn.BatchNorm1d(hidden), nn.Tanh(), _conv(hidden, outputs))
 
 
 class Straightened(nn.Module):
@@ -90,13 +96,9 @@ class PeriodicAutoencoder(nn.Module):
     def __init__(self, channels: int, phases: int, window: int, fps: float, straight: bool = False) -> None:
         super().__init__()
         self.window, self.fps = window, fps
-        self.encoder: nn.Module = nn.Sequential(
-            _conv(channels, channels), nn.BatchNorm1d(channels), nn.Tanh(), _conv(channels, phases)
-        )
+        self.encoder: nn.Module = _two_convolutions(channels, channels, phases)
         self.shift = nn.Parameter(torch.randn(phases, window, 2) / math.sqrt(window))
-        self.window_decoder = nn.Sequential(
-            _conv(phases, channels), nn.BatchNorm1d(channels), nn.Tanh(), _conv(channels, channels)
-        )
+        self.window_decoder = _two_convolutions(phases, channels, channels)
         self.decoder: nn.Module = nn.Sequential(
             _conv(4 * phases, channels), nn.ELU(), _conv(channels, channels), nn.ELU(), _conv(channels, channels)
         )
@@ -107,15 +109,15 @@ class PeriodicAutoencoder(nn.Module):
         self.register_buffer("deviation", torch.ones(()))
         self.register_buffer("gain", torch.ones(4 * phases))
 
-    def standard(self, x: Float[Tensor, "B T C"]) -> Float[Tensor, "B C T"]:
+    def standard(self, x: Batch) -> Float[Tensor, "B C T"]:
         """Channels centred, and divided by one deviation for all, so that errors weigh as in metres."""
         return ((x - self.mean) / self.deviation).mT
 
-    def held(self, x: Float[Tensor, "B T C"]) -> Float[Tensor, "B C longer"]:
+    def held(self, x: Batch) -> Float[Tensor, "B C longer"]:
         """`standard`, with the first and last frame held for half a window, so that every frame is the centre of one."""
         return nnf.pad(self.standard(x), (self.window // 2, self.window // 2), mode="replicate")
 
-    def encode(self, x: Float[Tensor, "B T C"]) -> Float[Tensor, "B T columns"]:
+    def encode(self, x: Batch) -> Float[Tensor, "B T columns"]:
         """A sin 2πS, A cos 2πS (the phase manifold), F in hertz, B: of every channel, at every frame."""
         latent = self.encoder(self.held(x))
         amplitude, frequency, offset = periodic_parameters(latent.unfold(-1, self.window, 1), self.fps)
@@ -131,11 +133,11 @@ class PeriodicAutoencoder(nn.Module):
         turn = 2 * math.pi * frequency * seconds
         return cosine * turn.sin() - sine * turn.cos() + offset
 
-    def decode(self, code: Float[Tensor, "B T columns"]) -> Float[Tensor, "B T C"]:
+    def decode(self, code: Float[Tensor, "B T columns"]) -> Batch:
         """The motion that a sequence of codes stands for, metres."""
         return self.decoder(code.mT).mT * self.deviation + self.mean
 
-    def losses(self, x: Float[Tensor, "B T C"], frames: Tensor) -> tuple[Tensor, Tensor]:
+    def losses(self, x: Batch, frames: Tensor) -> tuple[Tensor, Tensor]:
         """Squared error of the windows at `frames`, each rebuilt from its own sinusoids, and of the whole motion."""
         code = self.encode(x)
         rebuilt = self.window_decoder(self.sinusoids(code[:, frames]).flatten(0, 1))
@@ -145,6 +147,8 @@ class PeriodicAutoencoder(nn.Module):
 
 class PhaseTransform(Transform):
     """The code of a trained periodic autoencoder, frame by frame. Neither linear nor invertible: `inverse` is a decoder.
+
+    Projection, encoder after decoder, is not idempotent, unlike that of the linear transforms.
 
     Source: DeepPhase, as the paper's Sec. 4.7.1 cites it; the paper gives no construction. Own choices: a frame's code is all
     that its window's sinusoids are made of, [A sin 2πS, A cos 2πS, F, B], 4M numbers; the encoder serves both decoders; each
@@ -169,15 +173,15 @@ class PhaseTransform(Transform):
     ) -> None:  # fmt: skip
         if whole("window", window, 3) % 2 == 0:
             raise ValueError(f"window is {window}; expected an odd number of frames, at least 3")
-        for name, count in (("frames", frames), ("channels", channels), ("phases", phases)):
-            whole(name, count, 1)
-        self.frames, self.channels, self.phases, self.window, self.fps = frames, channels, phases, window, fps
-        self.shape, self.seed, self._fitted = (frames, 4 * phases), seed, False
+        self.frames, self.channels = whole("frames", frames, 1), whole("channels", channels, 1)
+        self.phases, self.window, self.fps = whole("phases", phases, 1), window, fps
+        self.shape, self.seed = (frames, 4 * phases), seed
+        self.bands = {"phase": 2 * phases, "frequency": phases, "offset": phases}  # the phase manifold, and the rest of the code
         with torch.random.fork_rng([]):
             torch.manual_seed(seed)
             self.net = PeriodicAutoencoder(channels, phases, window, fps, straight)
 
-    def fit(self, draw: Callable[[torch.Generator], Float[Tensor, "B T C"]], steps: int = 1500, lr: float = 3e-3) -> list[float]:
+    def fit(self, draw: Callable[[torch.Generator], Batch], steps: int = 1500, lr: float = 3e-3) -> list[float]:
         """Train on the CPU, so that a seed gives one result whatever device the motions are modelled on.
 
         Args:
@@ -206,29 +210,15 @@ class PhaseTransform(Transform):
             curve.append(float(motion.detach()))
         net.eval().requires_grad_(False)
         net.gain.copy_(self._metres(sample))
-        self._fitted = True
         return curve
 
-    def __call__(self, x: Float[Tensor, "... T C"]) -> Float[Tensor, "... T columns"]:
+    def __call__(self, x: Motions) -> Coefficients:
         """Code of every frame."""
-        return self._run(x, (self.frames, self.channels), lambda net, part: net.encode(part) * net.gain)
+        return self._run(x, (self.frames, self.channels), lambda part: self.net.encode(part) * self.net.gain)
 
-    def inverse(self, y: Float[Tensor, "... T columns"]) -> Float[Tensor, "... T C"]:
+    def inverse(self, y: Coefficients) -> Motions:
         """The decoder's motion, metres."""
-        return self._run(y, self.shape, lambda net, part: net.decode(part / net.gain))
-
-    def project(self, y: Float[Tensor, "... T columns"]) -> Float[Tensor, "... T columns"]:
-        """Encoder after decoder; not idempotent, unlike the linear transforms' projections."""
-        return self(self.inverse(y))
-
-    def split(self, y: Float[Tensor, "... T columns"]) -> dict[str, Tensor]:
-        """The phase manifold (2M), the frequencies (M) and the offsets (M)."""
-        m = self.phases
-        return dict(zip(("phase", "frequency", "offset"), y.split((2 * m, m, m), dim=-1), strict=True))
-
-    def join(self, bands: dict[str, Tensor]) -> Float[Tensor, "... T columns"]:
-        """Inverse of `split`."""
-        return torch.cat([bands[name] for name in ("phase", "frequency", "offset")], dim=-1)
+        return self._run(y, self.shape, lambda part: self.net.decode(part / self.net.gain))
 
     def tensors(self) -> dict[str, Tensor]:
         """Weights and scales."""
@@ -238,11 +228,10 @@ class PhaseTransform(Transform):
         """Take over what `tensors` gave, instead of `fit`."""
         self.net.load_state_dict(tensors)
         self.net.eval().requires_grad_(False)
-        self._fitted = True
         return self
 
     @torch.no_grad()
-    def _metres(self, x: Float[Tensor, "B T C"]) -> Float[Tensor, " columns"]:
+    def _metres(self, x: Batch) -> Float[Tensor, " columns"]:
         """Metres that the decoded body moves per unit of each column of the code."""
         code = self.net.encode(x)
         still, deviation = self.net.decode(code), code.std((0, 1)).clamp_min(1e-6)
@@ -250,11 +239,11 @@ class PhaseTransform(Transform):
         gain = torch.stack([m.square().mean().sqrt() for m in moved]) / deviation
         return gain.clamp_min(1e-4 * float(gain.max()))
 
-    def _run(self, array: Tensor, expected: tuple[int, int], function: Callable[[PeriodicAutoencoder, Tensor], Tensor]) -> Tensor:
-        if not self._fitted:
+    def _run(self, array: Tensor, expected: tuple[int, int], function: Callable[[Tensor], Tensor]) -> Tensor:
+        if self.net.training:
             raise RuntimeError("this PhaseTransform is untrained: call fit or restore first")
         self._expect(array, expected)
-        net, flat = self.net.to(array.device), array.reshape(-1, *expected).float()
+        self.net.to(array.device)
         with torch.autocast(array.device.type, enabled=False):
-            out = torch.cat([function(net, part) for part in flat.split(_CHUNK)])
+            out = torch.cat([function(part) for part in array.reshape(-1, *expected).float().split(_CHUNK)])
         return out.to(array.dtype).reshape(*array.shape[:-2], *out.shape[1:])

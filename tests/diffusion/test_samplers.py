@@ -324,7 +324,7 @@ def test_sampling_a_gaussian_gives_the_gaussian():
         (lambda: next(ddim(some_denoiser, torch.ones(3), A_BAR, [500], repeats=0, noise=lambda: torch.ones(3))), "repeats is 0"),
         (lambda: karras_levels(LINEAR, 0), "steps is 0; expected at least 1"),
         (lambda: next(sde_dpm_solver(says_y0, torch.ones(3), LINEAR, 4, noise=None, read_at="there")),
-         "read_at is 'there'; expected 'index' or 'level'"),
+         "read_at is 'there'; expected one of index, level"),
     ],
 )  # fmt: skip
 def test_mistakes_are_told(call, message):

@@ -357,7 +357,7 @@ def test_sinusoids_by_hand():
         (unet, dict(multipliers=()), "channels are \\[\\]"),
         (unet, dict(time_width=11), "time_width is 11"),
         (unet, dict(steps=0), "steps 0"),
-        (unet, dict(attention="square"), "attention is 'square'; expected 'linear' or 'ordinary'"),
+        (unet, dict(attention="square"), "attention is 'square'; expected one of linear, ordinary"),
         (unet, dict(text_heads=3), "width is 8; expected an even multiple of heads"),
     ],
 )

@@ -189,7 +189,7 @@ def test_what_is_no_list_of_sentences_is_refused(make, texts, folder):
         (learned, dict(vocabulary=()), "0 words, 0 different"),
         (learned, dict(vocabulary=("two words",)), "'two words'; expected words in lower case"),
         (learned, dict(vocabulary=("Man",)), "'Man'"),
-        (learned, dict(pooling="last"), "pooling is 'last'; expected 'mean' or 'first'"),
+        (learned, dict(pooling="last"), "pooling is 'last'; expected one of mean, first"),
         (learned, dict(heads=3), "width is 16"),
         (hashed, dict(buckets=0), "buckets is 0; expected at least 1"),
     ],

@@ -186,7 +186,7 @@ def test_sub_bands_over_time_are_those_of_pywavelets_and_nothing_is_lost(frames,
     for wavelet in EXACTLY:
         tf = TimeWaveletTransform(frames, 3, wavelet, level)
         y, expected = tf(x), over_time(x, wavelet, level)
-        for name, band, coefficients in zip(tf.names, tf.split(y).values(), expected, strict=True):
+        for (name, band), coefficients in zip(tf.split(y).items(), expected, strict=True):
             in_time = band.unflatten(-1, (-1, 3)).flatten(-3, -2)  # rows one after the other: the sub-band along time
             there = coefficients.shape[-2]
             np.testing.assert_allclose(in_time[:, :there], coefficients, atol=1e-10, err_msg=f"{wavelet} {name}")

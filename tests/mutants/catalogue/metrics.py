@@ -78,8 +78,8 @@ MUTANTS = [
     ),
     *of(
         "metrics/evaluation.py", "metrics/test_prediction.py::test_singletons",
-        ("mm-singleton-skip", 'if self.mm_singletons == "skip_all"', 'if self.mm_singletons != "keep"'),
-        ("mm-singletons-stay", 'hidden = alone if self.mm_singletons == "skip_mm"', 'hidden = alone if self.mm_singletons == ""'),
+        ("mm-singleton-skip", 'self.mm_singletons == "skip_all"', 'self.mm_singletons != "keep"'),
+        ("mm-singletons-stay", 'self.mm_singletons == "skip_mm"', 'self.mm_singletons == ""'),
     ),
     *of(
         "metrics/table.py", "metrics/test_uncertainty.py",

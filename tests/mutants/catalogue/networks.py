@@ -9,7 +9,7 @@ MUTANTS = [
         ("style-without-the-stream", "self.norm(h), 1 + scale", "self.norm(h), scale"),
         ("condition-always-counts", "added = added * keep.reshape(-1, 1)", "pass"),
         ("attention-of-the-first-block", "i in (half - 1, half)", "i in (0, half)"),
-        ("time-with-sines-first", "torch.cat([angle.cos(), angle.sin()]", "torch.cat([angle.sin(), angle.cos()]"),
+        ("time-with-sines-first", "torch.cat([waves[:, 1::2], waves[:, ::2]]", "torch.cat([waves[:, ::2], waves[:, 1::2]]"),
     ),
     *of(
         "networks/layers.py", "networks/test_translinear.py",
@@ -44,7 +44,7 @@ MUTANTS = [
     ),
     *of(
         "networks/unet1d.py", "networks/test_denoisers.py",
-        ("second-convolution-sees-padding", "h = h if valid is None else h * valid", "h = h + 0"),
+        ("second-convolution-sees-padding", "h = _kept(h, valid)", "h = h + 0"),
         ("padding-in-linear-attention", "k = k.masked_fill(~mask[:, None, :, None], float(\"-inf\")).softmax(dim=2)",
          "k = k.softmax(dim=2)"),
         ("queries-normed-over-frames", "y = q.softmax(dim=-1) @", "y = q.softmax(dim=-2) @"),

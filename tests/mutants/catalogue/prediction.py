@@ -193,6 +193,6 @@ MUTANTS = [
         ("the-calmest-difference", "_jerks(around, fps).mean((1, 3)).amax(1)", "_jerks(around, fps).mean((1, 3)).amin(1)"),
         ("steady-motion-stands-still", "(2 * last - before)", "last"),
         ("the-mean-frame", ".median(dim=1).values", ".mean(dim=1)"),
-        ("the-past-goes-unasked", "SEAM if history is not None else {}", "{}"),
+        ("the-past-goes-unasked", "SEAM if fps and history is not None else {}", "{}"),
     ),
 ]  # fmt: skip

@@ -10,12 +10,13 @@ MUTANTS = [
     ),
     *of(
         "transforms/dwt.py", "transforms/test_linear.py",
-        ("levels-in-another-order", "[1, *(2**k for k in range(level - omit))]", "[*(2**k for k in range(level - omit)), 1]"),
-        ("coarse-details-left-out", "range(level, omit, -1)", "range(level - omit, 0, -1)"),
-        ("projection-is-the-identity", "Constant(s), Constant(a @ s)", "Constant(s), Constant(np.eye(len(a)))"),
+        ("levels-in-another-order", "2 ** (level - n) for n", "2 ** (n - omit - 1) for n"),
+        ("coarse-details-left-out", "for n in range(level, omit, -1)", "for n in range(level - omit, 0, -1)"),
+        ("deeper-levels-of-the-motion", "pywt.dwt(analysis[:approx], filters", "pywt.dwt(np.eye(length)[:approx], filters"),
     ),
     *of(
         "transforms/linear.py", "transforms/test_linear.py",
+        ("projection-is-the-identity", "analysis, synthesis, analysis @ synthesis", "analysis, synthesis, np.eye(len(analysis))"),
         ("sines-begin-a-frame-late", "((0, 0), (1, 1))", "((0, 0), (2, 0))"),
     ),
 ]  # fmt: skip
