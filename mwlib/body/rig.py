@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -190,7 +191,7 @@ class Rig:
         return found
 
 
-def axes_of(channels: tuple[str, ...]) -> str:
+def axes_of(channels: Iterable[str]) -> str:
     """The axes of a joint's rotation channels, one letter each, in their order."""
     return "".join(name[0] for name in channels if name in ANGLES)
 

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import csv
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import dataclass, replace
-from functools import cache, lru_cache
+from functools import lru_cache
 from pathlib import Path
-from typing import NamedTuple, TypeVar
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 import torch
@@ -93,30 +93,22 @@ def load_clips(source: CaptionsConfig) -> Parts:
 
 def _clips(source: CaptionsConfig) -> list[CaptionedClip]:
     if source.data == "people":
-        return _people(source.clips)
+        return _kept(captioned_people, source.clips)
     if source.data == "cmu":
         folder = data_folder().absolute()
-        return _cmu(folder, source_state(folder / CMU_FOLDER), source_state(folder / CMU_CAPTIONS))
+        return _kept(captioned_cmu, folder, source_state(folder / CMU_FOLDER), source_state(folder / CMU_CAPTIONS))
     try:
         folder = find_source(source.data)
     except FileNotFoundError:
         found = f"data is {source.data!r}, which is neither here nor in {data_folder()}, the folder of data (MWLIB_DATA)"
         raise FileNotFoundError(f"{found}; expected people, cmu, or a folder laid out as HumanML3D or KIT") from None
-    return _folder(folder.absolute(), source_state(folder))
+    return _kept(read_folder, folder.absolute(), source_state(folder))
 
 
-_people = cache(captioned_people)
-
-
-@lru_cache(maxsize=1)
-def _cmu(folder: Path, *_state: object) -> list[CaptionedClip]:
-    """The state of its files makes a changed folder be read again."""
-    return captioned_cmu(folder)
-
-
-@lru_cache(maxsize=2)
-def _folder(folder: Path, *_state: object) -> list[CaptionedClip]:
-    return read_folder(folder)
+@lru_cache(maxsize=4)
+def _kept(read: Callable[[Any], list[CaptionedClip]], source: object, *_state: object) -> list[CaptionedClip]:
+    """What is read of a source; the state of its files makes a changed one be read again."""
+    return read(source)
 
 
 def _cut(clip: CaptionedClip, longest: int) -> CaptionedClip:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
@@ -18,8 +18,8 @@ from mwlib.body.skeleton import H36M17, to_h36m17
 from mwlib.data.captioned import CaptionsConfig
 from mwlib.data.collections import COLLECTIONS, h36m, named_source
 from mwlib.data.collections.record import Protocol
-from mwlib.data.doubts import MOST_NAMES, begin_with_a_jump, doubted, other_axis, rows_without_files, some, told_alone
-from mwlib.data.load import caller_says, expect_source, find_source, motion_files, readings, unread_entries
+from mwlib.data.doubts import MOST_NAMES, begin_with_a_jump, doubted, other_axis, rows_without_files, some
+from mwlib.data.load import caller_says, expect_source, find_source, motion_files, read_files, unread_entries
 from mwlib.data.meaning import ADULT, UNITS, UPRIGHT, Reading, Stated, adults, clips_row, height, standing
 from mwlib.data.mirroring import unmirrored
 from mwlib.data.untrusted import MotionFormatError, bare_suffix
@@ -73,8 +73,10 @@ def captioned_folder(path: Path) -> CaptionedFolder:
     except MotionFormatError as error:
         return CaptionedFolder([], [], [str(error)])
     broken = contents.broken()
-    more = [f"and {len(faults) - MOST_FAULTS} more faults of lists and captions"] if len(faults) > MOST_FAULTS else []
-    lines, wrong = [("splits", _splits(path, contents.clips))], [*map(str, faults[:MOST_FAULTS]), *more, *broken]
+    lines, wrong = [("splits", _splits(path, contents.clips))], [*map(str, faults[:MOST_FAULTS])]
+    if len(faults) > MOST_FAULTS:
+        wrong.append(f"and {len(faults) - MOST_FAULTS} more faults of lists and captions")
+    wrong += broken
     if contents.clips:
         about, doubt = _statistics(path, contents.clips)
         lines += [*_clips(contents.clips), *_caption_lines(contents.clips), ("scale", about)]
@@ -180,57 +182,46 @@ def _frames_fault(file: Path, motion: Motion) -> str | None:
     return "" if len(motion) == expected else f"{motion.name} has {len(motion)}, clips.csv says {expected}"
 
 
-def _t_poses(clips: Sequence[Clip]) -> list[str]:
+def _t_poses(clips: Sequence[Clip]) -> Iterator[str]:
     """A line on the clips whose first row is left out without a word of the user's."""
-    names = [clip.name for clip in clips if clip.reading.first.value and not clip.reading.first.is_users]
-    text = f"row 0 of {some(names, 3)} is an added T-pose and left out; first_frame 0 in clips.csv keeps it"
-    return [_line("T-pose", text)] if names else []
+    if names := [clip.name for clip in clips if clip.reading.first.value and not clip.reading.first.is_users]:
+        yield _line("T-pose", f"row 0 of {some(names, 3)} is an added T-pose and left out; first_frame 0 in clips.csv keeps it")
 
 
-def _known_frames(clips: Sequence[Clip]) -> list[str]:
+def _known_frames(clips: Sequence[Clip]) -> Iterator[str]:
     """Lines on how many clips are as long as clips.csv says."""
     faults = [_frames_fault(clip.file, clip.reading.motion) for clip in clips if clip.file]
-    compared = [fault for fault in faults if fault is not None]
-    wrong = [fault for fault in compared if fault]
-    if not compared:
-        return []
-    text = f"frames as clips.csv says in {len(compared) - len(wrong)} of {len(compared)} clips"
-    return [_line("known", text), *map(_wrong, wrong)]
+    if compared := [fault for fault in faults if fault is not None]:
+        yield _line("known", f"frames as clips.csv says in {compared.count('')} of {len(compared)} clips")
+        yield from (_line("DIFFERS", fault) for fault in compared if fault)
 
 
-def _wrong(text: str) -> str:
-    return _line("DIFFERS", text)
-
-
-def _known_windows(motions: list[Motion]) -> list[str]:
+def _known_windows(motions: list[Motion]) -> Iterator[str]:
     """Published counts beside those found, for data in VideoPose3D's layout."""
-    subjects = {m.subject for m in motions}
+    found = {m.name: _window_count(m, _protocol(m)) for m in motions if m.subject in h36m.TEST_SUBJECTS}
     if motions[0].skeleton.name == "HUMANEVA15":
         test = sum(_window_count(m, _protocol(m)) for m in motions if m.subject.startswith("Validate/"))
-        return [_line("known", f"{test} test windows in Validate/*; published never, at most {h36m.HUMANEVA_MOST_WINDOWS}")]
-    if motions[0].skeleton.name != "H36M17" or not subjects & {*h36m.TRAIN_SUBJECTS, *h36m.TEST_SUBJECTS}:
-        return []
-    found = {m.name: _window_count(m, _protocol(m)) for m in motions if m.subject in h36m.TEST_SUBJECTS}
-    lines = []
-    for subject in (*h36m.TEST_SUBJECTS, ""):
-        here, there = (sum(n for name, n in counts.items() if name.startswith(subject)) for counts in (found, h36m.WINDOWS))
-        lines.append(_line("known", f"{subject or 'S9 + S11'}: {here} test windows, published {there}"))
-    names = [name for name in h36m.WINDOWS | found if found.get(name) != h36m.WINDOWS.get(name)]
-    lines += [_wrong(f"{n}: {found.get(n, 'none')}, published {h36m.WINDOWS.get(n, 'none')}") for n in names[:MOST_NAMES]]
-    lines += [_wrong(f"and {len(names) - MOST_NAMES} more sequences")] if len(names) > MOST_NAMES else []
-    return lines + (_known_neighbours(motions) if not names else [])
+        yield _line("known", f"{test} test windows in Validate/*; published never, at most {h36m.HUMANEVA_MOST_WINDOWS}")
+    elif motions[0].skeleton.name == "H36M17" and (found or any(m.subject in h36m.TRAIN_SUBJECTS for m in motions)):
+        for subject in (*h36m.TEST_SUBJECTS, ""):
+            here, there = (sum(n for name, n in counts.items() if name.startswith(subject)) for counts in (found, h36m.WINDOWS))
+            yield _line("known", f"{subject or 'S9 + S11'}: {here} test windows, published {there}")
+        names = [name for name in h36m.WINDOWS | found if found.get(name) != h36m.WINDOWS.get(name)]
+        wrong = [f"{n}: {found.get(n, 'none')}, published {h36m.WINDOWS.get(n, 'none')}" for n in names[:MOST_NAMES]]
+        wrong += [f"and {len(names) - MOST_NAMES} more sequences"] if len(names) > MOST_NAMES else []
+        yield from (_line("DIFFERS", text) for text in wrong)
+        if not names:
+            yield _line("known", _known_neighbours(motions))
 
 
-def _known_neighbours(motions: list[Motion]) -> list[str]:
+def _known_neighbours(motions: list[Motion]) -> str:
     """How many test windows share their last observed pose with others, against what two published codes agree on."""
     _, history, future, stride = STANDARD
     test = [m for m in motions if m.subject in h36m.TEST_SUBJECTS]
     last = windows(test, history, future, stride).x_history[:, -1].numpy()
     others = KDTree(last).query_ball_point(last, h36m.THRESHOLD, return_length=True) - 1
-    counts = (int(np.sum(others == 0)), int(np.sum(others <= 9)))
-    published = (h36m.ALONE, h36m.FEW)
-    text = f"{counts[0]} windows without a neighbour, {counts[1]} with at most nine; published {published[0]}, {published[1]}"
-    return [_line("known", text)]
+    few = f"{np.sum(others == 0)} windows without a neighbour, {np.sum(others <= 9)} with at most nine"
+    return f"{few}; published {h36m.ALONE}, {h36m.FEW}"
 
 
 GLITCH = 25.0  # metres per second; above it are the marker glitches of CMU, below it its good clips
@@ -250,24 +241,34 @@ def _fastest(motion: Motion) -> tuple[float, int, str]:
     return float(steps[frame, joint]) * motion.fps, int(frame) + 1, motion.skeleton.joints[joint]
 
 
-def _left_out(clips: Sequence[tuple[str, Motion]], protocol: Protocol) -> list[str]:
+def _left_out(clips: Sequence[Clip], protocol: Protocol) -> Iterator[str]:
     """One line on the clips, by name, that give no window."""
     fps, history, future, _ = protocol
-    short = [name for name, motion in clips if _frames_at(motion, fps) <= history + future]
-    return [f"{len(short)} clips no longer than {history} + {future} frames at {fps:g} Hz: {some(short)}"] if short else []
+    if short := [clip.name for clip in clips if _frames_at(clip.reading.motion, fps) <= history + future]:
+        yield f"{len(short)} clips no longer than {history} + {future} frames at {fps:g} Hz: {some(short)}"
 
 
-def _doubts(clips: Sequence[tuple[str, Reading]], people: bool) -> list[str]:
+def _doubts(clips: Sequence[tuple[str, Reading]], people: bool) -> Iterator[str]:
     """A line for each kind of doubt, with the names of the clips: size, axis, speed, copies, people, sides, skeletons.
 
     Lists of clips part them already, whoever the `people` are.
     """
-    motions = [reading.motion for _, reading in clips]
-    who = _people(motions) if people else []
-    return [*_bodies(clips), *begin_with_a_jump(clips), *_copies(clips), *who, *_skeletons(clips)]
+    yield from _bodies(clips)
+    yield from begin_with_a_jump(clips)
+    same: dict[str, list[str]] = {}
+    for name, reading in clips:
+        content = np.ascontiguousarray(reading.motion.positions, dtype=np.float32)
+        same.setdefault(sha256([content.tobytes()]), []).append(name)
+    if twice := [" = ".join(names) for names in same.values() if len(names) > 1]:
+        yield f"the same clip twice, perhaps in training and test: {some(twice)}"
+    subjects = {reading.motion.subject for _, reading in clips}
+    if people and len(subjects) == 1:
+        who = "no clip has a subject" if subjects == {""} else f"one subject only, {min(subjects)!r}"
+        yield f"{who}: test clips will be of people trained on. A column subject in clips.csv tells people apart"
+    yield from _skeletons(clips)
 
 
-def _bodies(clips: Sequence[tuple[str, Reading]]) -> list[str]:
+def _bodies(clips: Sequence[tuple[str, Reading]]) -> Iterator[str]:
     """Size, up-axis and speed."""
     small, other, wild = [], [], []
     for name, reading in clips:
@@ -279,43 +280,27 @@ def _bodies(clips: Sequence[tuple[str, Reading]]) -> list[str]:
         other += [f"{name} (along {stands.axis})"] if lies else []
         speed, frame, joint = _fastest(m)
         wild += [f"{name} ({speed:.0f} m/s, {joint} in row {reading.first.value + frame})"] if speed > GLITCH else []
-    cut = "The column first_frame in clips.csv cuts a beginning off"
-    return [
-        *([f"no adult's height: {some(small)}. State the unit if that is wrong"] if small else []),
-        *([f"not upright along the up-axis: {some(other)}. People who lie, or another axis is up"] if other else []),
-        *([f"faster than {GLITCH:g} m/s, so perhaps glitches: {some(wild)}. {cut}"] if wild else []),
-    ]
+    for names, said, remedy in (
+        (small, "no adult's height", "State the unit if that is wrong"),
+        (other, "not upright along the up-axis", "People who lie, or another axis is up"),
+        (wild, f"faster than {GLITCH:g} m/s, so perhaps glitches", "The column first_frame in clips.csv cuts a beginning off"),
+    ):
+        if names:
+            yield f"{said}: {some(names)}. {remedy}"
 
 
-def _copies(clips: Sequence[tuple[str, Reading]]) -> list[str]:
-    same: dict[str, list[str]] = {}
-    for name, reading in clips:
-        content = np.ascontiguousarray(reading.motion.positions, dtype=np.float32)
-        same.setdefault(sha256([content.tobytes()]), []).append(name)
-    twice = [" = ".join(names) for names in same.values() if len(names) > 1]
-    return [f"the same clip twice, perhaps in training and test: {some(twice)}"] if twice else []
-
-
-def _people(motions: Sequence[Motion]) -> list[str]:
-    people = {m.subject for m in motions}
-    if len(people) != 1:
-        return []
-    who = f"one subject only, {next(iter(people))!r}" if people != {""} else "no clip has a subject"
-    return [f"{who}: test clips will be of people trained on. A column subject in clips.csv tells people apart"]
-
-
-def _skeletons(clips: Sequence[tuple[str, Reading]]) -> list[str]:
+def _skeletons(clips: Sequence[tuple[str, Reading]]) -> Iterator[str]:
     """Skeletons as training will have them: without pairs, or more than one."""
     kinds: dict[str, list[tuple[str, Motion]]] = {}
     for name, reading in clips:
         m = reading.motion if to_h36m17(reading.motion.skeleton) is None else reading.motion.retarget(H36M17)
         kinds.setdefault(m.skeleton.name, []).append((name, m))
-    reasons = [unmirrored([m for _, m in group]) for group in kinds.values()]
-    found = [f"training will not mirror: {reason}" for reason in reasons if reason]
+    for group in kinds.values():
+        if reason := unmirrored([m for _, m in group]):
+            yield f"training will not mirror: {reason}"
     if len(kinds) > 1:
         groups = "; ".join(f"{kind} ({some([name for name, _ in group], 3)})" for kind, group in kinds.items())
-        found.append(f"{len(kinds)} skeletons, and training takes one: {groups}")
-    return found
+        yield f"{len(kinds)} skeletons, and training takes one: {groups}"
 
 
 COLUMNS = ("files", "clips", "frames", "seconds", "subjects", "Hz", "skeleton", "up", "metres per unit", "height in m")
@@ -332,6 +317,11 @@ class Clip(NamedTuple):
         """Of the file, and of the clip where a file holds several."""
         name = self.reading.motion.name
         return self.file.name if self.file and self.file.name.startswith(name) else name
+
+    @property
+    def files(self) -> str:
+        """The kind of its file."""
+        return bare_suffix(self.file)[1:] if self.file else "synthetic"
 
 
 class Check(NamedTuple):
@@ -378,16 +368,17 @@ def check_data(
     cuts = captioned is None or any(given is not None for given in (fps, history, future))
     kinds: dict[tuple, list[Clip]] = {}
     for clip in clips:
-        kinds.setdefault(_kind(clip), []).append(clip)
+        r = clip.reading
+        kinds.setdefault((clip.files, r.motion.skeleton.name, r.fps, r.up, r.unit), []).append(clip)
     lines = [*_table(kinds), ""] if kinds else []
     short = []
     for group in kinds.values():
         motions = [clip.reading.motion for clip in group]
         usual = _protocol(motions[0])
         protocol = Protocol(fps or usual.fps, history or usual.history, future or usual.future, usual.stride)
-        lines += [*_describe(motions, protocol if cuts else None, _files(group[0])), *_unread(group), *_t_poses(group)]
+        lines += [*_describe(motions, protocol if cuts else None, group[0].files), *_unread(group), *_t_poses(group)]
         lines += [*_known_frames(group), *_known_windows(motions), ""]
-        short += _left_out([(clip.name, clip.reading.motion) for clip in group], protocol) if cuts else []
+        short += _left_out(group, protocol) if cuts else []
     if captioned:
         lines += ["lists and captions", *(_line(*each) for each in captioned.lines), ""]
         short += captioned.left_out
@@ -417,27 +408,12 @@ def _read(source: str | Path, **stated) -> tuple[list[Clip], list[str], list[str
         maker = "the generator"
         made = (Reading(m, Stated(1.0, maker), Stated(m.up, maker), Stated(m.fps, maker)) for m in synthetic_motions())
         return [Clip(None, reading) for reading in made], [], []
-    clips, broken = [], []
     try:
         files = motion_files(find_source(source))
     except MotionFormatError as error:
         return [], [str(error)], []
-    for file in files:
-        try:
-            clips += [Clip(file, reading) for reading in readings(file, **given)]
-        except MotionFormatError as error:
-            broken.append(str(error))
-    alone = [told_alone(table, rows, files) for table, rows in rows_without_files(files).items()]
-    return clips, broken, alone
-
-
-def _files(clip: Clip) -> str:
-    return bare_suffix(clip.file)[1:] if clip.file else "synthetic"
-
-
-def _kind(clip: Clip) -> tuple:
-    r = clip.reading
-    return _files(clip), r.motion.skeleton.name, r.fps, r.up, r.unit
+    found, broken = read_files(files, given)
+    return [Clip(*each) for each in found], [*map(str, broken)], rows_without_files(files)
 
 
 def _table(kinds: dict[tuple, list[Clip]]) -> list[str]:
@@ -452,38 +428,32 @@ def _table(kinds: dict[tuple, list[Clip]]) -> list[str]:
             f"{skeleton}, {len(motions[0].skeleton)} joints", f"{up.value} ({up.source})", f"{unit.value:.4g} ({unit.source})",
             f"{min(tall):.2f} to {max(tall):.2f}",
         ))  # fmt: skip
-    widths = [max(len(row[i]) for row in rows) for i in range(len(COLUMNS))]
-    return ["  ".join(word.ljust(width) for word, width in zip(row, widths, strict=True)).rstrip() for row in rows]
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    return ["  ".join(map(str.ljust, row, widths)).rstrip() for row in rows]
 
 
-def _describe(motions: list[Motion], protocol: Protocol | None, files: str) -> list[str]:
+def _describe(motions: list[Motion], protocol: Protocol | None, files: str) -> Iterator[str]:
     """One line for each property of clips of one kind; one of windows, if a protocol cuts them."""
-    lengths = [bone_lengths(m.positions, m.skeleton) for m in motions]
-    stretch = max(float(np.ptp(length, axis=0).max()) for length in lengths)
-    speeds = [fastest(m) for m in motions]
-    windows = []
+    yield f"{files} with skeleton {motions[0].skeleton.name} at {motions[0].fps:g} Hz"
+    yield _line("subjects", _counts(m.subject for m in motions))
+    yield _line("actions", _counts(m.action for m in motions))
     if protocol:
         fps, history, future, stride = protocol
         count = sum(_window_count(m, protocol) for m in motions)
-        windows = [_line("windows", f"{count} of {history} + {future} frames at {fps:g} Hz, every {stride} frames")]
-    return [
-        f"{files} with skeleton {motions[0].skeleton.name} at {motions[0].fps:g} Hz",
-        _line("subjects", _counts(m.subject for m in motions)),
-        _line("actions", _counts(m.action for m in motions)),
-        *windows,
-        _line("bones", f"lengths change by up to {1000 * stretch:.1f} mm within a clip"),
-        _line("fastest", f"joint {max(speeds):.1f} m/s; {sum(s > GLITCH for s in speeds)} clips above {GLITCH:g} m/s"),
-    ]
+        yield _line("windows", f"{count} of {history} + {future} frames at {fps:g} Hz, every {stride} frames")
+    stretch = max(float(np.ptp(bone_lengths(m.positions, m.skeleton), axis=0).max()) for m in motions)
+    yield _line("bones", f"lengths change by up to {1000 * stretch:.1f} mm within a clip")
+    speeds = [fastest(m) for m in motions]
+    yield _line("fastest", f"joint {max(speeds):.1f} m/s; {sum(s > GLITCH for s in speeds)} clips above {GLITCH:g} m/s")
 
 
-def _unread(clips: Sequence[Clip]) -> list[str]:
+def _unread(clips: Sequence[Clip]) -> Iterator[str]:
     """Lines on entries of archives that nothing is read from."""
-    files = dict.fromkeys(clip.file for clip in clips if clip.file and bare_suffix(clip.file) == ".npz")
     found: dict[str, list[str]] = {}
-    for file in files:
+    for file in dict.fromkeys(clip.file for clip in clips if clip.file and clip.files == "npz"):
         if names := unread_entries(file):
             found.setdefault(some(names), []).append(file.name)
-    return [_line("unread", f"entries {names} of {some(holders, 3)}") for names, holders in found.items()]
+    return (_line("unread", f"entries {names} of {some(holders, 3)}") for names, holders in found.items())
 
 
 def _list(title: str, found: Sequence[str]) -> list[str]:
@@ -492,6 +462,4 @@ def _list(title: str, found: Sequence[str]) -> list[str]:
 
 def _counts(words: Iterable[str]) -> str:
     counts = Counter(word or "(unknown)" for word in words)
-    rest = len(counts) - MOST_NAMES
-    shown = ", ".join(f"{word} ({count})" for word, count in counts.most_common(MOST_NAMES))
-    return f"{len(counts)}: {shown}{f' and {rest} more' if rest > 0 else ''}"
+    return f"{len(counts)}: {some([f'{word} ({count})' for word, count in counts.most_common()])}"

@@ -14,7 +14,8 @@ from mwlib.body.kinematics import AXES, bone_lengths
 from mwlib.body.motion import Motion
 from mwlib.body.skeleton import Skeleton, is_cmu
 from mwlib.data.collections.cmu import recorded_at
-from mwlib.data.meaning import LEVELS_UP, OTHERWISE, STATE_AXIS, UPRIGHT, Reading, head_and_feet, rows_of, standing
+from mwlib.data.meaning import LEVELS_UP, OTHERWISE, STATE_AXIS, UPRIGHT, Reading, head_and_feet, looked_at, rows_of, standing
+from mwlib.data.mirroring import way_to
 from mwlib.data.untrusted import PACKED, MotionFormatError, bare_name
 
 MOST_NAMES = 12
@@ -121,7 +122,7 @@ def misnamed(reading: Reading) -> str:
     points to the left, whichever axis is up.
     """
     motion, skeleton = reading.motion, reading.motion.skeleton
-    places = motion.positions[np.linspace(0, len(motion) - 1, min(len(motion), 200)).astype(int)].astype(float)
+    places = looked_at(motion.positions).astype(float)
     lengths = dict(zip((child for _, child in skeleton.bones), np.median(bone_lengths(places, skeleton), axis=0), strict=True))
     left, right = (np.array([lengths.get(joint, 0.0) for joint in side]) for side in (skeleton.left, skeleton.right))
     if np.abs(left - right).sum() > UNEVEN * np.maximum(left, right).sum():
@@ -137,7 +138,7 @@ def _bend(places: Float[np.ndarray, "T joints 3"], skeleton: Skeleton) -> float:
     """Mean sine of the angle by which knees bend forwards; 0 where no legs are known."""
     pairs = dict(zip(skeleton.left, skeleton.right, strict=True))
     feet = [joint for joint in head_and_feet(skeleton)[1] if joint in pairs]
-    left = [joint for joint in _above(feet[-1], skeleton) if joint in pairs] if feet else []
+    left = [joint for joint in way_to(feet[-1], skeleton) if joint in pairs] if feet else []
     if len(left) < 3:
         return 0.0
     lengths = np.median(np.linalg.norm(np.diff(places[:, left], axis=1), axis=-1), axis=0)
@@ -149,11 +150,6 @@ def _bend(places: Float[np.ndarray, "T joints 3"], skeleton: Skeleton) -> float:
         size = np.prod([np.linalg.norm(way, axis=-1) for way in (thigh, shin, across)], axis=0)
         sines.append((np.cross(thigh, shin) * across).sum(-1) / np.maximum(size, 1e-9))
     return float(np.mean(sines))
-
-
-def _above(joint: int, skeleton: Skeleton) -> list[int]:
-    """The way from the root to a joint."""
-    return [0] if joint == 0 else [*_above(skeleton.parents[joint], skeleton), joint]
 
 
 def recorded_slower(reading: Reading) -> bool:
@@ -179,7 +175,7 @@ def other_axis(reading: Reading) -> str:
     motion, skeleton = reading.motion, reading.motion.skeleton
     if reading.up.is_users or all(head_and_feet(skeleton)):
         return ""
-    places = motion.positions[np.linspace(0, len(motion) - 1, min(len(motion), 200)).astype(int)]
+    places = looked_at(motion.positions)
     here = AXES[motion.up]
     limbs = _limbs(places, skeleton)
     if limbs is None:
@@ -215,33 +211,30 @@ def _limbs(places: Float[np.ndarray, "T joints 3"], skeleton: Skeleton) -> tuple
     return pairs[0][2], pairs[1][1]
 
 
-def rows_without_files(files: Sequence[Path]) -> dict[Path, list[str]]:
-    """Rows of the clips.csv beside and above some files that match no file: table -> what they have in the column file.
+def rows_without_files(files: Sequence[Path]) -> list[str]:
+    """A sentence on each clips.csv beside and above some files of which rows match no file, with files that may have been meant.
 
     A table that cannot be read is passed over: its error is told when a file is read.
     """
     folders = {folder for parent in {file.parent for file in files} for folder in _levels(parent.resolve())}
-    found = {}
+    found = []
     for table in sorted(folder / "clips.csv" for folder in folders):
         try:
             rows = rows_of(table) if table.is_file() else {}
         except MotionFormatError:
             continue
         if alone := [row["file"] for key, row in rows.items() if not _is_there(key, table.parent)]:
-            found[table] = alone
+            names = {bare_name(file).lower(): os.path.relpath(file.resolve(), table.parent) for file in files}
+
+            def told(word: str, names: dict[str, str] = names) -> str:
+                """A row's file, and the one that may have been meant."""
+                near = difflib.get_close_matches(bare_name(Path(word)).lower(), names, n=1, cutoff=0.9)
+                return repr(word[:80]) + "".join(f" (did you mean {names[name]!r}?)" for name in near)
+
+            words = [told(word) for word in alone[:MOST_NAMES]] + alone[MOST_NAMES:]
+            expected = f"paths from the table's folder or one above, at most {LEVELS_UP - 1} folders deep"
+            found.append(f"{table}: {len(alone)} rows match no file: {some(words)}; expected {expected}")
     return found
-
-
-def told_alone(table: Path, alone: Sequence[str], files: Sequence[Path], most: int = 12) -> str:
-    """A sentence on rows that match no file, with files that may have been meant."""
-    names, words = {bare_name(file).lower(): os.path.relpath(file.resolve(), table.parent) for file in files}, []
-    for word in alone[:most]:
-        close = difflib.get_close_matches(bare_name(Path(word)).lower(), names, n=1, cutoff=0.9)
-        near = [names[name] for name in close]
-        words.append(repr(word[:80]) + (f" (did you mean {near[0]!r}?)" if near else ""))
-    more = f" and {len(alone) - most} more" if len(alone) > most else ""
-    expected = f"paths from the table's folder or one above, at most {LEVELS_UP - 1} folders deep"
-    return f"{table}: {len(alone)} rows match no file: {', '.join(words)}{more}; expected {expected}"
 
 
 def _levels(folder: Path) -> tuple[Path, ...]:

@@ -1,5 +1,7 @@
 """Downloads of published motions: from their publishers, checked, one process at a time."""
 
+from __future__ import annotations
+
 import csv
 import io
 import json
@@ -11,8 +13,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from queue import Empty, Queue
-from typing import Any, cast
+from typing import Any, BinaryIO, cast
 
 import numpy as np
 import pooch
@@ -34,7 +35,7 @@ from mwlib.version import __version__
 
 HEADERS = {"User-Agent": f"mwlib/{__version__} (motion-wavelet-notebooks)", "Accept-Encoding": "identity"}
 PIECE = 2**14  # bytes
-MOST_WAITING = 64  # pieces that have arrived and are not written yet
+GLANCE = 0.1  # seconds between two looks at a file on its way
 NO_REST = 416  # what a server says that has nothing after the bytes that are there
 MOST = 40_000_000  # bytes of one file that is no archive; the longest listed has 3 million
 MOST_FAULTS = 5  # clips that a publisher does not have as listed, before nothing more is asked of it
@@ -94,73 +95,68 @@ class _Line:
         part = Path(output_file).with_name(f".{Path(url).name}.part")
         part.touch()
         with part.open("r+b") as stream:
-            done = part.stat().st_size
-            for place, piece in self._pieces(url, done if done < self.most else 0):
-                stream.seek(place)
-                stream.truncate()
-                stream.write(piece)
+            self._wait(_Arrival(url, stream, self.most, self.patience.silence))
         part.replace(Path(output_file))
         if fault := _stand_in(Path(output_file)):
             raise ValueError(fault)
         time.sleep(self.patience.between)
 
-    def _pieces(self, url: str, done: int) -> Iterator[tuple[int, bytes]]:
-        """What arrives, as it arrives, each piece with its place in the file.
+    def _wait(self, arrival: _Arrival) -> None:
+        """Until the file is there, unless the whole takes too long."""
+        begin, passed = time.monotonic(), 0.0
+        arrival.start()
+        while arrival.is_alive():
+            if passed > (limit := self.patience.grace + arrival.size / self.patience.slowest):
+                found = f"{arrival.size} bytes in {passed:.0f} s"
+                raise NotOfferedError(f"{found}; expected at least {self.patience.slowest:g} a second")
+            arrival.join(min(GLANCE, limit - passed))
+            passed = time.monotonic() - begin
+            if self.bar is not None:
+                self.bar.update(arrival.place - self.bar.n)
+        if arrival.error is not None:
+            raise arrival.error
 
-        Another thread asks, as a header's line that never ends keeps the one that reads it; that thread dies with the process.
-        """
-        arrived: Queue[tuple[int, bytes] | Exception] = Queue(MOST_WAITING)
-        is_over = threading.Event()
-        threading.Thread(target=self._ask, args=(url, done, arrived, is_over), daemon=True).start()
-        size, begin = 0, time.monotonic()
-        if self.bar is not None:
-            self.bar.reset()
+
+class _Arrival(threading.Thread):
+    """A file on its way, each piece written to its place in a stream; who closes the stream ends it.
+
+    In a thread of its own, as a header's line that never ends keeps the one that reads it; that thread dies with the process.
+    """
+
+    def __init__(self, url: str, stream: BinaryIO, most: int, silence: float) -> None:
+        super().__init__(daemon=True)
+        self.url, self.stream, self.most, self.silence = url, stream, most, silence
+        self.size, self.place, self.error = 0, 0, None
+
+    def run(self) -> None:
+        """Ask for what comes after the bytes that are there; `error` is how it ends."""
         try:
-            while (found := self._next(arrived, size, begin)) and found[1]:
-                size += len(found[1])
-                if found[0] + len(found[1]) > self.most:
-                    raise NotOfferedError(f"more than {self.most} bytes arrived; expected at most that")
-                if self.bar is not None:
-                    self.bar.update(found[0] + len(found[1]) - self.bar.n)
-                yield found
-        finally:
-            is_over.set()
-            while not arrived.empty():
-                arrived.get_nowait()
-
-    def _next(self, arrived: Queue[tuple[int, bytes] | Exception], size: int, begin: float) -> tuple[int, bytes]:
-        """The next piece, unless the whole takes too long; an empty one at the end."""
-        while (passed := time.monotonic() - begin) <= (limit := self.patience.grace + size / self.patience.slowest):
-            try:
-                found = arrived.get(timeout=limit - passed)
-            except Empty:
-                continue
-            if isinstance(found, Exception):
-                raise found
-            return found
-        raise NotOfferedError(f"{size} bytes in {passed:.0f} s; expected at least {self.patience.slowest:g} a second")
-
-    def _ask(self, url: str, done: int, arrived: Queue[tuple[int, bytes] | Exception], is_over: threading.Event) -> None:
-        """Ask for what comes after the bytes that are there; hand on what arrives, and how it ends."""
-        rest = {"Range": f"bytes={done}-"} if done else {}
-        try:
-            with requests.get(url, headers=HEADERS | rest, timeout=self.patience.silence, stream=True) as response:
-                if response.status_code == NO_REST and done:
-                    return self._ask(url, 0, arrived, is_over)
-                if response.status_code not in (200, 206):
-                    found = f"the server says {response.status_code} {response.reason}"
-                    raise (_BrokenError if response.status_code in BUSY else NotOfferedError)(found)
-                place = done if response.status_code == 206 else 0
-                while (piece := response.raw.read1(PIECE)) and not is_over.is_set():
-                    arrived.put((place, piece))
-                    place += len(piece)
-            arrived.put((place, b""))
+            done = self.stream.seek(0, io.SEEK_END)
+            self._ask(done if done < self.most else 0)
         except requests.exceptions.SSLError as error:
-            arrived.put(NotOfferedError(f"no safe connection ({_root(error)})"))
+            self.error = NotOfferedError(f"no safe connection ({_root(error)})")
         except (requests.RequestException, urllib3.exceptions.HTTPError) as error:
-            arrived.put(_BrokenError(f"no connection, or one that ended early ({_root(error)})"))
+            self.error = _BrokenError(f"no connection, or one that ended early ({_root(error)})")
         except Exception as error:
-            arrived.put(error)
+            self.error = error
+
+    def _ask(self, done: int) -> None:
+        rest = {"Range": f"bytes={done}-"} if done else {}
+        with requests.get(self.url, headers=HEADERS | rest, timeout=self.silence, stream=True) as response:
+            if response.status_code == NO_REST and done:
+                return self._ask(0)
+            if response.status_code not in (200, 206):
+                found = f"the server says {response.status_code} {response.reason}"
+                raise (_BrokenError if response.status_code in BUSY else NotOfferedError)(found)
+            self.place = done if response.status_code == 206 else 0
+            while piece := response.raw.read1(PIECE):
+                if self.place + len(piece) > self.most:
+                    raise NotOfferedError(f"more than {self.most} bytes arrived; expected at most that")
+                self.stream.seek(self.place)
+                self.stream.truncate()
+                self.stream.write(piece)
+                self.place += len(piece)
+                self.size += len(piece)
 
 
 def _root(error: BaseException) -> str:
@@ -260,7 +256,8 @@ def bring(collection: Collection, to: Path, patience: Patience = Patience()) -> 
     assert download is not None
     pooch.get_logger().setLevel("WARNING")
     clips, files = download.clips(), dict(download.files())
-    if _is_there(download.archive is not None, folder, files, clips):
+    is_whole = download.archive is None or _is_proven(folder)
+    if is_whole and not _missing(folder, files) and not _missing_clips(folder, clips) and (not clips or _labelled(folder, clips)):
         return folder
     with _workplace(to, collection.name) as staging:
         if clips:
@@ -273,19 +270,9 @@ def bring(collection: Collection, to: Path, patience: Patience = Patience()) -> 
                     folder.mkdir(parents=True, exist_ok=True)
                     part.replace(folder / name)
                     bar.update()
-        if download.archive is not None and not _is_proven(folder):
+        if download.archive is not None and not is_whole:
             _bring_archive(download.archive, folder, staging, patience)
     return folder
-
-
-def _is_there(is_archive: bool, folder: Path, files: dict[str, tuple[str, str]], clips: Sequence[Listed]) -> bool:
-    """Whether nothing has to be asked for."""
-    return (
-        not _missing(folder, files)
-        and not _missing_clips(folder, clips)
-        and (not clips or _labelled(folder, clips))
-        and (not is_archive or _is_proven(folder))
-    )
 
 
 def _missing(folder: Path, files: dict[str, tuple[str, str]]) -> list[str]:
@@ -357,7 +344,9 @@ def _bring_clip(registry: _Registry, clip: Listed, folder: Path) -> None:
         if not (fault := motion_fault(part, clip)):
             break
         part.unlink()
-        if _skeleton_fault(skeleton):
+        try:
+            read_asf(skeleton)
+        except MotionFormatError:
             skeleton.unlink()
     else:
         raise NotOfferedError(f"{registry.pooch.get_url(clip.file)}: {fault}")
@@ -370,14 +359,6 @@ def _skeleton_of(clip: Listed) -> str:
     """05/05.asf for 05/05_01.amc."""
     subject = clip.file.split("/")[0]
     return f"{subject}/{subject}.asf"
-
-
-def _skeleton_fault(file: Path) -> bool:
-    try:
-        read_asf(file)
-    except MotionFormatError:
-        return True
-    return False
 
 
 def _missing_clips(folder: Path, clips: Sequence[Listed]) -> list[Listed]:

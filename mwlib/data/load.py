@@ -8,7 +8,6 @@ from collections.abc import Callable, Iterator
 from dataclasses import replace
 from io import BytesIO
 from pathlib import Path
-from typing import Unpack
 
 import pooch
 from tqdm import tqdm
@@ -20,7 +19,8 @@ from mwlib.data.collections import NAMED_SOURCES, SKELETONS, named_source
 from mwlib.data.collections.cmu import BENCHMARK_COLUMNS
 
 from mwlib.data.meaning import (  # isort: skip
-    ENTRY, LEVELS_UP, TABLE, Given, Hints, Reading, Stated, check_size, check_up, hints, metres_per_unit,
+    CALLER, ENTRY, LEVELS_UP, TABLE, UNKNOWN, Hints, Reading, Stated, check_size, check_up, hints, hints_of, metres_per_unit,
+    stated,
 )  # fmt: skip
 from mwlib.data.untrusted import (  # isort: skip
     MOST_BYTES, BrokenFilesWarning, DoubtfulDataWarning, MotionFormatError, allowed, archive_names, array_header, bare_suffix,
@@ -85,9 +85,13 @@ def load_motions(
     source, own_fps = named_source(source)
     fps = fps or own_fps
     given = caller_says(unit, up, file_fps, skeleton)
-    wanted = given.get("fallback_skeleton")
-    motions = _synthetic() if source == "synthetic" else _read(find_source(source), given, strict)
-    motions = motions if wanted is None else [m.retarget(wanted) for m in motions]
+    if source == "synthetic":
+        from mwlib.synthetic.motions import synthetic_motions
+
+        motions = synthetic_motions()
+    else:
+        motions = _read(find_source(source), given, strict)
+    motions = [m.retarget(given.skeleton) for m in motions] if given.skeleton else motions
     return motions if fps is None else [m.resample(fps) for m in motions]
 
 
@@ -106,7 +110,7 @@ def caller_says(
     up: str | None = None,
     file_fps: float | None = None,
     skeleton: Skeleton | str | None = None,
-) -> Given:
+) -> Hints:
     """What a caller says of all files, checked; arguments as in `load_motions`.
 
     Raises:
@@ -119,7 +123,7 @@ def caller_says(
     if up is not None:
         choice("up", up, AXES)
     metres = None if unit is None else metres_per_unit(unit)
-    return {"unit": metres, "up": up, "fps": file_fps, "fallback_skeleton": skeleton}
+    return Hints(stated(metres, CALLER), stated(up, CALLER), stated(file_fps, CALLER), skeleton=skeleton)
 
 
 def _check_rate(name: str, rate: float | None) -> None:
@@ -187,11 +191,11 @@ def _inside(path: Path, unlisted: list[Path] | None = None) -> list[Path]:
 
 def source_files(source: str | Path) -> Iterator[tuple[str, Path]]:
     """The files that reading a source may open, by their place relative to it; none if it is no path."""
-    try:
-        path = find_source(source) if source != "synthetic" else None
-    except FileNotFoundError:
+    if source == "synthetic":
         return
-    if path is None:
+    try:
+        path = find_source(source)
+    except FileNotFoundError:
         return
     if path.is_dir():
         found = [file for file in _inside(path) if bare_suffix(file) in (*READERS, ".asf") or file.name in HINTS]
@@ -208,46 +212,54 @@ def source_state(source: str | Path) -> tuple[tuple[str, int, int], ...]:
     return tuple((name, file.stat().st_mtime_ns, file.stat().st_size) for name, file in source_files(source))
 
 
-def _read(path: Path, given: Given, strict: bool) -> list[Motion]:
-    from mwlib.data.doubts import doubted, rows_without_files, told_alone
+def _read(path: Path, given: Hints, strict: bool) -> list[Motion]:
+    from mwlib.data.doubts import doubted, rows_without_files
 
     files = motion_files(path)
-    for table, alone in rows_without_files(files).items() if path.is_dir() else ():
-        warnings.warn(told_alone(table, alone, files), BrokenFilesWarning, stacklevel=3)
-    quiet = len(files) <= MANY_FILES or not sys.stderr.isatty()
-    found: list[tuple[str, Reading]] = []
-    broken: list[MotionFormatError] = []
-    for file in tqdm(files, "reading motions", unit="file", disable=quiet):
-        try:
-            found += [(file.name, reading) for reading in readings(file, **given)]
-        except MotionFormatError as error:
-            if strict or len(files) == 1:
-                raise
-            broken.append(error)
-    if broken and not found and len({str(error) for error in broken}) == 1:
-        raise broken[0]
+    for alone in rows_without_files(files) if path.is_dir() else ():
+        warnings.warn(alone, BrokenFilesWarning, stacklevel=3)
+    found, broken = read_files(files, given, strict or len(files) == 1)
+    reasons = [*dict.fromkeys(map(str, broken))]  # a body model that is missing is one, for however many files
+    told = "".join(f"\n  {reason}" for reason in reasons[:MOST_REASONS])
+    if len(reasons) > MOST_REASONS:
+        told += f"\n  and {len(reasons) - MOST_REASONS} more"
     if broken and not found:
-        raise MotionFormatError(path, "folder", f"no file that can be read:{_reasons(broken)}", "at least one")
+        raise (
+            broken[0]
+            if len(reasons) == 1
+            else MotionFormatError(path, "folder", f"no file that can be read:{told}", "at least one")
+        )
     if broken:
-        told = f"{len(broken)} of {len(files)} files in {path} cannot be read and are left out (strict=True refuses them):"
-        warnings.warn(told + _reasons(broken), BrokenFilesWarning, stacklevel=3)
-    for doubt in doubted(found):
+        which = f"{len(broken)} of {len(files)} files in {path} cannot be read and are left out (strict=True refuses them):"
+        warnings.warn(which + told, BrokenFilesWarning, stacklevel=3)
+    for doubt in doubted([(file.name, reading) for file, reading in found]):
         warnings.warn(doubt, DoubtfulDataWarning, stacklevel=3)
     return [reading.motion for _, reading in found]
 
 
-def _reasons(broken: list[MotionFormatError]) -> str:
-    reasons = [*dict.fromkeys(map(str, broken))]  # a body model that is missing is one, for however many files
-    more = len(reasons) - MOST_REASONS
-    return "".join(f"\n  {reason}" for reason in reasons[:MOST_REASONS]) + (f"\n  and {more} more" if more > 0 else "")
+def read_files(
+    files: list[Path], given: Hints, strict: bool = False
+) -> tuple[list[tuple[Path, Reading]], list[MotionFormatError]]:
+    """Every clip of some files, and what is wrong with the files that cannot be read; if strict, the first of these is raised."""
+    quiet = len(files) <= MANY_FILES or not sys.stderr.isatty()
+    found: list[tuple[Path, Reading]] = []
+    broken: list[MotionFormatError] = []
+    for file in tqdm(files, "reading motions", unit="file", disable=quiet):
+        try:
+            found += [(file, reading) for reading in readings(file, given)]
+        except MotionFormatError as error:
+            if strict:
+                raise
+            broken.append(error)
+    return found, broken
 
 
-def read_motion_file(file: Path, **given: Unpack[Given]) -> list[Motion]:
+def read_motion_file(file: Path, given: Hints = UNKNOWN) -> list[Motion]:
     """The motions of one file, at their own rate, on their own skeleton; arguments and errors as in `readings`."""
-    return [reading.motion for reading in readings(file, **given)]
+    return [reading.motion for reading in readings(file, given)]
 
 
-def readings(file: Path, **given: Unpack[Given]) -> list[Reading]:
+def readings(file: Path, given: Hints = UNKNOWN) -> list[Reading]:
     """The motions of one file, and who said what their numbers mean.
 
     Args:
@@ -266,7 +278,7 @@ def readings(file: Path, **given: Unpack[Given]) -> list[Reading]:
     try:
         with open_regular(file):
             pass
-        known = hints(file, **given)
+        known = hints(file, given)
         found = reader(file, known)
     except MotionFormatError:
         raise
@@ -319,28 +331,12 @@ def _archive_is_motion(file: Path) -> bool:
 # Each reader is imported when the first of its files is met, so that a system opens without them.
 
 
-def _synthetic() -> list[Motion]:
-    from mwlib.synthetic.motions import synthetic_motions
+def _read_words(file: Path, known: Hints) -> Reading:
+    """Texts: BVH, AMC, or rows of the CMU benchmark."""
+    from mwlib.data.formats import arrays, asf_amc, bvh
 
-    return synthetic_motions()
-
-
-def _read_bvh(file: Path, known: Hints) -> Reading:
-    from mwlib.data.formats.bvh import read_bvh
-
-    return read_bvh(file, known)
-
-
-def _read_amc(file: Path, known: Hints) -> Reading:
-    from mwlib.data.formats.asf_amc import read_amc
-
-    return read_amc(file, known)
-
-
-def _read_txt(file: Path, known: Hints) -> Reading:
-    from mwlib.data.formats.arrays import read_benchmark
-
-    return read_benchmark(file, known)
+    of_text = {".bvh": bvh.read_bvh, ".amc": asf_amc.read_amc, ".txt": arrays.read_benchmark}
+    return of_text[bare_suffix(file)](file, known)
 
 
 def _read_npy(file: Path, known: Hints) -> Reading:
@@ -357,7 +353,7 @@ def _read_npy(file: Path, known: Hints) -> Reading:
 
 def _read_npz(file: Path, known: Hints) -> list[Reading] | Reading:
     """positions_3d: the VideoPose3D layout; positions: an array of one's own; else poses of SMPL's bodies."""
-    from mwlib.data.formats.arrays import layout_of, read_positions
+    from mwlib.data.formats.arrays import read_positions
 
     if _is_smpl(file):
         from mwlib.data.formats.smpl import read_smpl
@@ -369,9 +365,7 @@ def _read_npz(file: Path, known: Hints) -> list[Reading] | Reading:
         from mwlib.data.formats.h36m import read_positions_3d
 
         said = {name: single(read_array(streams[name], file, name), file, name) for name in MEANINGS if name in streams}
-        inside = layout_of(said, file, ENTRY)
-        known = replace(known, unit=known.unit or inside.unit, up=known.up or inside.up, fps=known.fps or inside.fps)
-        return read_positions_3d(streams["positions_3d"], file, known)
+        return read_positions_3d(streams["positions_3d"], file, known.over(hints_of(said, file, ENTRY)))
     if "positions" not in streams:
         found = f"entries {', '.join(sorted(archive_names(file)))[:120] or 'none'}"
         expected = "positions (T, J, 3), positions_3d (Human3.6M), or poses and trans (AMASS, SMPL)"
@@ -397,10 +391,9 @@ NEAR = 0.75  # of an entry to one of these: "units", "Positions", "subject_id", 
 def _check_entries(file: Path) -> None:
     """Refuse an entry that looks like a missing one of ours; what other programs keep there as well is only passed over."""
     names = archive_names(file)
-    whole = {"positions", "positions_3d"} & names
     missing = [name for name in ENTRIES[2:] if name not in names and (name in MEANINGS or "positions_3d" not in names)]
     for name in sorted(names.difference(ENTRIES)):
-        if near := near_name(name, missing, NEAR) or ("" if whole else _positions_meant(name)):
+        if near := near_name(name, missing, NEAR) or (names.isdisjoint(ENTRIES[:2]) and _positions_meant(name)):
             found = f"unknown entry {name[:40]!r} (did you mean {near!r}?)"
             raise MotionFormatError(file, "archive", found, f"some of {', '.join(ENTRIES)}, and others unlike these")
 
@@ -425,9 +418,9 @@ def unread_entries(file: Path) -> list[str]:
 
 
 READERS: dict[str, Callable[[Path, Hints], Reading | list[Reading]]] = {
-    ".bvh": _read_bvh,
-    ".amc": _read_amc,
-    ".txt": _read_txt,
+    ".bvh": _read_words,
+    ".amc": _read_words,
+    ".txt": _read_words,
     ".npz": _read_npz,
     ".npy": _read_npy,
 }

@@ -10,15 +10,16 @@ from dataclasses import dataclass, replace
 from functools import lru_cache
 from itertools import islice
 from pathlib import Path
-from typing import Any, Generic, NamedTuple, TypedDict, TypeVar, Unpack
+from typing import Any, Generic, NamedTuple, Self, TypeVar
 
 import numpy as np
 from jaxtyping import Float
 
 from mwlib.body.kinematics import AXES, bone_lengths
 from mwlib.body.motion import FASTEST, Motion
+from mwlib.body.rig import Rig
 from mwlib.body.skeleton import Skeleton, is_cmu
-from mwlib.data.collections import COLLECTIONS
+from mwlib.data.collections import COLLECTIONS, SKELETONS
 from mwlib.data.untrusted import PACKED, SMALL_TEXT, MotionFormatError, bare_name, check_names, number, read_text
 
 Value = TypeVar("Value")
@@ -46,6 +47,9 @@ def stated(value: Value | None, source: str) -> Stated[Value] | None:
     return None if value is None else Stated(value, source)
 
 
+NONE_ADDED = Stated(0, FORMAT)
+
+
 @dataclass(frozen=True)
 class Reading:
     """A motion as its file has it, in metres, and who said so: metres per unit, the up-axis, frames per second, first row."""
@@ -54,7 +58,7 @@ class Reading:
     unit: Stated[float]
     up: Stated[str]
     fps: Stated[float]
-    first: Stated[int] = Stated(0, FORMAT)
+    first: Stated[int] = NONE_ADDED
 
 
 UNITS = {"m": 1.0, "cmu": 0.0254 / 0.45, "inch": 0.0254, "cm": 0.01, "mm": 0.001}  # metres
@@ -99,8 +103,12 @@ def height(positions: Float[np.ndarray, "T joints 3"], skeleton: Skeleton) -> fl
     """
     if len(skeleton) < 2:
         return 0.0
-    frames = np.linspace(0, len(positions) - 1, min(len(positions), 100)).astype(int)
-    return float(heights(positions[None, frames], skeleton)[0])
+    return float(heights(looked_at(positions, 100)[None], skeleton)[0])
+
+
+def looked_at(positions: Float[np.ndarray, "T joints 3"], most: int = 200) -> Float[np.ndarray, "n joints 3"]:
+    """Frames of a clip, at most so many, spread evenly."""
+    return positions[np.linspace(0, len(positions) - 1, min(len(positions), most)).astype(int)]
 
 
 def heights(positions: Float[np.ndarray, "N T joints 3"], skeleton: Skeleton) -> Float[np.ndarray, " N"]:
@@ -196,7 +204,6 @@ def _readings(found: float, names: list[str]) -> str:
 
 UPPER = [re.compile(words, re.I) for words in ("head|neck|skull|nose", "chest|thorax|torso|spine|clavicle|collar|shoulder")]
 LOWER = [re.compile(words, re.I) for words in ("foot|feet|toe|ankle|heel|tibia|shin|calf", "knee|leg|thigh|femur")]
-MOST_FRAMES_LOOKED_AT = 200
 UPRIGHT = 0.5  # share of the way from feet to head along an axis, median over frames; people who stand or bend have 0.69 and more
 OTHERWISE = 0.75  # along another axis; people who lie and roll have 0.42 at most
 STEADY = 0.8  # how far the lowest joint wanders along it, by the body's length: over steps and boxes 0.6, in crawling far
@@ -224,8 +231,7 @@ def standing(positions: Float[np.ndarray, "T joints 3"], skeleton: Skeleton, up:
     Own choice: the mean of head and neck above the mean of the feet, median over at most 200 frames. A short clip of
     somebody who lies still along an axis can look like another axis up; one who crawls or rolls does not.
     """
-    frames = np.linspace(0, len(positions) - 1, min(len(positions), MOST_FRAMES_LOOKED_AT)).astype(int)
-    places, here = positions[frames], AXES[up]
+    places, here = looked_at(positions), AXES[up]
     ends = head_and_feet(skeleton)
     if all(ends):
         way = np.subtract(*(places[:, joints].mean(axis=1) for joints in ends))
@@ -297,7 +303,7 @@ class Hints:
         fps: the true frame rate (cgspeed writes 120 Hz into 60 Hz files).
         subject, action: who and what, "" if unknown.
         first_frame: the row of the file at which the motion begins, from 0; None: an added T-pose is left out where it is found.
-        fallback_skeleton: used where the file states none.
+        skeleton: of an array.
     """
 
     unit: Stated[float] | None = None
@@ -306,27 +312,36 @@ class Hints:
     subject: str = ""
     action: str = ""
     first_frame: int | None = None
-    fallback_skeleton: Skeleton | None = None
+    skeleton: Skeleton | None = None
 
-    def label(self, motion: Motion, file: Path) -> Motion:
-        """The motion named like its file; subject and action from clips.csv, else as they are, else from the file's name."""
+    def over(self, others: Self) -> Self:
+        """These, and what others say where these say nothing."""
+        return replace(others, **{name: value for name, value in vars(self).items() if value not in (None, "")})
+
+    def reading(
+        self,
+        file: Path,
+        positions: Float[np.ndarray, "T joints 3"],
+        skeleton: Skeleton,
+        unit: Stated[float],
+        up: Stated[str],
+        fps: Stated[float],
+        first: Stated[int] = NONE_ADDED,
+        rig: Rig | None = None,
+    ) -> Reading:
+        """A clip named like its file; subject and action as they are said, else from the file's name; positions in metres."""
         stem = Path(bare_name(file)).stem
         patterns = (collection.file_name for collection in COLLECTIONS.values() if collection.file_name)
         said = next((m.groupdict() for pattern in patterns if (m := pattern.fullmatch(stem))), {})
-        subject = self.subject or motion.subject or said.get("subject", "").lstrip("0")
-        return replace(motion, subject=subject, action=self.action or motion.action or said.get("action", ""), name=stem)
+        subject, action = self.subject or said.get("subject", "").lstrip("0"), self.action or said.get("action", "")
+        motion = Motion(positions.astype(np.float32), fps.value, skeleton, subject, action, stem, up.value, rig)
+        return Reading(motion, unit, up, fps, first)  # fmt: skip
 
 
-class Given(TypedDict, total=False):
-    """What the caller says of all files of a source: metres per unit, up-axis, rate, and a skeleton where none is stated."""
-
-    unit: float | None
-    up: str | None
-    fps: float | None
-    fallback_skeleton: Skeleton | None
+UNKNOWN = Hints()
 
 
-def hints(file: Path, **given: Unpack[Given]) -> Hints:
+def hints(file: Path, given: Hints = UNKNOWN) -> Hints:
     """Hints for a file: what the caller gave, and its row in the nearest clips.csv that lists it.
 
     clips.csv has a column `file` (relative to its own folder or to one above) and any of fps, unit, up, subject, action (or
@@ -338,33 +353,44 @@ def hints(file: Path, **given: Unpack[Given]) -> Hints:
     """
     row, table = clips_row(file)
     place = f"row of {row.get('file')}"
-    listed: dict[str, Any] = {
-        name: read(row[name], table, place) if row.get(name) else None
-        for name, read in (("unit", _unit), ("up", _up), ("fps", frame_rate))
-    }
+    listed = hints_of({name: row[name] for name in ("unit", "up", "fps") if row.get(name)}, table, TABLE, f"{place}, ")
     first = row.get("first_frame", "")
     if first and not re.fullmatch(r"\d{1,9}", first):
         raise MotionFormatError(table, place, f"first_frame {first[:40]!r}", "a row of the file, from 0")
-    return Hints(
-        **{name: stated(given.get(name), CALLER) or stated(value, TABLE) for name, value in listed.items()},
-        subject=row.get("subject") or "",
-        action=row.get("action") or row.get("content") or "",
-        first_frame=int(first) if first else None,
-        fallback_skeleton=given.get("fallback_skeleton"),
-    )
+    subject, action = row.get("subject", ""), row.get("action") or row.get("content", "")
+    return given.over(listed).over(Hints(subject=subject, action=action, first_frame=int(first) if first else None))
 
 
-def _unit(word: str, table: Path, place: str) -> float:
-    try:
-        return metres_per_unit(word)
-    except ValueError as error:
-        raise MotionFormatError(table, place, f"unit {word[:40]!r}", str(error).split("expected ")[-1]) from error
+def hints_of(said: dict[str, Any], file: Path, source: str, place: str = "") -> Hints:
+    """Check what a file says about its numbers, or those of another.
 
+    Args:
+        said: any of skeleton (a Skeleton, or the name of a known one), unit, up and fps.
+        source: who says so.
+        place: where in the file.
 
-def _up(word: str, table: Path, place: str) -> str:
-    if word not in AXES:
-        raise MotionFormatError(table, place, f"up {word[:40]!r}", " or ".join(AXES))
-    return word
+    Raises:
+        MotionFormatError: a value makes no sense.
+    """
+    skeleton, unit, up, fps = (said.get(name) for name in ("skeleton", "unit", "up", "fps"))
+    if isinstance(skeleton, str):
+        skeleton = SKELETONS.get(skeleton, skeleton)
+    if not isinstance(skeleton, Skeleton | None):
+        raise MotionFormatError(file, f"{place}skeleton", repr(skeleton)[:40], f"one of {', '.join(sorted(SKELETONS))}")
+    if up is not None and (not isinstance(up, str) or up not in AXES):
+        raise MotionFormatError(file, f"{place}up", repr(up)[:40], " or ".join(map(repr, AXES)))
+    if unit is not None:
+        try:
+            unit = metres_per_unit(unit)
+        except ValueError as error:
+            raise MotionFormatError(file, f"{place}unit", repr(unit)[:40], str(error).split("expected ")[-1]) from error
+    if fps is not None:
+        if not isinstance(fps, str | int | float):
+            raise MotionFormatError(file, f"{place}fps", type(fps).__name__, "a number")
+        fps = number(str(fps), file, f"{place}fps")
+        if not SLOWEST <= fps <= FASTEST:
+            raise MotionFormatError(file, f"{place}fps", f"{fps:g} frames per second", f"{SLOWEST:g} to {FASTEST:g}")
+    return Hints(stated(unit, source), stated(up, source), stated(fps, source), skeleton=skeleton)
 
 
 def clips_row(file: Path) -> tuple[dict[str, str], Path]:
@@ -390,18 +416,6 @@ def rows_of(table: Path) -> dict[str, dict[str, str]]:
     """
     state = table.stat()
     return _clips(table, state.st_mtime_ns, state.st_size)
-
-
-def frame_rate(word: str, file: Path, place: str) -> float:
-    """A frame rate in hertz.
-
-    Raises:
-        MotionFormatError: not a number, or none that a camera has.
-    """
-    fps = number(word, file, place)
-    if not SLOWEST <= fps <= FASTEST:
-        raise MotionFormatError(file, place, f"{fps:g} frames per second", f"{SLOWEST:g} to {FASTEST:g}")
-    return fps
 
 
 def _key(parts: tuple[str, ...]) -> str:
@@ -431,7 +445,12 @@ def _clips(table: Path, *_state: int) -> dict[str, dict[str, str]]:
         if not any(cells):
             continue
         row = dict(zip(columns, cells, strict=False))
-        _check_row(row, len(cells) if any(cells[len(columns) :]) else min(len(cells), len(columns)), columns, line, table)
+        there = len(cells) if any(cells[len(columns) :]) else min(len(cells), len(columns))
+        if there != len(columns):
+            expected = f"{len(columns)} cells, empty ones as well; a text with a comma stands in quotes"
+            raise MotionFormatError(table, f"line {line}", f"{there} cells", expected)
+        if not row.get("file"):
+            raise MotionFormatError(table, f"line {line}", "no file", "a file in every row")
         key = _key(tuple(posixpath.normpath(row["file"].replace("\\", "/")).split("/")))
         if key in first:
             raise MotionFormatError(table, f"line {line}", f"{row['file']}, as in line {first[key]}", "one row for each file")
@@ -457,11 +476,3 @@ def _header(cells: list[str], table: Path) -> list[str]:
     if columns and "file" not in columns:
         raise MotionFormatError(table, "header", f"columns {', '.join(columns)[:200]}", "a column named file")
     return columns
-
-
-def _check_row(row: dict[str, str], cells: int, columns: list[str], line: int, table: Path) -> None:
-    if cells != len(columns):
-        expected = f"{len(columns)} cells, empty ones as well; a text with a comma stands in quotes"
-        raise MotionFormatError(table, f"line {line}", f"{cells} cells", expected)
-    if not row.get("file"):
-        raise MotionFormatError(table, f"line {line}", "no file", "a file in every row")

@@ -81,7 +81,7 @@ def unmirrored(motions: Sequence[Motion]) -> str:
     paired = {*skeleton.left, *skeleton.right}
     step = max(1, len(motions) // MOST_CLIPS)
     places = np.concatenate([m.positions[:: max(1, len(m) // MOST_FRAMES)] for m in motions[::step]])
-    left, right = min(zip(skeleton.left, skeleton.right, strict=True), key=lambda pair: _depth(pair[0], skeleton.parents))
+    left, right = min(zip(skeleton.left, skeleton.right, strict=True), key=lambda pair: len(way_to(pair[0], skeleton)))
     across = places[:, left] - places[:, right]
     across /= np.maximum(np.linalg.norm(across, axis=-1, keepdims=True), 1e-9)
     alone: list[int] = []
@@ -95,6 +95,6 @@ def unmirrored(motions: Sequence[Motion]) -> str:
     return f"{names} of {skeleton.name} {'is' if len(alone) == 1 else 'are'} off the middle without a partner" if alone else ""
 
 
-def _depth(joint: int, parents: tuple[int, ...]) -> int:
-    """Bones between a joint and the root."""
-    return 0 if joint == 0 else 1 + _depth(parents[joint], parents)
+def way_to(joint: int, skeleton: Skeleton) -> list[int]:
+    """The joints from the root to this one."""
+    return [0] if joint == 0 else [*way_to(skeleton.parents[joint], skeleton), joint]

@@ -14,7 +14,8 @@ from jaxtyping import Float
 from torch import Tensor
 
 from mwlib.data.formats.humanml import LAYOUTS, FeatureLayout
-from mwlib.data.untrusted import MotionFormatError, bounded, read_array, read_bytes
+from mwlib.data.untrusted import MotionFormatError, numbers, read_array, read_bytes
+from mwlib.settings import choice
 
 Kind = Literal["mdm", "stablemofusion", "evaluator"]
 # By what deviations of the root's features and of contacts are divided, so that these weigh more: Free-T2M's two base models
@@ -48,8 +49,7 @@ class Statistics:
     layout: FeatureLayout
 
     def __post_init__(self) -> None:
-        if self.kind not in get_args(Kind):
-            raise ValueError(f"kind is {self.kind!r}; expected one of {', '.join(get_args(Kind))}")
+        choice("kind", self.kind, get_args(Kind))
         width = self.layout.width
         for name, values in (("mean", self.mean), ("deviation", self.deviation)):
             if values.shape != (width,):
@@ -116,8 +116,7 @@ class Statistics:
         The evaluators published with HumanML3D have a mean of their own for the root's height (0.9176 m, not 0.9386 m);
         `read` takes it from their files.
         """
-        if kind not in get_args(Kind):
-            raise ValueError(f"kind is {kind!r}; expected one of {', '.join(get_args(Kind))}")
+        choice("kind", kind, get_args(Kind))
         deviation = self.deviation.clone()
         for name in WEIGHED:
             deviation[self.layout.blocks[name]] *= WEIGHT[self.kind] / WEIGHT[kind]
@@ -134,6 +133,5 @@ class Statistics:
 
 def _numbers(file: Path) -> Float[np.ndarray, " D"]:
     array = read_array(BytesIO(read_bytes(file, SMALL_ARRAY)), file, "array")
-    if array.ndim != 1 or array.dtype.kind != "f":
-        raise MotionFormatError(file, "array", f"{array.dtype} of shape {array.shape}", "numbers of shape (263,) or (251,)")
-    return bounded(array, file, "array").astype(np.float32)
+    fits = array.ndim == 1 and array.dtype.kind == "f"
+    return numbers(array, fits, file, "array", "numbers of shape (263,) or (251,)").astype(np.float32)

@@ -52,7 +52,7 @@ MOST_VALUES = 9_000_000
 MOST_POINTS = 3_000_000  # frames times joints
 MOST_STREAMS = 1000  # of packing one after another in one file
 UNPACK_MEMORY = 2**27  # bytes that an .xz dictionary may ask for; the largest that `xz -9` writes is 2**26
-PIECE = 2**16
+PIECE = 2**12  # bytes that are unpacked at a time: they become 30 MB at most
 
 
 def allowed(most: int, file: Path) -> int:
@@ -117,7 +117,8 @@ def read_head(path: Path, count: int) -> bytes:
     Raises:
         MotionFormatError: broken packing as far as it is read; or as `open_regular`.
     """
-    new = {".xz": partial(lzma.LZMADecompressor, memlimit=UNPACK_MEMORY), ".gz": _Gunzip}.get(path.suffix.lower())
+    kinds = {".xz": partial(lzma.LZMADecompressor, memlimit=UNPACK_MEMORY), ".gz": partial(zlib.decompressobj, wbits=31)}
+    new = kinds.get(path.suffix.lower())
     with open_regular(path) as stream:
         if new is None:
             return stream.read(min(count, path.stat().st_size + 1))  # Python sets aside all that is asked for
@@ -133,46 +134,24 @@ def read_head(path: Path, count: int) -> bytes:
         return b"".join(parts)[:count]
 
 
-class _Gunzip:
-    """zlib's unpacker, to be used like lzma's."""
-
-    def __init__(self) -> None:
-        self._inner = zlib.decompressobj(wbits=31)
-        self.eof, self.unused_data, self.needs_input = False, b"", True
-
-    def decompress(self, data: bytes, max_length: int) -> bytes:
-        """At most `max_length` bytes more, as `bz2` and `lzma` decompress."""
-        piece = self._inner.decompress(self._inner.unconsumed_tail + data, max_length)
-        self.eof, self.unused_data = self._inner.eof, self._inner.unused_data
-        self.needs_input = not self._inner.unconsumed_tail and len(piece) < max_length
-        return piece
-
-
 def _unpacked(stream: BinaryIO, new: Callable[[], Any]) -> Iterator[bytes]:
-    """Pieces of at most PIECE bytes; streams that follow each other, zeros between them, are one.
+    """What pieces of PIECE bytes unfold to; streams that follow each other, zeros between them, are one.
 
     Raises:
         EOFError: it ends too early, or holds too many streams.
         lzma.LZMAError, zlib.error: it is broken.
     """
-    packed = stream.read(PIECE)
-    for _ in range(MOST_STREAMS):
-        unpacker = new()
-        while not unpacker.eof:
-            if unpacker.needs_input:
-                packed = packed or stream.read(PIECE)
-                piece, packed = unpacker.decompress(packed, PIECE) if packed else None, b""
-            else:
-                piece = unpacker.decompress(b"", PIECE)
-            if piece is None:
-                raise EOFError("a truncated file")
-            yield piece
-        packed = unpacker.unused_data.lstrip(b"\0")
-        while not packed and (more := stream.read(PIECE)):
-            packed = more.lstrip(b"\0")
-        if not packed:
-            return
-    raise EOFError(f"more than {MOST_STREAMS} streams one after another")
+    unpacker, streams = None, 0
+    while packed := stream.read(PIECE):
+        while packed := packed if unpacker else packed.lstrip(b"\0"):
+            if unpacker is None:
+                unpacker, streams = new(), streams + 1
+            if streams > MOST_STREAMS:
+                raise EOFError(f"more than {MOST_STREAMS} streams one after another")
+            yield unpacker.decompress(packed)
+            packed, unpacker = unpacker.unused_data, None if unpacker.eof else unpacker
+    if unpacker or not streams:
+        raise EOFError("a truncated file")
 
 
 LARGEST = 1e7  # no position (in any unit) or angle is larger
@@ -207,18 +186,18 @@ def lines_of(text: str, start: int = 0) -> Iterator[re.Match[str]]:
     return re.compile(r"[^\r\n]+").finditer(text, start)
 
 
-def blocks_of(text: str, start: int, breaks: str) -> Iterator[str]:
+def blocks_of(text: str, start: int, breaks: str, file: Path, place: str) -> Iterator[str]:
     """The text from `start` on in pieces of about BLOCK characters, each cut after one of the characters `breaks`.
 
     Raises:
-        ValueError: there is none of them for BLOCK characters.
+        MotionFormatError: there is none of them for BLOCK characters.
     """
     while start < len(text):
         stop = start + BLOCK
         if stop < len(text):
             stop = 1 + max(text.rfind(character, start, stop) for character in breaks)
             if stop <= start:
-                raise ValueError(f"more than {BLOCK} characters without a break")
+                raise MotionFormatError(file, place, f"more than {BLOCK} characters without a break", "shorter lines and words")
         yield text[start:stop]
         start = stop
 
@@ -236,7 +215,7 @@ def number_table(
     tables: list[np.ndarray] = []
     rows, most = 0, allowed(MOST_VALUES, file)
     try:
-        for block in blocks_of(text, start, "\r\n"):
+        for block in blocks_of(text, start, "\r\n", file, place):
             if not block.isspace():
                 tables.append(np.loadtxt(io.StringIO(block), ndmin=2, comments=None, delimiter=delimiter))
                 if tables[-1].shape[1] != columns:
@@ -266,6 +245,19 @@ def bounded(values: Shaped[np.ndarray, "*shape"], file: Path, place: str) -> Sha
         at = tuple(int(i) for i in np.unravel_index(np.argmin(good), good.shape))
         raise MotionFormatError(file, f"{place}, entry {at}", str(values[at]), f"a finite number up to {LARGEST:g}")
     return values
+
+
+def numbers(
+    array: Shaped[np.ndarray, "*shape"], fits: bool, file: Path, place: str, expected: str
+) -> Float[np.ndarray, "*shape"]:
+    """An array as float64, once its numbers are `bounded`.
+
+    Raises:
+        MotionFormatError: it does not fit, or holds something else than numbers of a sensible size.
+    """
+    if not fits or array.dtype.kind not in "fiu":
+        raise MotionFormatError(file, place, f"{array.dtype} of shape {array.shape}", expected)
+    return bounded(array, file, place).astype(np.float64)
 
 
 def number(word: str, file: Path, place: str) -> float:

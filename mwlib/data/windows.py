@@ -14,7 +14,7 @@ import torch
 from jaxtyping import Float, Int
 from torch import Tensor
 
-from mwlib.body.kinematics import AXES, heading, scale_bones, turn_heading
+from mwlib.body.kinematics import heading, horizontal, scale_bones, turn_heading
 from mwlib.body.motion import Motion
 from mwlib.body.skeleton import H36M17, Skeleton, to_h36m17
 from mwlib.data.collections import known_skeleton
@@ -83,10 +83,7 @@ class Bodies:
     def from_json(cls, text: str) -> Bodies:
         """Inverse of `to_json`."""
         tree = json.loads(text)
-        skeleton = tree["skeleton"]
-        parts = {name: tuple(joints) for name, joints in skeleton["parts"].items()}
-        rows = {name: tuple(skeleton[name]) for name in ("joints", "parents", "left", "right")}
-        return cls(known_skeleton(Skeleton(name=skeleton["name"], parts=parts, **rows)), tree["fps"], tree["up"])
+        return cls(known_skeleton(Skeleton(**tree["skeleton"])), tree["fps"], tree["up"])
 
 
 def prepare(motions: Sequence[Motion], fps: float) -> list[Motion]:
@@ -433,7 +430,6 @@ class TrainingWindows:
         skeleton = long_enough[0].skeleton
         self.skeleton, self.mirror = skeleton, torch.from_numpy(skeleton.mirror[1:] - 1)
         self.up = long_enough[0].up
-        self.level = [0, 3 - AXES[self.up]]  # the two horizontal axes
         self.clip, self.start = self.clips.starts(frames)
         self.weight = torch.from_numpy(_subject_action_weights(long_enough, frames)) if sampling == "subject_action" else None
 
@@ -460,20 +456,16 @@ class TrainingWindows:
         if per_batch:
             angle = angle * coins[0]
         angle, coins = angle.to(x.device), coins.to(x.device)
-        joints = x.unflatten(-1, (-1, 3))
-        a, b = self.level
-        p, q = joints[..., a], joints[..., b]
-        turned = joints.clone()
-        turned[..., a] = angle.cos() * p - angle.sin() * q
-        turned[..., b] = angle.sin() * p + angle.cos() * q
+        turned = turn_heading(x, angle.flatten().expand(len(x)), self.up)
+        a, b, _ = horizontal(self.up)
         if per_batch:
-            turned[..., a] *= torch.where(coins[1], -1.0, 1.0)
-            turned[..., b] *= torch.where(coins[2], -1.0, 1.0)
+            turned[..., a::3] *= torch.where(coins[1], -1.0, 1.0)
+            turned[..., b::3] *= torch.where(coins[2], -1.0, 1.0)
         elif self.augment == "heading_mirror":
-            other = turned[:, :, self.mirror]
+            other = turned.unflatten(-1, (-1, 3))[:, :, self.mirror]
             other[..., a] *= -1
-            turned = torch.where(coins[1][..., None], other, turned)
-        return turned.flatten(-2)
+            turned = torch.where(coins[1], other.flatten(-2), turned)
+        return turned
 
 
 def _subject_action_weights(motions: Sequence[Motion], frames: int) -> np.ndarray:

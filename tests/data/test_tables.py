@@ -86,7 +86,7 @@ def test_what_looks_alike_is_one_person_and_what_nearly_does_is_doubted(folder, 
 @pytest.mark.parametrize("word", ["1_20", "\u0661\u0662\u0660", "0x78", "120 Hz", "inf"])
 def test_a_rate_is_written_in_plain_digits(folder, word):
     (folder / "clips.csv").write_text(f"file,fps\na.bvh,{word}\n", encoding="utf-8")
-    with pytest.raises(MotionFormatError, match=r"row of a.bvh: found .*; expected a finite number"):
+    with pytest.raises(MotionFormatError, match=r"row of a.bvh, fps: found .*; expected a finite number"):
         load_motions(folder / "a.bvh")
 
 

@@ -6,20 +6,17 @@ published code, `forward_kinematics_cmu.py`, MIT licence.
 
 import json
 from collections import Counter
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 from jaxtyping import Shaped
 
-from mwlib.body.kinematics import AXES
-from mwlib.body.motion import Motion
 from mwlib.body.skeleton import Skeleton
 from mwlib.data.collections import SKELETONS, known_skeleton
 from mwlib.data.formats.humanml import HUMANML3D, KIT
 
 from mwlib.data.meaning import (  # isort: skip
-    BESIDE, DEFAULT, ENTRY, FORMAT, LEVELS_UP, Hints, Reading, Stated, frame_rate, infer_unit, metres_per_unit, stated,
+    BESIDE, DEFAULT, ENTRY, FORMAT, LEVELS_UP, UNKNOWN, Hints, Reading, Stated, hints_of, infer_unit,
 )  # fmt: skip
 from jaxtyping import Float
 from scipy.spatial.transform import Rotation
@@ -32,22 +29,12 @@ from mwlib.data.meaning import FILE, UNITS
 from mwlib.data.mirroring import paired
 
 from mwlib.data.untrusted import (  # isort: skip
-    MOST_JOINTS, SMALL_TEXT, MotionFormatError, bounded, check_names, label, number_table, read_text, single,
+    MOST_JOINTS, SMALL_TEXT, MotionFormatError, check_names, label, number_table, numbers, read_text, single,
 )  # fmt: skip
 
 SKELETON_FILE = "skeleton.json"
 KEYS = tuple("name joints parents left right parts fps unit up note notes".split())  # of it
 JOINTS_FOLDER = "new_joints"  # of HumanML3D (22 joints) and KIT-ML (21)
-
-
-@dataclass(frozen=True)
-class Layout:
-    """What an array means: whose joints, how fast, how long a unit is, which axis is up. None: not stated."""
-
-    skeleton: Skeleton | None = None
-    fps: Stated[float] | None = None
-    unit: Stated[float] | None = None
-    up: Stated[str] | None = None
 
 
 def read_positions(arrays: dict[str, Shaped[np.ndarray, "*shape"]], file: Path, hints: Hints) -> Reading:
@@ -63,30 +50,26 @@ def read_positions(arrays: dict[str, Shaped[np.ndarray, "*shape"]], file: Path, 
     """
     beside = _layout_beside(file, arrays["positions"].shape)
     said = {name: single(array, file, name) for name, array in arrays.items() if name != "positions"}
-    inside = layout_of(said, file, ENTRY)
-    skeleton = inside.skeleton or beside.skeleton or hints.fallback_skeleton
+    inside = hints_of(said, file, ENTRY)
+    skeleton = inside.skeleton or beside.skeleton or hints.skeleton
     if skeleton == (beside.skeleton or skeleton):
         _check_agreement(inside, beside, file, hints)
-    fps = hints.fps or inside.fps or beside.fps
-    if skeleton is None or fps is None:
+    who, what = (label(str(said.get(name, "")), file, name) for name in ("subject", "action"))
+    known = hints.over(inside).over(beside).over(Hints(subject=who, action=what))
+    if skeleton is None or known.fps is None:
         missing, ways = (
             ("skeleton", "skeleton=") if skeleton is None else ("frame rate", "a column fps in clips.csv, or file_fps=")
         )
         raise MotionFormatError(file, missing, "none", f"a {SKELETON_FILE} beside the file that says it, or {ways}")
     positions = arrays["positions"]
-    if positions.dtype.kind not in "fiu" or positions.shape[1:] != (len(skeleton), 3) or len(positions) == 0:
-        expected = f"numbers of shape (T, {len(skeleton)}, 3) with T > 0 for {skeleton.name}"
-        raise MotionFormatError(file, "positions", f"{positions.dtype} of shape {positions.shape}", expected)
-    positions = bounded(positions, file, "positions").astype(np.float64)
-    unit = hints.unit or inside.unit or beside.unit or infer_unit(positions, skeleton, file)
-    up = hints.up or inside.up or beside.up or Stated("z", DEFAULT)
-    positions *= unit.value
-    who, what = (label(str(said.get(name, "")), file, name) for name in ("subject", "action"))
-    motion = Motion(positions.astype(np.float32), fps.value, skeleton, who, what, up=up.value)
-    return Reading(hints.label(motion, file), unit, up, fps)
+    fits = positions.shape[1:] == (len(skeleton), 3) and len(positions) > 0
+    expected = f"numbers of shape (T, {len(skeleton)}, 3) with T > 0 for {skeleton.name}"
+    positions = numbers(positions, fits, file, "positions", expected)
+    unit = known.unit or infer_unit(positions, skeleton, file)
+    return known.reading(file, positions * unit.value, skeleton, unit, known.up or Stated("z", DEFAULT), known.fps)
 
 
-def _check_agreement(inside: Layout, beside: Layout, file: Path, hints: Hints) -> None:
+def _check_agreement(inside: Hints, beside: Hints, file: Path, hints: Hints) -> None:
     """Refuse a file that says something else than the skeleton.json beside it, unless somebody else says what is right."""
     for name, argument in (("fps", "file_fps"), ("unit", "unit"), ("up", "up")):
         one, other = (getattr(layout, name) for layout in (inside, beside))
@@ -95,19 +78,21 @@ def _check_agreement(inside: Layout, beside: Layout, file: Path, hints: Hints) -
             raise MotionFormatError(file, name, f"{one.value} in {one.source}, {other.value} in {other.source}", expected)
 
 
-def _layout_beside(file: Path, shape: tuple[int, ...]) -> Layout:
-    """The layout of the nearest skeleton.json, in the file's folder or above; else that of the data set with such a folder."""
+def _layout_beside(file: Path, shape: tuple[int, ...]) -> Hints:
+    """What the nearest skeleton.json says, in the file's folder or above; else that of the data set with such a folder."""
     path = file.resolve()
     for folder in path.parents[:LEVELS_UP]:
         if (folder / SKELETON_FILE).is_file():
             return read_skeleton_file(folder / SKELETON_FILE)
     known = KIT if shape[1:] == (len(KIT.skeleton), 3) else HUMANML3D
     if path.parent.name == JOINTS_FOLDER:
-        return Layout(known.skeleton, Stated(known.fps, FORMAT), Stated(known.metres_per_unit, FORMAT), Stated("y", FORMAT))
-    return Layout()
+        return Hints(
+            Stated(known.metres_per_unit, FORMAT), Stated("y", FORMAT), Stated(known.fps, FORMAT), skeleton=known.skeleton
+        )
+    return UNKNOWN
 
 
-def read_skeleton_file(file: Path) -> Layout:
+def read_skeleton_file(file: Path) -> Hints:
     """Read a skeleton.json.
 
     An object with "name", and for a skeleton that mwlib does not know "joints" (names, the root first), "parents" (joint
@@ -133,7 +118,7 @@ def read_skeleton_file(file: Path) -> Layout:
         tree["skeleton"] = _skeleton(tree, file)
     else:
         tree["skeleton"] = tree["name"]
-    return layout_of(tree, file, BESIDE)
+    return hints_of(tree, file, BESIDE)
 
 
 def _once(pairs: list[tuple[str, object]]) -> dict:
@@ -182,36 +167,6 @@ def _check_sides(skeleton: Skeleton, file: Path) -> None:
             raise MotionFormatError(file, "left, right", found, "pairs as the joints' names say, in the same order")
 
 
-def layout_of(said: dict, file: Path, source: str) -> Layout:
-    """Check what a file says about an array.
-
-    Args:
-        said: any of skeleton (a Skeleton, or the name of a known one), unit, up and fps.
-        source: who says so.
-
-    Raises:
-        MotionFormatError: a value makes no sense.
-    """
-    skeleton, unit, up = said.get("skeleton"), said.get("unit"), said.get("up")
-    if skeleton is not None and not isinstance(skeleton, Skeleton):
-        if not isinstance(skeleton, str) or skeleton not in SKELETONS:
-            raise MotionFormatError(file, "skeleton", repr(skeleton)[:40], f"one of {', '.join(sorted(SKELETONS))}")
-        skeleton = SKELETONS[skeleton]
-    if up is not None and (not isinstance(up, str) or up not in AXES):
-        raise MotionFormatError(file, "up", repr(up)[:40], " or ".join(map(repr, AXES)))
-    if unit is not None:
-        try:
-            unit = metres_per_unit(unit)
-        except ValueError as error:
-            raise MotionFormatError(file, "unit", repr(unit)[:40], str(error).split("expected ")[-1]) from error
-    fps = said.get("fps")
-    if fps is not None:
-        if not isinstance(fps, str | int | float):
-            raise MotionFormatError(file, "fps", type(fps).__name__, "a number")
-        fps = frame_rate(str(fps), file, "fps")
-    return Layout(skeleton, stated(fps, source), stated(unit, source), stated(up, source))
-
-
 FPS = 120.0  # every row; the usual protocol keeps every second one
 # Parent and offset (CMU units) of the 38 points: the 31 cgspeed joints and seven End Sites.
 POINTS = """
@@ -247,8 +202,8 @@ def read_benchmark(file: Path, hints: Hints) -> Reading:
     up, fps = hints.up or Stated("y", FORMAT), hints.fps or Stated(FPS, FORMAT)
     positions *= unit.value
     first = int(hints.first_frame is None and starts_in_tpose(table[:, 3:6], positions, up.value))
-    motion = Motion(positions[first:].astype(np.float32), fps.value, CMU, action=file.parent.name, up=up.value)
-    return Reading(hints.label(motion, file), unit, up, fps, Stated(first, FILE))
+    known = hints.over(Hints(action=file.parent.name))
+    return known.reading(file, positions[first:], CMU, unit, up, fps, Stated(first, FILE))
 
 
 def _positions(table: Float[np.ndarray, "n 117"]) -> Float[np.ndarray, "n joints 3"]:

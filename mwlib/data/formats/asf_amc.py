@@ -1,7 +1,7 @@
 """ASF and AMC: Acclaim skeletons and motions, as CMU publishes its recordings."""
 
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from itertools import islice
 from pathlib import Path
 
@@ -9,7 +9,6 @@ import numpy as np
 from jaxtyping import Float
 
 from mwlib.body.kinematics import forward_kinematics
-from mwlib.body.motion import Motion
 from mwlib.body.rig import ANGLES, MOVES, Rig
 from mwlib.body.rotation import euler_matrices, euler_quaternions
 from mwlib.body.skeleton import CMU, Skeleton
@@ -19,13 +18,14 @@ from mwlib.data.mirroring import own_skeleton, rig_skeleton
 
 from mwlib.data.untrusted import (  # isort: skip
     BLOCK, LARGEST, MOST_JOINTS, MOST_POINTS, MOST_VALUES, SMALL_TEXT, MotionFormatError, allowed, bare_name, bare_suffix,
-    blocks_of, bounded, label, lines_of, number, read_text, without_twins,
+    blocks_of, label, lines_of, number, read_text, without_twins,
 )  # fmt: skip
 
 INCH = 0.0254
 ROOT_ORDER = ("tx", "ty", "tz", "rx", "ry", "rz")
 TURNS = ("rx", "ry", "rz")
 CMU_BONES = tuple(name.replace("left_", "l").replace("right_", "r") for name in CMU.joints)
+OF_CMU = replace(CMU, joints=CMU_BONES)
 
 
 @dataclass
@@ -40,12 +40,10 @@ class Bone:
 
 @dataclass
 class Body:
-    """What an ASF file says: bones in file order without the root, the root's pose at rest, and metres per unit if stated."""
+    """What an ASF file says: the root and its bones, parents first, the root's place at rest, and metres per unit if stated."""
 
     bones: dict[str, Bone]
     position: np.ndarray
-    root_axis: np.ndarray
-    root_order: tuple[str, ...]
     metres: float | None
 
 
@@ -57,19 +55,22 @@ def read_asf(file: Path) -> Body:
     """
     sections = _sections(read_text(file, SMALL_TEXT), file)
     units = {words[0]: words[1] for words in sections.get("units", []) if len(words) == 2}
-    degrees = _is_degrees(units.get("angle", "deg"), file)
+    angle = units.get("angle", "deg").lower()
+    if angle not in ("deg", "degrees", "rad", "radians"):
+        raise MotionFormatError(file, ":units angle", repr(angle[:40]), "deg or rad")
+    degrees = angle.startswith("deg")
     length = number(units["length"], file, ":units length") if "length" in units else None
     if length is not None and not 1e-3 <= length <= 1e3:
         raise MotionFormatError(file, ":units length", f"{length:g}", "0.001 to 1000 (CMU: 0.45)")
     bones = _bones(sections.get("bonedata", []), degrees, file)
-    _hang(bones, sections.get("hierarchy", []), file)
     root = {words[0]: words[1:] for words in sections.get("root", [])}
     order = tuple(word.lower() for word in root.get("order", ROOT_ORDER))
     if sorted(order) != sorted(ROOT_ORDER):
         raise MotionFormatError(file, ":root order", " ".join(order)[:60], "TX TY TZ RX RY RZ in some order")
     position = _three(root.get("position", ["0", "0", "0"]), file, ":root position")
     axis = _axis(root.get("orientation", ["0", "0", "0"]) + root.get("axis", ["XYZ"]), degrees, file, ":root")
-    return Body(bones, position, axis, order, INCH / length if length else None)
+    bones = {"root": Bone(np.zeros(3), axis, order)} | _hung(bones, sections.get("hierarchy", []), file)
+    return Body(bones, position, INCH / length if length else None)
 
 
 def far_ends(tree: Skeleton) -> list[int]:
@@ -146,8 +147,8 @@ def _bone(block: dict[str, list[str]], degrees: bool, file: Path) -> tuple[str, 
     return name, Bone(direction * length, axis, dof)
 
 
-def _hang(bones: dict[str, Bone], lines: list[list[str]], file: Path) -> None:
-    """Set every bone's parent from :hierarchy."""
+def _hung(bones: dict[str, Bone], lines: list[list[str]], file: Path) -> dict[str, Bone]:
+    """The bones with their parents from :hierarchy, in file order as far as parents allow."""
     for parent, *children in lines:
         if parent in ("begin", "end") and not children:
             continue
@@ -156,13 +157,13 @@ def _hang(bones: dict[str, Bone], lines: list[list[str]], file: Path) -> None:
                 expected = "bones of :bonedata, each with one parent"
                 raise MotionFormatError(file, ":hierarchy", f"{child[:40]} under {parent[:40]}", expected)
             bones[child].parent = parent
-    for name, bone in bones.items():
-        seen, above = {name}, bone.parent
-        while above not in ("root", "") and above not in seen:
-            seen.add(above)
-            above = bones[above].parent
-        if above != "root":
-            raise MotionFormatError(file, ":hierarchy", f"{name} does not hang from the root", "one tree")
+    hung: dict[str, Bone] = {}
+    while waiting := {name: bone for name, bone in bones.items() if name not in hung}:
+        ready = {name: bone for name, bone in waiting.items() if bone.parent == "root" or bone.parent in hung}
+        if not ready:
+            raise MotionFormatError(file, ":hierarchy", f"{[*waiting][0]} does not hang from the root", "one tree")
+        hung |= ready
+    return hung
 
 
 def _three(words: list[str], file: Path, place: str) -> np.ndarray:
@@ -179,12 +180,6 @@ def _axis(words: list[str], degrees: bool, file: Path, place: str) -> np.ndarray
     return euler_matrices("zyx", (np.deg2rad(angles) if degrees else angles)[None, ::-1])[0]
 
 
-def _is_degrees(word: str, file: Path) -> bool:
-    if word.lower() not in ("deg", "degrees", "rad", "radians"):
-        raise MotionFormatError(file, ":units angle", repr(word[:40]), "deg or rad")
-    return word.lower().startswith("deg")
-
-
 Tracks = dict[str, dict[str, Float[np.ndarray, " T"]]]  # bone -> degree of freedom -> values, radians or file units
 
 
@@ -193,7 +188,7 @@ def root_path(tracks: Tracks, body: Body) -> Float[np.ndarray, "T 3"]:
     return body.position + np.stack([tracks["root"][d] for d in ROOT_ORDER[:3]], axis=-1)
 
 
-def asf_rig(tracks: Tracks, body: Body, tree: Skeleton, bones: list[str], metres: float) -> Rig:
+def asf_rig(tracks: Tracks, body: Body, tree: Skeleton, bones: Sequence[str], metres: float) -> Rig:
     """The rig whose joints stand where the bones begin; a bone's far end is its first child's joint, or its End Site.
 
     G = G_parent C Rz Ry Rx C^-1 makes C R C^-1 the local rotation, and the parent bone's own vector is the joint's offset,
@@ -204,9 +199,9 @@ def asf_rig(tracks: Tracks, body: Body, tree: Skeleton, bones: list[str], metres
         bones: the motion's joints, by bone.
         metres: per unit of the file.
     """
-    names, parents = _depth_first(tree)
+    names, parents = _with_ends(tree)
     skeleton = rig_skeleton(names, parents)
-    vectors = np.array([body.bones[name].offset if name in body.bones else np.zeros(3) for name in names])
+    offsets = np.array([body.position, *[body.bones[names[parent]].offset for parent in parents[1:]]])
 
     def rotations(part: slice) -> Float[np.ndarray, "n rig 4"]:
         """Quaternions of the bones in a part of the frames."""
@@ -215,22 +210,18 @@ def asf_rig(tracks: Tracks, body: Body, tree: Skeleton, bones: list[str], metres
         for joint, name in enumerate(names):
             if turns := _turns(tracks, name, part):
                 found[:, joint] = euler_quaternions(*turns)
-                found[:, joint, 1:] @= _axis_of(body, name).T  # C R C^-1: R about the turned axis
+                found[:, joint, 1:] @= body.bones[name].axis.T  # C R C^-1: R about the turned axis
         return found
 
     ends = far_ends(skeleton)
     return Rig(
         skeleton,
-        np.concatenate([body.position[None], vectors[list(parents[1:])]]) * metres,
+        offsets * metres,
         rotation_track(rotations, len(tracks["root"]["tx"]), len(names)),
         root_path(tracks, body) * metres,
         tuple(ends[names.index(bone)] for bone in bones),
         tuple(None if name.endswith("/End") else (MOVES if joint == 0 else ()) + ANGLES for joint, name in enumerate(names)),
     )
-
-
-def _axis_of(body: Body, name: str) -> Float[np.ndarray, "3 3"]:
-    return body.bones[name].axis if name in body.bones else body.root_axis
 
 
 def _turns(tracks: Tracks, name: str, part: slice) -> tuple[str, Float[np.ndarray, "n turns"]] | None:
@@ -239,23 +230,25 @@ def _turns(tracks: Tracks, name: str, part: slice) -> tuple[str, Float[np.ndarra
     return ("".join(dof[1] for dof in turns), np.stack([tracks[name][dof][part] for dof in turns], axis=-1)) if turns else None
 
 
-def _depth_first(tree: Skeleton) -> tuple[tuple[str, ...], tuple[int, ...]]:
-    """Names and parents in the order of a BVH file, an End Site under each bone without children."""
-    children: list[list[int]] = [[] for _ in tree.joints]
-    for parent, child in tree.bones:
-        children[parent].append(child)
-    names: list[str] = []
-    parents: list[int] = []
-    waiting = [(0, -1)]
+def depth_first(tree: Skeleton) -> list[int]:
+    """Joints as nested text lists them: each followed by all that hang from it."""
+    order, waiting = [], [0]
     while waiting:
-        joint, parent = waiting.pop()
-        here = len(names)
+        order.append(waiting.pop())
+        waiting += [child for parent, child in reversed(tree.bones) if parent == order[-1]]
+    return order
+
+
+def _with_ends(tree: Skeleton) -> tuple[tuple[str, ...], tuple[int, ...]]:
+    """Names and parents in the order of a BVH file, an End Site under each bone without children."""
+    names, parents, places = [], [], {-1: -1}
+    for joint in depth_first(tree):
+        places[joint] = len(names)
         names.append(tree.joints[joint])
-        parents.append(parent)
-        waiting += [(child, here) for child in reversed(children[joint])]
-        if not children[joint]:
+        parents.append(places[tree.parents[joint]])
+        if joint not in tree.parents:
             names.append(f"{tree.joints[joint]}/End")
-            parents.append(here)
+            parents.append(places[joint])
     return tuple(names), tuple(parents)
 
 
@@ -275,18 +268,16 @@ def read_amc(file: Path, hints: Hints) -> Reading:
     asf = find_asf(file)
     body = read_asf(asf)
     tracks = _tracks(read_text(file), body, file)
-    names = _parents_first(body)
-    parents = tuple(names.index(body.bones[name].parent) for name in names[1:])
-    skeleton = tree = own_skeleton(tuple(names), (-1, *parents))
-    if set(names) == set(CMU_BONES) and [body.bones[n].parent for n in CMU_BONES[1:]] == [CMU_BONES[p] for p in CMU.parents[1:]]:
-        skeleton, names = CMU, list(CMU_BONES)
+    names = tuple(body.bones)
+    skeleton = tree = own_skeleton(names, (-1, *[names.index(bone.parent) for bone in [*body.bones.values()][1:]]))
+    if same_tree(tree, OF_CMU):
+        skeleton, names = CMU, CMU_BONES
     positions = _positions(tracks, body, tree, [tree.joints.index(name) for name in names])
     unit = hints.unit or stated(body.metres, FILE) or infer_unit(positions, skeleton, asf, usual="cmu")
     up, fps = hints.up or Stated("y", FORMAT), hints.fps or Stated(CMU_FPS, FORMAT)
     positions *= unit.value
     rig = asf_rig(tracks, body, tree, names, unit.value)
-    motion = Motion(positions.astype(np.float32), fps.value, skeleton, up=up.value, rig=rig)
-    return Reading(hints.label(motion, file), unit, up, fps)
+    return hints.reading(file, positions, skeleton, unit, up, fps, rig=rig)
 
 
 def find_asf(file: Path) -> Path:
@@ -305,28 +296,20 @@ def find_asf(file: Path) -> Path:
     raise MotionFormatError(file, "skeleton", f"{found} in its folder", f"{stem.split('_')[0]}.asf, or a single .asf file")
 
 
-def _parents_first(body: Body) -> list[str]:
-    """Root and bones, in file order as far as parents allow."""
-    names, there, waiting = ["root"], {"root"}, list(body.bones)
-    while waiting:
-        ready = [name for name in waiting if body.bones[name].parent in there]
-        names += ready
-        there |= set(ready)
-        waiting = [name for name in waiting if name not in there]
-    return names
+def same_tree(one: Skeleton, other: Skeleton) -> bool:
+    """Whether the same names hang from the same names, in whichever order they are listed."""
+    trees = [{s.joints[j]: s.joints[p] if p >= 0 else None for j, p in enumerate(s.parents)} for s in (one, other)]
+    return trees[0] == trees[1]
 
 
 def _tracks(text: str, body: Body, file: Path) -> Tracks:
     """All channels over time, in radians and file units."""
     degrees, start = _header(text, file)
-    first = _first_frame(text, start, body, file)
-    table = _table(text, start, first, body, file)
+    words = _words_of_a_frame(text, start, body, file)
+    table = _table(text, start, words, body, file)
     tracks: Tracks = {}
-    column = 0
-    for name, dof in first.items():
-        columns = {d: table[:, column + i] for i, d in enumerate(dof)}
-        tracks[name] = {d: np.deg2rad(c) if degrees and d in TURNS else c for d, c in columns.items()}
-        column += len(dof)
+    for (name, dof), column in zip([word for word in words if word[1]][1:], table.T, strict=True):
+        tracks.setdefault(name, {})[dof] = np.deg2rad(column) if degrees and dof in TURNS else column
     return tracks
 
 
@@ -343,10 +326,10 @@ def _header(text: str, file: Path) -> tuple[bool, int]:
     raise MotionFormatError(file, "end of file", "no frame", "at least one frame")
 
 
-def _first_frame(text: str, start: int, body: Body, file: Path) -> dict[str, tuple[str, ...]]:
-    """Bone -> degrees of freedom, in the order of the first frame."""
-    dofs = {"root": body.root_order} | {name: bone.dof for name, bone in body.bones.items() if bone.dof}
-    order: dict[str, tuple[str, ...]] = {}
+def _words_of_a_frame(text: str, start: int, body: Body, file: Path) -> list[tuple[str, str]]:
+    """Bone and degree of freedom of every word of the first frame: its number, then of each bone its name and its numbers."""
+    dofs = {name: bone.dof for name, bone in body.bones.items() if bone.dof}
+    order: list[str] = []
     for line in islice(lines_of(text, start), 1, None):
         if line.start() - start > BLOCK:
             break
@@ -360,78 +343,55 @@ def _first_frame(text: str, start: int, body: Body, file: Path) -> dict[str, tup
             found = f"{name[:40]} with {len(words) - 1} numbers" + (" again" if name in order else "")
             expected = f"{len(dofs[name])} numbers, once" if name in dofs else "a bone of the ASF that can move"
             raise MotionFormatError(file, "frame 1", found, expected)
-        order[name] = dofs[name]
-    missing = sorted(set(dofs) - set(order))
-    if missing:
+        order.append(name)
+    if missing := sorted({*dofs} - {*order}):
         raise MotionFormatError(file, "frame 1", f"no {', '.join(missing)[:200]}", "every bone of the ASF that can move")
-    return order
+    return [("frame", "number"), *((name, dof) for name in order for dof in ("", *dofs[name]))]
 
 
-def _table(text: str, start: int, first: dict[str, tuple[str, ...]], body: Body, file: Path) -> Float[np.ndarray, "T channels"]:
+def _table(text: str, start: int, frame: list[tuple[str, str]], body: Body, file: Path) -> Float[np.ndarray, "T channels"]:
     """The numbers of all frames, bone after bone as in the first one."""
-    stride = _stride(first)
-    most = min(allowed(MOST_POINTS, file) // len(body.bones), allowed(MOST_VALUES, file) // (stride - len(first)))
+    stride, bones = len(frame), len(body.bones) - 1
+    most = min(allowed(MOST_POINTS, file) // bones, allowed(MOST_VALUES, file) // sum(dof != "" for _, dof in frame))
     tables: list[np.ndarray] = []
     frames, words = 0, []
-    for block in _text_blocks(text, start, file):
+    for block in blocks_of(text, start, " \t\r\n", file, "frames"):
         words += block.split()
         whole = len(words) // stride * stride
-        tables += [_block(words[:whole], first, tables, file)] if whole else []
+        tables += [_block(words[:whole], frame, tables, file)] if whole else []
         words = words[whole:]
         frames += whole // stride
         if frames > most:
             found = f"more than {most} frames"
-            raise MotionFormatError(file, "frames", found, f"at most that for {len(body.bones)} bones in a file of this size")
+            raise MotionFormatError(file, "frames", found, f"at most that for {bones} bones in a file of this size")
     if words:
         found = f"{frames * stride + len(words)} words, not a multiple of the {stride} of frame 1"
         raise MotionFormatError(file, "frames", found, "whole frames")
     return np.concatenate(tables)[:, 1:]
 
 
-def _text_blocks(text: str, start: int, file: Path) -> Iterator[str]:
-    try:
-        yield from blocks_of(text, start, " \t\r\n")
-    except ValueError as error:
-        raise MotionFormatError(file, "frames", str(error), "words") from error
-
-
 def _block(
-    words: list[str], first: dict[str, tuple[str, ...]], before: list[np.ndarray], file: Path
+    words: list[str], frame: list[tuple[str, str]], before: list[np.ndarray], file: Path
 ) -> Float[np.ndarray, "n columns"]:
     """Frame numbers, then the numbers of every bone, of some frames that follow those `before`."""
-    places = {0: "frame numbers"}
-    stride = 1
-    for name, dof in first.items():
-        others = set(words[stride :: _stride(first)]) - {name}
-        if others:
-            raise MotionFormatError(file, f"line of {name}", repr(sorted(others)[0][:40]), f"{name}, as in frame 1")
-        places |= {stride + i: f"{name} {d}" for i, d in enumerate(dof, 1)}
-        stride += 1 + len(dof)
-    grid = np.array(words, dtype=object).reshape(-1, stride)
+    for place, (name, dof) in enumerate(frame):
+        if not dof and (others := {*words[place :: len(frame)]} - {name}):
+            raise MotionFormatError(file, f"line of {name}", repr(min(others)[:40]), f"{name}, as in frame 1")
+    columns = [place for place, (_, dof) in enumerate(frame) if dof]
+    grid = np.array(words, dtype=object).reshape(-1, len(frame))[:, columns]
     try:
-        table = grid[:, list(places)].astype(np.float64)
+        table = grid.astype(np.float64)
     except (ValueError, OverflowError):
         table = np.full((1, 1), np.nan)
     if not np.all(np.abs(table) <= LARGEST):  # False for nan; now say where
-        table = np.stack([_column(grid[:, column].tolist(), file, place) for column, place in places.items()], axis=-1)
+        for place, column in zip(columns, grid.T, strict=True):
+            for word in column:
+                number(word, file, " ".join(frame[place]))
     numbers = np.concatenate([before[-1][-1:, 0], table[:, 0]]) if before else table[:, 0]
     if np.any(np.diff(numbers) != 1):
         at = int(np.argmax(np.diff(numbers) != 1))
         raise MotionFormatError(file, f"after frame {numbers[at]:g}", f"frame {numbers[at + 1]:g}", "the next one")
     return table
-
-
-def _stride(first: dict[str, tuple[str, ...]]) -> int:
-    """Words of a frame: its number, and of each bone its name and numbers."""
-    return 1 + sum(1 + len(dof) for dof in first.values())
-
-
-def _column(words: list[str], file: Path, place: str) -> Float[np.ndarray, " n"]:
-    try:
-        column = np.array(words, dtype=np.float64)
-    except (ValueError, OverflowError) as error:
-        raise MotionFormatError(file, place, str(error)[:80], "numbers") from error
-    return bounded(column, file, place)
 
 
 def _positions(tracks: Tracks, body: Body, skeleton: Skeleton, picked: list[int]) -> Float[np.ndarray, "T joints 3"]:
@@ -443,11 +403,10 @@ def _positions(tracks: Tracks, body: Body, skeleton: Skeleton, picked: list[int]
         rotations = np.broadcast_to(np.eye(3), (part.stop - part.start, len(skeleton), 3, 3)).copy()
         offsets = np.zeros((len(rotations), len(skeleton), 3))
         for joint, name in enumerate(skeleton.joints):
-            bone, axis = body.bones.get(name), _axis_of(body, name)
+            axis = body.bones[name].axis
             if turns := _turns(tracks, name, part):
                 rotations[:, joint] = axis @ euler_matrices(*turns) @ axis.T
-            if bone:
-                offsets[:, joint] = rotations[:, joint] @ bone.offset  # a bone's own turn moves its far end
+            offsets[:, joint] = rotations[:, joint] @ body.bones[name].offset  # a bone's own turn moves its far end
         return forward_kinematics(rotations, offsets, place[part], skeleton)[:, picked]
 
     return in_blocks(positions, len(place), len(skeleton))

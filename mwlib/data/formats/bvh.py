@@ -4,21 +4,21 @@ from __future__ import annotations
 
 import re
 from collections import defaultdict
-from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from collections.abc import Container, Iterator
+from dataclasses import dataclass
+from itertools import chain, repeat
 from pathlib import Path
 
 import numpy as np
 from jaxtyping import Float
 
 from mwlib.body.kinematics import forward_kinematics
-from mwlib.body.motion import Motion
-from mwlib.body.rig import ANGLES, MOVES, Rig
+from mwlib.body.rig import ANGLES, MOVES, Rig, axes_of
 from mwlib.body.rotation import euler_matrices, euler_quaternions
 from mwlib.body.skeleton import CMU, Skeleton
 from mwlib.data.collections import SKELETONS
 from mwlib.data.collections.bandai_namco import BANDAI21
-from mwlib.data.formats.asf_amc import CMU_BONES, far_ends
+from mwlib.data.formats.asf_amc import CMU_BONES, OF_CMU, far_ends, same_tree
 from mwlib.data.formats.frames import in_blocks, rotation_track, starts_in_tpose
 from mwlib.data.meaning import FASTEST, FILE, FORMAT, SLOWEST, Hints, Reading, Stated, infer_unit
 from mwlib.data.mirroring import own_skeleton, rig_skeleton
@@ -41,13 +41,17 @@ CGSPEED_POINTS = (
 
 @dataclass
 class Node:
-    """A joint, or an End Site (named after its joint, without channels)."""
+    """A joint and the columns of its channels, or an End Site (named after its joint, without channels)."""
 
     name: str
     parent: int
     offset: list[float] | None = None
-    channels: list[str] | None = None
+    channels: dict[str, int] | None = None
     is_end: bool = False
+
+    def columns(self, kind: Container[str]) -> dict[str, int]:
+        """Those of the channels of one kind, in the file's order."""
+        return {name: column for name, column in (self.channels or {}).items() if name in kind}
 
 
 def bvh_skeleton(nodes: list[Node]) -> tuple[Skeleton, list[int]]:
@@ -57,19 +61,13 @@ def bvh_skeleton(nodes: list[Node]) -> tuple[Skeleton, list[int]]:
     own = own_skeleton(tuple(names[i] for i in joints), tuple(joints.index(nodes[i].parent) if i else -1 for i in joints))
     if own.parents == CGSPEED_PARENTS and set(CGSPEED_POINTS) <= set(names):
         return CMU, [names.index(n) for n in CGSPEED_POINTS]
-    if _same_tree(own, replace(CMU, joints=CMU_BONES)):
+    if same_tree(own, OF_CMU):
         ends = far_ends(rig_skeleton(tuple(names), tuple(n.parent for n in nodes)))
         return CMU, [ends[names.index(bone)] for bone in CMU_BONES]
     for known in SKELETONS.values():
-        if _same_tree(own, known) or (known is BANDAI21 and _same_tree(own, _under("joint_Root", known))):
+        if same_tree(own, known) or (known is BANDAI21 and same_tree(own, _under("joint_Root", known))):
             return known, [names.index(name) for name in known.joints]
     return own, joints
-
-
-def _same_tree(one: Skeleton, other: Skeleton) -> bool:
-    """Whether the same names hang from the same names, in whichever order they are listed."""
-    trees = [{s.joints[j]: s.joints[p] if p >= 0 else None for j, p in enumerate(s.parents)} for s in (one, other)]
-    return trees[0] == trees[1]
 
 
 def _under(root: str, skeleton: Skeleton) -> Skeleton:
@@ -80,12 +78,9 @@ def _under(root: str, skeleton: Skeleton) -> Skeleton:
 def frame_offsets(nodes: list[Node], table: Float[np.ndarray, "T channels"]) -> Float[np.ndarray, "T nodes 3"]:
     """Offsets in every frame, the file's unit: position channels replace those of the hierarchy."""
     offsets = np.tile(np.array([n.offset for n in nodes]), (len(table), 1, 1))
-    column = 0
     for joint, node in enumerate(nodes):
-        for name in node.channels or ():
-            if name in MOVES:
-                offsets[:, joint, MOVES.index(name)] = table[:, column]
-            column += 1
+        for name, column in node.columns(MOVES).items():
+            offsets[:, joint, MOVES.index(name)] = table[:, column]
     return offsets
 
 
@@ -97,27 +92,23 @@ def bvh_rig(nodes: list[Node], table: Float[np.ndarray, "T channels"], points: l
         points: which node stands at each joint of the motion.
         metres: per unit of the file.
     """
-    columns: dict[str, list[tuple[int, list[int]]]] = defaultdict(list)  # axes -> joints that turn about these, their columns
-    start = 0
+    turning: dict[str, list[int]] = defaultdict(list)  # axes -> joints that turn about these
     for joint, node in enumerate(nodes):
-        names = node.channels or []
-        angles = [i for i, name in enumerate(names) if name.endswith("rotation")]
-        columns["".join(names[i][0] for i in angles)].append((joint, [start + i for i in angles]))
-        start += len(names)
+        turning[axes_of(node.columns(ANGLES))].append(joint)
 
     def rotations(part: slice) -> Float[np.ndarray, "n nodes 4"]:
         """Quaternions of the nodes in a part of the frames."""
         found = np.empty((part.stop - part.start, len(nodes), 4))
-        for axes, joints in columns.items():
-            angles = table[part, np.array([c for _, c in joints], dtype=int).reshape(len(joints), len(axes))]
-            found[:, [joint for joint, _ in joints]] = euler_quaternions(axes, np.deg2rad(angles))
+        for axes, joints in turning.items():
+            columns = np.array([[*nodes[joint].columns(ANGLES).values()] for joint in joints], dtype=int)
+            found[:, joints] = euler_quaternions(axes, np.deg2rad(table[part, columns]))
         return found
 
     def moves(part: slice) -> Float[np.ndarray, "n nodes 3"]:
         """Offsets of the nodes in a part of the frames, metres."""
         return frame_offsets(nodes, table[part]) * metres
 
-    is_moving = any(name in MOVES for node in nodes[1:] for name in node.channels or ())
+    is_moving = any(node.columns(MOVES) for node in nodes[1:])
     return Rig(
         rig_skeleton(tuple(n.name for n in nodes), tuple(n.parent for n in nodes)),
         np.array([n.offset for n in nodes]) * metres,
@@ -131,6 +122,7 @@ def bvh_rig(nodes: list[Node], table: Float[np.ndarray, "T channels"], points: l
 
 
 DEEPEST = 200
+END = "the end of the hierarchy"  # in place of words behind its last one
 COMMON_RATES = (24, 25, 30, 48, 50, 60, 72, 75, 90, 100, 120, 144, 150, 180, 200, 240)  # hertz
 
 
@@ -148,7 +140,7 @@ def read_bvh(file: Path, hints: Hints) -> Reading:
     split = re.search(r"^[ \t]*MOTION\b", text, re.MULTILINE)
     if split is None:
         raise MotionFormatError(file, "end of HIERARCHY", "no MOTION section", "a line MOTION")
-    nodes = _hierarchy(words_of(text, split.start()), file)
+    nodes = _hierarchy(chain(words_of(text, split.start()), repeat(END)), file)
     skeleton, picked = bvh_skeleton(nodes)
     if len(skeleton) < 2:
         raise MotionFormatError(file, "HIERARCHY", "one joint", "at least two")
@@ -158,32 +150,35 @@ def read_bvh(file: Path, hints: Hints) -> Reading:
     unit = hints.unit or infer_unit(positions, skeleton, file)
     up, rate = hints.up or Stated("y", FORMAT), hints.fps or Stated(fps, FILE)
     positions *= unit.value
-    turns = [i for i, name in enumerate(nodes[0].channels or ()) if name in ANGLES]
-    first = int(hints.first_frame is None and starts_in_tpose(table[:, turns], positions, up.value))
+    turns = table[:, [*nodes[0].columns(ANGLES).values()]]
+    first = int(hints.first_frame is None and starts_in_tpose(turns, positions, up.value))
     rig = bvh_rig(nodes, table[first:], picked, unit.value)
-    motion = Motion(positions[first:].astype(np.float32), rate.value, skeleton, up=up.value, rig=rig)
-    return Reading(hints.label(motion, file), unit, up, rate, Stated(first, FILE))
+    return hints.reading(file, positions[first:], skeleton, unit, up, rate, Stated(first, FILE), rig)
 
 
 def _hierarchy(rest: Iterator[str], file: Path) -> list[Node]:
     """The nodes in file order: parents before children."""
-    first = next(rest, "")
+    first = next(rest)
     if first != "HIERARCHY":
         raise MotionFormatError(file, "start", repr(first[:40]), "HIERARCHY")
     nodes: list[Node] = []
     stack: list[int] = []
-    for word in rest:
+    while (word := next(rest)) != END:
         place = f"joint {nodes[stack[-1]].name}" if stack else "HIERARCHY"
         if word in ("ROOT", "JOINT", "End"):
             if (word == "ROOT") == bool(stack) or (nodes and not stack):
                 raise MotionFormatError(file, place, word, "one ROOT, everything else inside it")
             _open(word, rest, nodes, stack, file, place)
         elif word == "}" and stack:
-            _check_node(nodes[stack.pop()], file)
+            node = nodes[stack.pop()]
+            missing = [name for name, value in (("OFFSET", node.offset), ("CHANNELS", node.channels)) if value is None]
+            if missing:
+                raise MotionFormatError(file, f"joint {node.name}", f"no {' and no '.join(missing)}", "both")
         elif word == "OFFSET" and stack and nodes[stack[-1]].offset is None:
-            nodes[stack[-1]].offset = [number(_next(rest, file, place), file, f"{place}, OFFSET") for _ in range(3)]
+            nodes[stack[-1]].offset = [number(next(rest), file, f"{place}, OFFSET") for _ in range(3)]
         elif word == "CHANNELS" and stack and nodes[stack[-1]].channels is None and not nodes[stack[-1]].is_end:
-            nodes[stack[-1]].channels = _channel_names(rest, file, place)
+            start = sum(len(node.channels or ()) for node in nodes)
+            nodes[stack[-1]].channels = {name: start + i for i, name in enumerate(_channel_names(rest, file, place))}
         else:
             raise MotionFormatError(file, place, repr(word[:40]), "JOINT, End Site, one OFFSET, one CHANNELS or }")
     if stack or not nodes:
@@ -198,7 +193,7 @@ def _hierarchy(rest: Iterator[str], file: Path) -> list[Node]:
 def _open(word: str, rest: Iterator[str], nodes: list[Node], stack: list[int], file: Path, place: str) -> None:
     """Append the node that begins here and step into it."""
     name = []
-    while (part := _next(rest, file, place)) != "{":
+    while (part := next(rest)) != "{":
         name.append(part)
         if len(" ".join(name)) > LONGEST_WORD:
             raise MotionFormatError(file, place, " ".join(name)[:40], f"a name of at most {LONGEST_WORD} characters, then {{")
@@ -208,33 +203,20 @@ def _open(word: str, rest: Iterator[str], nodes: list[Node], stack: list[int], f
         raise MotionFormatError(file, place, f"{word} {' '.join(name)[:40]}", "ROOT name, JOINT name or End Site, then {")
     label = f"{nodes[parent].name}/End" if is_end else " ".join(name)
     stack.append(len(nodes))
-    nodes.append(Node(label, parent, channels=[] if is_end else None, is_end=is_end))
+    nodes.append(Node(label, parent, channels={} if is_end else None, is_end=is_end))
     if len(nodes) > MOST_JOINTS or len(stack) > DEEPEST:
         found = f"{len(nodes)} joints, {len(stack)} deep"
         raise MotionFormatError(file, "HIERARCHY", found, f"at most {MOST_JOINTS}, {DEEPEST} deep")
 
 
-def _next(rest: Iterator[str], file: Path, place: str) -> str:
-    word = next(rest, None)
-    if word is None:
-        raise MotionFormatError(file, place, "the end of the hierarchy", "more of this joint")
-    return word
-
-
 def _channel_names(rest: Iterator[str], file: Path, place: str) -> list[str]:
-    count = _next(rest, file, place)
+    count = next(rest)
     if not re.fullmatch("[0-6]", count):
         raise MotionFormatError(file, f"{place}, CHANNELS", repr(count[:40]), "a number from 0 to 6")
-    names = [_next(rest, file, place).lower() for _ in range(int(count))]
+    names = [next(rest).lower() for _ in range(int(count))]
     if not set(names) <= {*MOVES, *ANGLES} or len(set(names)) < len(names):
         raise MotionFormatError(file, f"{place}, CHANNELS", " ".join(names)[:120], "different ones of Xposition ... Zrotation")
     return names
-
-
-def _check_node(node: Node, file: Path) -> None:
-    missing = [word for word, value in (("OFFSET", node.offset), ("CHANNELS", node.channels)) if value is None]
-    if missing:
-        raise MotionFormatError(file, f"joint {node.name}", f"no {' and no '.join(missing)}", "both")
 
 
 def _motion(text: str, start: int, nodes: list[Node], file: Path) -> tuple[Float[np.ndarray, "T channels"], float]:
@@ -281,20 +263,10 @@ def _positions(nodes: list[Node], table: Float[np.ndarray, "T channels"], picked
     def positions(part: slice) -> Float[np.ndarray, "n joints 3"]:
         """Joints in a part of the frames, in the unit of the file."""
         offsets = frame_offsets(nodes, table[part])
-        return forward_kinematics(_rotations(nodes, table[part]), offsets, offsets[:, 0], everything)[:, picked]
+        rotations = np.broadcast_to(np.eye(3), (len(offsets), len(nodes), 3, 3)).copy()
+        for joint, angles in enumerate(node.columns(ANGLES) for node in nodes):
+            if angles:
+                rotations[:, joint] = euler_matrices(axes_of(angles), np.deg2rad(table[part, [*angles.values()]]))
+        return forward_kinematics(rotations, offsets, offsets[:, 0], everything)[:, picked]
 
     return in_blocks(positions, len(table), len(nodes))
-
-
-def _rotations(nodes: list[Node], table: Float[np.ndarray, "T channels"]) -> Float[np.ndarray, "T joints 3 3"]:
-    """Local rotations."""
-    rotations = np.broadcast_to(np.eye(3), (len(table), len(nodes), 3, 3)).copy()
-    start = 0
-    for joint, node in enumerate(nodes):
-        names = node.channels or []
-        angles = [i for i, name in enumerate(names) if name in ANGLES]
-        if angles:
-            columns = table[:, start : start + len(names)]
-            rotations[:, joint] = euler_matrices("".join(names[i][0] for i in angles), np.deg2rad(columns[:, angles]))
-        start += len(names)
-    return rotations

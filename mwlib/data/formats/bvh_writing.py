@@ -12,6 +12,7 @@ from mwlib.body.fitting import FitError, distance, fit_rig
 from mwlib.body.motion import Motion
 from mwlib.body.rig import ANGLES, MOVES, Rig, axes_of
 from mwlib.body.rotation import euler_angles, euler_quaternions
+from mwlib.data.formats.asf_amc import depth_first
 from mwlib.data.meaning import FASTEST, SLOWEST, metres_per_unit
 from mwlib.data.untrusted import LARGEST
 from mwlib.files import write_atomic
@@ -54,16 +55,13 @@ def write_bvh(motion: Motion, file: str | Path, *, unit: float | str = "cm", up:
     >>> again.fps, again.up, again.skeleton.name, np.allclose(again.with_up("z").positions, walk.positions, atol=1e-5)
     (50.0, 'y', 'H36M17', True)
     """
-    of_kind("motion", motion, Motion)
-    file, metres = Path(of_kind("file", file, (str, Path), "a path")), metres_per_unit(unit)
-    if file.suffix.lower() != ".bvh":
-        raise ValueError(f"file is {file.name!r}; expected a name that ends in .bvh")
+    file, metres = asked_for(motion, file, ".bvh"), metres_per_unit(unit)
     if not SLOWEST <= motion.fps <= FASTEST:
         raise ValueError(f"fps is {motion.fps:g}; expected {SLOWEST:g} to {FASTEST:g}")
     motion = motion.with_up(up)
     rig = motion.rig or fit_rig(motion).rig
     _check_names(rig)
-    order = _written_order(rig)
+    order = depth_first(rig.skeleton)
     channels = {joint: _enough(rig, joint) for joint in order}
     channels[0] = channels[0] or MOVES + ANGLES
     table = np.concatenate([_columns(rig, joint, names or (), metres) for joint, names in channels.items()], axis=1)
@@ -73,22 +71,23 @@ def write_bvh(motion: Motion, file: str | Path, *, unit: float | str = "cm", up:
     return distance(rig, motion)
 
 
+def asked_for(motion: object, file: object, ending: str) -> Path:
+    """Where a motion is to be written.
+
+    Raises:
+        ValueError: it is no motion, or the file's name ends otherwise.
+    """
+    of_kind("motion", motion, Motion)
+    file = Path(of_kind("file", file, (str, Path), "a path"))
+    if file.suffix.lower() != ending:
+        raise ValueError(f"file is {file.name!r}; expected a name that ends in {ending}")
+    return file
+
+
 def _check_names(rig: Rig) -> None:
     for name, channels in zip(rig.skeleton.joints, rig.channels, strict=True):
         if channels is not None and (not name or " ".join(name.split()) != name or {"{", "}"} & {*name.split()}):
             raise ValueError(f"a joint is named {name!r}; expected words with single spaces between, no brace alone")
-
-
-def _written_order(rig: Rig) -> list[int]:
-    """Joints as the nested text lists them: each followed by all that hang from it."""
-    children: dict[int, list[int]] = {}
-    for parent, child in rig.skeleton.bones:
-        children.setdefault(parent, []).append(child)
-    order, waiting = [], [0]
-    while waiting:
-        order.append(waiting.pop())
-        waiting += reversed(children.get(order[-1], []))
-    return order
 
 
 def _places(rig: Rig, joint: int) -> Float[np.ndarray, "T 3"]:

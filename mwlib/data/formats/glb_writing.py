@@ -15,9 +15,9 @@ from scipy.spatial.transform import Rotation
 from mwlib.body.fitting import FitError, distance, fit_rig
 from mwlib.body.motion import Motion
 from mwlib.body.rig import Rig
+from mwlib.data.formats.bvh_writing import asked_for
 from mwlib.data.untrusted import LARGEST
 from mwlib.files import write_atomic
-from mwlib.settings import of_kind
 from mwlib.version import __version__
 
 AROUND, RINGS = 12, 3  # vertices around a capsule, and rings of each of its caps
@@ -54,11 +54,7 @@ def write_glb(motion: Motion, file: str | Path) -> FitError:
     >>> write_glb(walk, Path(tempfile.mkdtemp()) / "walk.glb").max < 1e-5
     True
     """
-    of_kind("motion", motion, Motion)
-    file = Path(of_kind("file", file, (str, Path), "a path"))
-    if file.suffix.lower() != ".glb":
-        raise ValueError(f"file is {file.name!r}; expected a name that ends in .glb")
-    motion = motion.with_up("y")
+    file, motion = asked_for(motion, file, ".glb"), motion.with_up("y")
     rig = motion.rig or fit_rig(motion).rig
     if not all(np.all(np.abs(part) <= LARGEST) for part in (rig.root, rig.offsets, *([] if rig.moves is None else [rig.moves]))):
         raise ValueError(f"a place in the motion is not finite or too large; expected metres up to {LARGEST:g}")
@@ -92,6 +88,10 @@ def _packed(rig: Rig, motion: Motion) -> bytes:
     buffer, joints = _Buffer(), len(rig.skeleton)
     rest = np.array(rig.offsets if rig.moves is None else rig.moves[0], np.float64)
     rest[0] = rig.root[0]
+    places, matrices = rest.copy(), np.tile(np.eye(4, dtype=np.float32), (joints, 1, 1))
+    for parent, child in rig.skeleton.bones:
+        places[child] += places[parent]
+    matrices[:, 3, :3] = -places  # from the rest pose to each joint's own frame, which is not turned; column after column
     nodes: list[dict[str, Any]] = [
         {"name": name, "translation": rest[joint].tolist()} for joint, name in enumerate(rig.skeleton.joints)
     ]
@@ -102,8 +102,8 @@ def _packed(rig: Rig, motion: Motion) -> bytes:
     tree = {
         "asset": {"version": "2.0", "generator": f"mwlib {__version__}", "extras": {"fps": motion.fps}},
         "scene": 0, "scenes": [{"nodes": [0, joints]}], "nodes": nodes, "materials": [material],
-        "meshes": [{"primitives": [_mesh(rig, rest, buffer) | {"material": 0}]}],
-        "skins": [{"joints": [*range(joints)], "skeleton": 0, "inverseBindMatrices": buffer.add(_inverse_bind(rig, rest))}],
+        "meshes": [{"primitives": [_mesh(rig, places, buffer) | {"material": 0}]}],
+        "skins": [{"joints": [*range(joints)], "skeleton": 0, "inverseBindMatrices": buffer.add(matrices)}],
         "animations": [{"name": motion.name or "motion"} | _animation(rig, motion.fps, buffer)],
         "accessors": buffer.accessors, "bufferViews": buffer.views, "buffers": [{"byteLength": len(buffer.content)}],
     }  # fmt: skip
@@ -111,21 +111,6 @@ def _packed(rig: Rig, motion: Motion) -> bytes:
     text += b" " * (-len(text) % 4)
     parts = b"".join(struct.pack("<I4s", len(c), kind) + c for c, kind in ((text, b"JSON"), (buffer.content, b"BIN\0")))
     return struct.pack("<4sII", b"glTF", 2, 12 + len(parts)) + parts
-
-
-def _places(rig: Rig, rest: Float[np.ndarray, "rig 3"]) -> Float[np.ndarray, "rig 3"]:
-    """Where the joints are when none is turned."""
-    places = rest.copy()
-    for parent, child in rig.skeleton.bones:
-        places[child] += places[parent]
-    return places
-
-
-def _inverse_bind(rig: Rig, rest: Float[np.ndarray, "rig 3"]) -> Float[np.ndarray, "rig 4 4"]:
-    """From the rest pose to each joint's own frame, which is not turned; column after column."""
-    matrices = np.tile(np.eye(4, dtype=np.float32), (len(rest), 1, 1))
-    matrices[:, 3, :3] = -_places(rig, rest)
-    return matrices
 
 
 def _animation(rig: Rig, fps: float, buffer: _Buffer) -> dict[str, Any]:
@@ -142,9 +127,9 @@ def _animation(rig: Rig, fps: float, buffer: _Buffer) -> dict[str, Any]:
     return {"samplers": samplers, "channels": channels}
 
 
-def _mesh(rig: Rig, rest: Float[np.ndarray, "rig 3"], buffer: _Buffer) -> dict[str, Any]:
+def _mesh(rig: Rig, places: Float[np.ndarray, "rig 3"], buffer: _Buffer) -> dict[str, Any]:
     """A capsule from each joint to each of its children, which follows that joint; a head without a bone gets a ball."""
-    places, parts = _places(rig, rest), []
+    parts = []
     for parent, child in rig.skeleton.bones:
         length = float(np.linalg.norm(places[child] - places[parent]))
         if length > 1e-3 and (parent or rig.points[0] == 0):  # nothing to a root on the floor

@@ -18,7 +18,6 @@ import torch
 from jaxtyping import Float, Shaped
 from torch import Tensor
 
-from mwlib.body.motion import Motion
 from mwlib.body.skeleton import HUMANML22, Skeleton
 from mwlib.data.collections.humanml import KIT21
 from mwlib.data.meaning import FORMAT, Hints, Reading, Stated
@@ -317,12 +316,15 @@ def folder_contents(
     for split, names in clip_lists(path, wanted, faults).items():
         for name in names:
             try:
-                features = _features_of(path, name, layout, left_out)
-                if features is None:
+                file, text = path / FEATURES / f"{name}.npy", path / TEXTS / f"{name}.txt"
+                if not file.is_file() or not text.is_file():
+                    left_out[name] = BROKEN[file.is_file()]
                     continue
-                layout = layout or LAYOUTS[features.shape[1]]
-                for clip in _entries(features, _captions(path / TEXTS / f"{name}.txt"), name, split):
-                    if why := _length_fault(len(clip.features), layout):
+                features = _features(file, layout)
+                layout = LAYOUTS[features.shape[1]]
+                whole = CaptionedClip(features, (), name)
+                for clip in [whole] if _fault(whole, layout) else _entries(features, _captions(text), name, split):
+                    if why := _fault(clip, layout):
                         left_out[clip.name] = why
                     else:
                         clips.append(clip)
@@ -339,24 +341,6 @@ LONGEST_NAME = 200  # bytes of a clip's name: with a suffix most file systems ta
 def has_lists(path: Path) -> list[str]:
     """Those of "train", "val" and "test" of which a folder has a list."""
     return [split for split in SPLITS if (path / f"{split}.txt").is_file()]
-
-
-def _features_of(
-    path: Path, name: str, layout: FeatureLayout | None, left_out: dict[str, str]
-) -> Float[np.ndarray, "T D"] | None:
-    """Features of a clip, of a known width; None if it is left out, and why."""
-    file = path / FEATURES / f"{name}.npy"
-    for needed, why in ((file, BROKEN[0]), (path / TEXTS / f"{name}.txt", BROKEN[1])):
-        if not needed.is_file():
-            left_out[name] = why
-            return None
-    features = _features(file)
-    layout = layout or _layout(features, file)
-    if features.shape[1] != layout.width:
-        raise MotionFormatError(file, "array", f"shape {features.shape}", f"(T, {layout.width}) for {layout.name}")
-    if why := _fault(features, layout):
-        left_out[name] = why
-    return None if why else features
 
 
 def clip_lists(path: Path, wanted: Sequence[str], faults: list[MotionFormatError] | None) -> dict[str, list[str]]:
@@ -409,8 +393,7 @@ def read_features(array: Shaped[np.ndarray, "*shape"], file: Path, hints: Hints)
     joints = joints_of(bounded(array, file, "array").astype(np.float64), layout)
     unit = hints.unit or Stated(layout.metres_per_unit, FORMAT)
     up, fps = Stated("y", FORMAT), hints.fps or Stated(layout.fps, FORMAT)
-    motion = Motion((joints * unit.value).astype(np.float32), fps.value, layout.skeleton, up=up.value)
-    return Reading(hints.label(motion, file), unit, up, fps)
+    return hints.reading(file, joints * unit.value, layout.skeleton, unit, up, fps)
 
 
 def is_features(shape: tuple[int, ...], file: Path) -> bool:
@@ -424,11 +407,12 @@ def without_features(files: Sequence[Path]) -> list[Path]:
     return [file for file in files if file.parent.name != FEATURES or file.parent.parent / JOINTS / file.name not in there]
 
 
-def _features(file: Path) -> Float[np.ndarray, "T D"]:
+def _features(file: Path, wanted: FeatureLayout | None) -> Float[np.ndarray, "T D"]:
     with open_regular(file) as stream:
         array = read_array(stream, file, "array")
-    if array.dtype.kind != "f" or array.ndim != 2 or len(array) == 0:
-        raise MotionFormatError(file, "array", f"{array.dtype} of shape {array.shape}", "numbers of shape (T, D) with T > 0")
+    found = _layout(array, file)
+    if wanted and found != wanted:
+        raise MotionFormatError(file, "array", f"shape {array.shape}", f"(T, {wanted.width}) for {wanted.name}")
     return array.astype(np.float32)
 
 
@@ -440,11 +424,11 @@ def _layout(array: Shaped[np.ndarray, "*shape"], file: Path) -> FeatureLayout:
     return LAYOUTS[array.shape[-1]]
 
 
-def _fault(features: Float[np.ndarray, "T D"], layout: FeatureLayout) -> str:
-    return BROKEN[2] if not np.isfinite(features).all() else _length_fault(len(features), layout)
-
-
-def _length_fault(frames: int, layout: FeatureLayout) -> str:
+def _fault(clip: CaptionedClip, layout: FeatureLayout) -> str:
+    """Why a clip is left out; "" if it is not."""
+    frames = len(clip.features)
+    if not np.isfinite(clip.features).all():
+        return BROKEN[2]
     if frames == 0:
         return BROKEN[3]
     if frames < layout.shortest:
@@ -452,16 +436,10 @@ def _length_fault(frames: int, layout: FeatureLayout) -> str:
     return f"{TOO_LONG} frames or longer" if frames >= TOO_LONG else ""
 
 
-class _Caption(NamedTuple):
-    """A line of a text: its number, what it says, and of which seconds; 0 and 0 is the whole clip."""
-
-    line: int
-    text: str
-    start: float
-    end: float
+Caption = tuple[int, str, float, float]  # a line of a text: its number, what it says, of which seconds; 0 and 0 is the whole clip
 
 
-def _captions(file: Path) -> list[_Caption]:
+def _captions(file: Path) -> list[Caption]:
     """The lines that are not empty; nan is 0."""
     found = []
     for n, line in enumerate(read_text(file, SMALL_TEXT).splitlines(), 1):
@@ -471,7 +449,7 @@ def _captions(file: Path) -> list[_Caption]:
         if len(fields) != FIELDS or not fields[0].strip():
             raise MotionFormatError(file, f"line {n}", repr(line[:80]), "caption#word/POS word/POS ...#start#end")
         start, end = (0.0 if f.strip().lower() == "nan" else number(f, file, f"line {n}") for f in fields[2:])
-        found.append(_Caption(n, _tagged(fields[0].strip(), fields[1]), start, end))
+        found.append((n, _tagged(fields[0].strip(), fields[1]), start, end))
     if not found:
         raise MotionFormatError(file, "text", "no line", "at least one caption")
     return found
@@ -483,9 +461,9 @@ def _tagged(text: str, words: str) -> str:
     return TaggedCaption(text, pairs) if pairs and all(word and part for word, part in pairs) else text
 
 
-def _entries(features: Float[np.ndarray, "T D"], captions: Sequence[_Caption], name: str, split: str) -> Iterator[CaptionedClip]:
+def _entries(features: Float[np.ndarray, "T D"], captions: Sequence[Caption], name: str, split: str) -> Iterator[CaptionedClip]:
     """The whole clip with all captions that have no times, then one entry for each other caption."""
-    whole = tuple(caption.text for caption in captions if caption.start == caption.end == 0)
+    whole = tuple(text for _, text, start, end in captions if start == end == 0)
     if whole:
         yield CaptionedClip(features, whole, name, split)
     for n, text, start, end in captions:

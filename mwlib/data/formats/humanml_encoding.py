@@ -14,6 +14,7 @@ from scipy.ndimage import gaussian_filter1d
 
 from mwlib.body.kinematics import bone_lengths
 from mwlib.data.formats.humanml import HUMANML3D, Array, FeatureLayout
+from mwlib.settings import choice
 
 Heading = Literal["correct", "humanml3d"]
 SMOOTHING = 20.0  # frames, deviation of the Gaussian over which the facing direction is averaged
@@ -45,8 +46,7 @@ def features_of(
     Raises:
         ValueError: another number of joints, fewer than two frames, positions that are not finite, or an unknown heading.
     """
-    if heading not in get_args(Heading):
-        raise ValueError(f"heading is {heading!r}; expected one of {', '.join(map(repr, get_args(Heading)))}")
+    choice("heading", heading, get_args(Heading))
     world = placed(np.asarray(positions, float), layout)
     if len(world) < 2:
         raise ValueError("positions have 1 frame; expected at least 2, as each row of features looks at the next frame")

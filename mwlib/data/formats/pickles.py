@@ -30,7 +30,7 @@ NAMES = {
 TEXTS = "SHORT_BINUNICODE BINUNICODE SHORT_BINSTRING BINSTRING SHORT_BINBYTES BINBYTES BYTEARRAY8".split()
 PUSHED = {*TEXTS, "BININT", "BININT1", "BININT2", "LONG1", "INT"}
 CONSTANTS = {"NONE": None, "NEWTRUE": True, "NEWFALSE": False}
-TUPLES = {"EMPTY_TUPLE": 0, "TUPLE1": 1, "TUPLE2": 2, "TUPLE3": 3}
+REMEMBERED, RECALLED, IDLE = ("MEMOIZE", "BINPUT", "LONG_BINPUT"), ("BINGET", "LONG_BINGET"), ("PROTO", "FRAME", "STOP")
 
 Read = TypeVar("Read")
 
@@ -132,40 +132,39 @@ class _Machine:
         Raises:
             _Refused, ValueError, LookupError, TypeError: it is none that NumPy needs, or its operands are not.
         """
-        if name in PUSHED:
-            self.stack.append(argument)
-        elif name in CONSTANTS:
-            self.stack.append(CONSTANTS[name])
-        elif name in TUPLES:
-            self._push_tuple(self._pop(TUPLES[name]))
-        elif name in STEPS:
-            STEPS[name](self, argument)
-        else:
+        if name in PUSHED or name in CONSTANTS:
+            self.stack.append(CONSTANTS.get(name, argument))
+        elif name in MADE:
+            self.stack.append(MADE[name]())
+        elif name in TAKERS:
+            take, count = TAKERS[name]
+            take(self, self._pop(count))
+        elif name == "GLOBAL":
+            self.name(argument.split(" "))
+        elif name in REMEMBERED:
+            self.memo[len(self.memo) if argument is None else argument] = self.stack[-1]
+        elif name in RECALLED:
+            self.recall(argument)
+        elif name not in IDLE:
             raise _Refused(f"an instruction {name}")
 
-    def _pop(self, count: int) -> list[Any]:
-        """The top items, in the order in which they came."""
-        at = len(self.stack) - count
-        items = self.stack[max(at, 0) :]
-        if at < 0 or any(isinstance(item, _Mark) for item in items):
-            raise _Refused("an instruction without operands")
-        del self.stack[at:]
-        return items
-
-    def _pop_to_mark(self) -> list[Any]:
-        items = []
-        while not isinstance(item := self.stack.pop(), _Mark):
+    def _pop(self, count: int | None) -> list[Any]:
+        """So many items from the top, or all above the last mark, in the order in which they came."""
+        items: list[Any] = []
+        while count is None or len(items) < count:
+            item = self.stack.pop()
+            if isinstance(item, _Mark):
+                break
             items.append(item)
+        if count is not None and len(items) < count:
+            raise _Refused("an instruction without operands")
         return items[::-1]
 
-    def _push_tuple(self, items: list[Any]) -> None:
+    def put_tuple(self, items: list[Any]) -> None:
+        """TUPLE: a short one."""
         if len(items) > LONGEST_TUPLE:
             raise _Refused(f"a tuple of {len(items)}")
         self.stack.append(tuple(items))
-
-    def remember(self, slot: int | None) -> None:
-        """PUT: the top of the stack can be had again."""
-        self.memo[len(self.memo) if slot is None else slot] = self.stack[-1]
 
     def recall(self, slot: int) -> None:
         """GET: only what NumPy uses twice, so that nothing small stands for something vast."""
@@ -190,15 +189,16 @@ class _Machine:
             raise _Refused("list among the dictionaries")
         made += items
 
-    def name(self, module: object, name: object) -> None:
+    def name(self, words: list[Any]) -> None:
         """GLOBAL: one of the names that NumPy writes."""
+        module, name = words
         if not isinstance(module, str) or not isinstance(name, str) or (module, name) not in NAMES:
             raise _Refused(f"the name {str(module)[:60]}.{str(name)[:60]}")
         self.stack.append(_Name(module, name))
 
-    def reduce(self) -> None:
+    def reduce(self, operands: list[Any]) -> None:
         """REDUCE: what the call of a permitted name would give."""
-        name, arguments = self._pop(2)
+        name, arguments = operands
         if not isinstance(name, _Name) or not isinstance(arguments, tuple):
             raise _Refused("a call of something without a name")
         if name.name == "_reconstruct":
@@ -214,9 +214,9 @@ class _Machine:
             raise _Refused(f"a call of {name.module}.{name.name}")
         self.stack.append(made)
 
-    def build(self) -> None:
+    def build(self, operands: list[Any]) -> None:
         """BUILD: byte order of a dtype; shape, dtype and data of an array."""
-        made, state = self._pop(2)
+        made, state = operands
         if isinstance(made, _Dtype) and isinstance(state, tuple) and state[1] in ("<", ">", "|", "="):
             made.order = state[1]
         elif isinstance(made, _Array) and isinstance(state, tuple) and len(state) == 5:
@@ -253,20 +253,19 @@ def _code(word: object) -> str:
     return word
 
 
-STEPS: dict[str, Callable[[_Machine, Any], object]] = {
-    **dict.fromkeys(("PROTO", "FRAME", "STOP"), lambda machine, _: None),
-    "MARK": lambda machine, _: machine.stack.append(_Mark()),
-    "TUPLE": lambda machine, _: machine._push_tuple(machine._pop_to_mark()),
-    "EMPTY_DICT": lambda machine, _: machine.stack.append({}),
-    "EMPTY_LIST": lambda machine, _: machine.stack.append([]),
-    "SETITEM": lambda machine, _: machine.put_items(machine._pop(2)),
-    "SETITEMS": lambda machine, _: machine.put_items(machine._pop_to_mark()),
-    "APPEND": lambda machine, _: machine.append(machine._pop(1)),
-    "APPENDS": lambda machine, _: machine.append(machine._pop_to_mark()),
-    "GLOBAL": lambda machine, argument: machine.name(*argument.split(" ")),
-    "STACK_GLOBAL": lambda machine, _: machine.name(*machine._pop(2)),
-    "REDUCE": lambda machine, _: machine.reduce(),
-    "BUILD": lambda machine, _: machine.build(),
-    **dict.fromkeys(("MEMOIZE", "BINPUT", "LONG_BINPUT"), _Machine.remember),
-    **dict.fromkeys(("BINGET", "LONG_BINGET"), _Machine.recall),
-}  # fmt: skip
+MADE: dict[str, Callable[[], object]] = {"MARK": _Mark, "EMPTY_DICT": dict, "EMPTY_LIST": list}
+# What takes how many operands; None: all above the last mark.
+TAKERS: dict[str, tuple[Callable[[_Machine, list[Any]], None], int | None]] = {
+    "EMPTY_TUPLE": (_Machine.put_tuple, 0),
+    "TUPLE1": (_Machine.put_tuple, 1),
+    "TUPLE2": (_Machine.put_tuple, 2),
+    "TUPLE3": (_Machine.put_tuple, 3),
+    "TUPLE": (_Machine.put_tuple, None),
+    "SETITEM": (_Machine.put_items, 2),
+    "SETITEMS": (_Machine.put_items, None),
+    "APPEND": (_Machine.append, 1),
+    "APPENDS": (_Machine.append, None),
+    "STACK_GLOBAL": (_Machine.name, 2),
+    "REDUCE": (_Machine.reduce, 2),
+    "BUILD": (_Machine.build, 2),
+}

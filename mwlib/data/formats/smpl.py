@@ -18,14 +18,12 @@ from jaxtyping import Float, Num, Shaped
 from scipy.spatial.transform import Rotation
 
 from mwlib.body.kinematics import fk
-from mwlib.body.motion import Motion
 from mwlib.body.rig import ANGLES, MOVES, Rig
 from mwlib.body.skeleton import HUMANML22, Skeleton
-from mwlib.data.formats.arrays import layout_of
 from mwlib.data.formats.frames import in_blocks, rotation_track
-from mwlib.data.meaning import DEFAULT, ENTRY, FORMAT, Hints, Reading, Stated
+from mwlib.data.meaning import DEFAULT, ENTRY, FORMAT, Hints, Reading, Stated, hints_of
 from mwlib.data.mirroring import rig_skeleton
-from mwlib.data.untrusted import MotionFormatError, archive_names, bounded, label, read_archive, read_array, single
+from mwlib.data.untrusted import MotionFormatError, archive_names, bounded, label, numbers, read_archive, read_array, single
 
 GENDERS = ("male", "female", "neutral")
 OF_MODELS = ("v_template", "shapedirs", "J_regressor", "kintree_table")
@@ -79,9 +77,8 @@ class BodyModel(NamedTuple):
             MotionFormatError: these are no such numbers, or more than the model knows.
         """
         found = f"{betas.dtype} of shape {betas.shape}"
-        if betas.dtype.kind not in "fiu" or betas.ndim not in (1, 2) or betas.shape[0] == 0:
-            raise MotionFormatError(source, "betas", found, "numbers of shape (B,)")
-        rows = bounded(np.atleast_2d(betas), source, "betas").astype(np.float64)
+        fits = betas.ndim in (1, 2) and len(betas) > 0
+        rows = np.atleast_2d(numbers(betas, fits, source, "betas", "numbers of shape (B,)"))
         if np.any(rows != rows[0]):
             raise MotionFormatError(source, "betas", f"{found}, which change", "one shape of the body for all frames")
         count = self.ways.shape[-1]
@@ -188,14 +185,14 @@ def read_smpl(file: Path, hints: Hints, folders: Sequence[Path]) -> Reading:
     """
     arrays = {name: read_array(stream, file, name) for name, stream in read_archive(file, ENTRIES).items()}
     said = {name: label(str(single(arrays[name], file, name)), file, name) for name in TEXTS if name in arrays}
-    inside = layout_of({"up": said.get("up"), "fps": next((said[n] for n in RATES if n in said), None)}, file, ENTRY)
-    fps = hints.fps or inside.fps
-    if fps is None:
+    inside = hints_of({"up": said.get("up"), "fps": next((said[n] for n in RATES if n in said), None)}, file, ENTRY)
+    known = hints.over(inside).over(Hints(subject=file.resolve().parent.name))
+    if known.fps is None:
         expected = f"an entry {', '.join(RATES)}, a column fps in clips.csv, or file_fps="
         raise MotionFormatError(file, "frame rate", "none", expected)
     is_amass = not {*OF_AMASS}.isdisjoint(said)
-    up = hints.up or inside.up or (Stated("z", FORMAT) if is_amass else Stated("y", DEFAULT))
-    unit = hints.unit or Stated(1.0, FORMAT)
+    up = known.up or (Stated("z", FORMAT) if is_amass else Stated("y", DEFAULT))
+    unit = known.unit or Stated(1.0, FORMAT)
     turns, family = _turns(arrays, said.get(MODEL, ""), file)
     path = _vectors(arrays, next((name for name in PATHS if name in arrays), PATHS[0]), file, len(turns))
     if (gender := said.get("gender", GENDERS[-1]).lower()) not in GENDERS:
@@ -204,8 +201,7 @@ def read_smpl(file: Path, hints: Hints, folders: Sequence[Path]) -> Reading:
     rest, joints = unit.value * model.rest(arrays.get("betas", np.zeros(1)), file), turns.shape[1]
     tree = rig_skeleton(FAMILIES[family].joints[:joints], model.parents[:joints])
     rig, positions = _posed(turns, rest[:joints], rest[0] + unit.value * path[:, 0], tree)
-    motion = Motion(positions, fps.value, HUMANML22, file.resolve().parent.name, up=up.value, rig=rig)
-    return Reading(hints.label(motion, file), unit, up, fps)
+    return known.reading(file, positions, HUMANML22, unit, up, known.fps, rig=rig)
 
 
 def _turns(arrays: Mapping[str, Shaped[np.ndarray, "..."]], said: str, file: Path) -> tuple[Float[np.ndarray, "T joints 3"], str]:
@@ -236,10 +232,8 @@ def _vectors(
     is_listed = found.size > 0 and (found.ndim == 2 or found.ndim == 3 and found.shape[2] == 3)
     width = found[0].size if is_listed else 0
     fits = width > 0 and (width % 3 == 0 if several else width == 3) and len(found) == (frames or len(found))
-    if not fits or found.dtype.kind not in "fiu":
-        expected = f"numbers of shape ({frames or 'T'}, {'3 x joints' if several else 3})"
-        raise MotionFormatError(file, name, f"{found.dtype} of shape {found.shape}", expected)
-    return bounded(found, file, name).astype(np.float64).reshape(len(found), -1, 3)
+    expected = f"numbers of shape ({frames or 'T'}, {'3 x joints' if several else 3})"
+    return numbers(found, fits, file, name, expected).reshape(len(found), -1, 3)
 
 
 def _posed(

@@ -170,7 +170,7 @@ def test_what_cannot_be_encoded_is_refused():
         features_of(np.zeros((5, 21, 3)))
     with pytest.raises(ValueError, match="1 frame; expected at least 2"):
         features_of(wandering(1))
-    with pytest.raises(ValueError, match="heading is 'wrong'; expected one of 'correct', 'humanml3d'"):
+    with pytest.raises(ValueError, match="heading is 'wrong'; expected one of correct, humanml3d"):
         features_of(wandering(3), heading="wrong")  # type: ignore[arg-type]
     broken = wandering(4)
     broken[2, 15, 1] = np.nan

@@ -7,7 +7,7 @@ MUTANTS = [
         "data/fetching.py", "data/test_fetching.py",
         ("web-pages-are-data", 'if head.startswith(b"<"):', 'if head.startswith(b"<<"):'),
         ("a-byte-a-second-is-enough", "limit := self.patience.grace +", "limit := 20 * self.patience.grace +"),
-        ("any-number-of-bytes", "+ len(found[1]) > self.most:", "+ len(found[1]) > 100 * self.most:"),
+        ("any-number-of-bytes", "+ len(piece) > self.most:", "+ len(piece) > 100 * self.most:"),
         ("what-came-is-asked-for-again", 'rest = {"Range": f"bytes={done}-"} if done else {}', "rest: dict[str, str] = {}"),
         ("the-rest-is-taken-for-the-whole", "place = done if response.status_code == 206 else 0", "place = 0"),
         ("a-file-longer-than-its-own-stays", "stream.truncate()", "stream.flush()"),
