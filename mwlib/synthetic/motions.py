@@ -85,7 +85,7 @@ class _Script(PoseTrack):
         else:
             gait, size = GAITS[legs], rng.uniform(0.8, 1.15)
             self.cadence = gait.cadence * body.pace * np.sqrt(size) * rng.uniform(0.95, 1.05)
-            phase = gait.midstance + (0.0 if self.left_stands else 0.5) + self.cadence * (self.time - at)
+            phase = gait.ahead + (0.0 if self.left_stands else 0.5) + self.cadence * (self.time - at)
             pose = gait_pose(gait, body, phase, size)
         self.change_to(pose, at, rng.uniform(0.14, 0.32))
         self.legs, self.since = legs, at

@@ -14,27 +14,32 @@ from typing import Literal, NamedTuple, get_args
 
 import numpy as np
 
-# attribute -> values it may have, of which one is drawn; a value named twice is twice as likely
-_WALK = {"path": "straight left_circle right_circle left_turn right_turn", "speed": "slow normal fast"}
-RECIPES: dict[str, dict[str, str]] = {
-    "walk": _WALK,
-    "run": _WALK,
-    "backward": {"direction": "backward"},
-    "jump": {"count": "1 2 3", "height": "low normal high", "direction": "in_place in_place forward"},
-    "turn": {"turn": "left right", "degrees": "90 180", "pace": "slow normal fast"},
-    "wave": {"hand": "left right left right both", "pace": "slow normal fast"},
-    "kick": {"foot": "left right", "count": "1 2 3", "height": "low normal high"},
-    "box": {"hand": "left right", "count": "1 2 3"},
-    "pick_up": {"hand": "left right"},
-    "reach": {"hand": "left right", "target": "up forward"},
-    "sit": {"ends": "seated standing"},
-    "squat": {"count": "1 2 3"},
-    "bow": {},
-    "stand": {},
-}
-WEIGHTS = dict(
-    walk=20, run=14, backward=2, jump=9, turn=8, wave=8, kick=9, box=5, pick_up=4, reach=5, sit=4, squat=4, bow=2, stand=2
-)
+
+def read_table(text: str) -> dict[str, str]:
+    """Entries "name: what is said of it", parted by line ends or semicolons; a line that ends with a bar goes on in the next."""
+    entries = (entry.partition(":") for entry in re.split("\n|; ", text.strip().replace("|\n", "|")))
+    return {name: said.strip() for name, _, said in entries}
+
+
+# action: how likely it is, then attributes with their values, of which one is drawn; a value named twice is twice as likely
+_ACTIONS = read_table("""
+walk: 20 | path straight left_circle right_circle left_turn right_turn | speed slow normal fast
+run: 14 | path straight left_circle right_circle left_turn right_turn | speed slow normal fast
+backward: 2 | direction backward
+jump: 9 | count 1 2 3 | height low normal high | direction in_place in_place forward
+turn: 8 | turn left right | degrees 90 180 | pace slow normal fast
+wave: 8 | hand left right left right both | pace slow normal fast
+kick: 9 | foot left right | count 1 2 3 | height low normal high
+box: 5 | hand left right | count 1 2 3
+pick_up: 4 | hand left right
+reach: 5 | hand left right | target up forward
+sit: 4 | ends seated standing
+squat: 4 | count 1 2 3
+bow: 2
+stand: 2
+""")
+WEIGHTS = {action: float(said.partition(" ")[0]) for action, said in _ACTIONS.items()}
+RECIPES = {action: dict(drawn.split(" ", 1) for drawn in said.split(" | ")[1:]) for action, said in _ACTIONS.items()}
 # One action, then another; at most one of them has a side.
 PAIRS = [
     tuple(pair.split(">"))
@@ -45,7 +50,7 @@ PAIRS = [
     ).split()
 ]
 SHARE_OF_PAIRS = 0.25
-_IN_A_PAIR = {"count": "1", "height": "normal", "direction": "in_place", "path": "straight", "pace": "normal", "ends": "seated"}
+_IN_A_PAIR = read_table("count: 1; height: normal; direction: in_place; path: straight; pace: normal; ends: seated")
 _NUMBERS = {"count": int, "degrees": float}
 
 
@@ -58,7 +63,7 @@ def draw_attributes(rng: np.random.Generator) -> dict[str, str | float]:
     if pair:
         actions = PAIRS[rng.integers(len(PAIRS))]
     else:
-        weights = np.array(list(WEIGHTS.values()), float)
+        weights = np.array(list(WEIGHTS.values()))
         actions = (str(rng.choice(list(WEIGHTS), p=weights / weights.sum())),)
     return _drawn(actions, rng)
 
@@ -76,7 +81,7 @@ def _drawn(actions: tuple[str, ...], rng: np.random.Generator) -> dict[str, str 
     return attributes
 
 
-_RULES = """
+RULES = read_table("""
 subject: a person | someone | somebody | a man | a woman | a human | the person | the figure | an adult
 two: <action> and then <then> | <action> then <then> | first <action> and afterwards <then> | <action> and after that <then>
 walk-slow: walks slowly <path> | strolls <path> | ambles <path> | is walking slowly <path> | walks <path> at a slow pace |
@@ -157,17 +162,13 @@ sit-standing: sits down and stands up again | sits down and gets back up | takes
     sits on a chair and rises again
 bow: bows | takes a bow | bends forward at the waist | leans the upper body forward | bows down politely
 stand: stands still | stands in place | remains standing | is standing still | does not move | stands motionless
-"""
-RULES: dict[str, str] = {
-    name: text for name, _, text in (line.partition(":") for line in _RULES.strip().replace("|\n", "|").splitlines())
-}
+""")
 CAPTIONS = 3
 # the attributes, the first that a clip has, by which a rule is chosen whose name is not that of the attribute
-_CHOSEN_BY = {
-    "walk": ("speed", "direction"), "run": ("speed",), "angle": ("degrees",), "reach": ("target",), "sit": ("ends",),
-    "jumps": ("height",), "size": ("height",), "along": ("direction",),
-    **dict.fromkeys(("times", "number", "punches", "kicks", "squats"), ("count",)),
-}  # fmt: skip
+_CHOSEN_BY = read_table("""
+walk: speed direction; run: speed; angle: degrees; reach: target; sit: ends; jumps: height; size: height; along: direction
+times: count; number: count; punches: count; kicks: count; squats: count
+""")
 _SLOT = re.compile(r"<(\w+)>")
 
 
@@ -214,7 +215,7 @@ def _rule(slot: str, attributes: Mapping[str, str | float]) -> str:
     slot = str(attributes[slot]) if slot in ("action", "then") else slot
     if slot in RULES:
         return slot
-    value = next(attributes[name] for name in _CHOSEN_BY.get(slot, (slot,)) if name in attributes)
+    value = next(attributes[name] for name in _CHOSEN_BY.get(slot, slot).split() if name in attributes)
     return f"{slot}-{value:g}" if isinstance(value, float | int) else f"{slot}-{value}"
 
 
@@ -235,7 +236,7 @@ class Synonyms(NamedTuple):
     nonsense: tuple[str, ...]
 
 
-_TABLE = """
+_SYNONYMS = read_table("""
 person: human, figure, adult | individual, pedestrian | blenk
 someone: somebody | anyone, anybody | trovul
 somebody: someone | anyone, anybody | trovim
@@ -296,16 +297,8 @@ upward: up | skyward, upwards | gleever
 jumps: hops | bounces, bounds, springs | snarks
 hops: jumps | bounces, bounds, springs | brillets
 still: motionless | immobile, unmoving | dabe
-"""
-
-
-def _read(table: str) -> dict[str, Synonyms]:
-    """Lines of "word: seen | held out | nonsense", each a list parted by commas."""
-    entries = (line.split(": ") for line in table.strip().splitlines())
-    return {word: Synonyms(*(tuple(part.strip().split(", ")) for part in lists.split("|"))) for word, lists in entries}
-
-
-SYNONYMS = _read(_TABLE)
+""")  # word: seen | held out | nonsense
+SYNONYMS = {word: Synonyms(*(tuple(words.split(", ")) for words in lists.split(" | "))) for word, lists in _SYNONYMS.items()}
 
 
 def perturbed(text: str, replacements: int, kind: Kind, rng: np.random.Generator) -> str:
