@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import torch
@@ -137,17 +137,17 @@ def statistics_files(cfg: Config) -> list[Path]:
     return [find_source(cfg.data.data) / name for name in ("Mean.npy", "Std.npy")] if cfg.forward.statistics == "files" else []
 
 
-def published_statistics(cfg: Config, layout: FeatureLayout) -> Statistics:
-    """Mean.npy and Std.npy of the folder of data, as the settings' `normalisation` scales them.
+def published_statistics(cfg: Config, layout: FeatureLayout, files: Sequence[Path] = (), kind: str = "mdm") -> Statistics:
+    """Mean.npy and Std.npy of the folder of data, or two other files of this kind, as the settings' `normalisation` scales them.
 
     Raises:
         FileNotFoundError: there is no such folder.
         MotionFormatError: a file is missing, malformed or of another layout.
     """
-    mean, deviation = statistics_files(cfg)
-    found = Statistics.read(mean, deviation)
+    mean, deviation = files or statistics_files(cfg)
+    found = Statistics.read(mean, deviation, kind)
     if found.layout != layout:
-        raise MotionFormatError(mean.parent, "Mean.npy", f"{found.layout.width} numbers", f"{layout.width} for {layout.name}")
+        raise MotionFormatError(mean.parent, mean.name, f"{found.layout.width} numbers", f"{layout.width} for {layout.name}")
     return found.of_kind(cfg.forward.normalisation)
 
 

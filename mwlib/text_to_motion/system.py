@@ -14,7 +14,7 @@ from scipy.sparse import csr_array
 from torch import Tensor
 
 from mwlib.data.captioned import Parts, load_clips, one_caption_each, thinned
-from mwlib.data.formats.humanml import CaptionedClip, FeatureLayout
+from mwlib.data.formats.humanml import CaptionedClip
 from mwlib.matching.evaluators import Matcher, open_matcher, stands_on
 from mwlib.metrics import Column, clustered_error, diversity, fid, multimodality, r_precision
 from mwlib.networks.matching import UNIT
@@ -165,16 +165,21 @@ def evaluate(cfg: Config, get_model: Callable[[], TextToMotion], parts: Parts, p
         texts = one_caption_each(test, seed)
         motions = make(texts, lengths, seed)
         words, found = judge.embed_text(texts).cpu(), judge.embed_motions(motions)
-        rounds.append(_of_sets(cfg, seed, words, found, real))
-        values.append({"mm_dist": (words - found).norm(dim=-1).tolist(), **_of_clips(motions, test, parts.layout)})
+        of_sets = set_scores(words, found, real, cfg.sampling.pool, seed)
+        rounds.append(of_sets | {"fid": round(of_sets["fid"], 9)})  # of equal sets: 0, not what rounding leaves
+        rows = [movement(x, parts.layout) | claims_met(x, clip, parts.layout) for x, clip in zip(motions, test, strict=True)]
+        of_clips = {name: [row.get(name, float("nan")) for row in rows] for name in DETAILS}
+        values.append({"mm_dist": (words - found).norm(dim=-1).tolist()} | of_clips)
     if cfg.sampling.method == "diffusion":
         rounds[0]["multimodality"] = _multimodality(cfg, make, judge, test, lengths)
     return _summary(rounds, values, [clip.name for clip in test])
 
 
 def _warn_of_strange_words(name: str, judge: Matcher, test: Sequence[CaptionedClip]) -> None:
-    words = [word for clip in test for caption in clip.captions for word in judge.vocabulary.words_of(caption)]
-    known = {*judge.vocabulary.words}
+    known, words = (
+        {*judge.vocabulary.words},
+        [word for clip in test for text in clip.captions for word in judge.vocabulary.words_of(text)],
+    )
     strange = [word for word in words if word not in known]
     if len(strange) > STRANGE * len(words):
         warnings.warn(
@@ -184,21 +189,22 @@ def _warn_of_strange_words(name: str, judge: Matcher, test: Sequence[CaptionedCl
         )
 
 
-def _of_sets(cfg: Config, seed: int, text: Tensor, motion: Tensor, real: Tensor) -> dict[str, float]:
+def set_scores(text: Tensor, motion: Tensor, real: Tensor, pool: int, seed: int) -> dict[str, float]:
+    """Metrics of a whole set by their names.
+
+    Args:
+        text, motion: embeddings (N, E) of the sentences and of the motions made from them.
+        real: embeddings of real motions.
+        pool: of R-precision, at most N.
+        seed: of pools and pairs.
+    """
     generator = torch.Generator().manual_seed(seed)
-    top = r_precision(text, motion, pool=min(cfg.sampling.pool, len(text)), generator=generator)
+    top = r_precision(text, motion, pool=min(pool, len(text)), generator=generator)
     return {
-        "fid": round(fid(motion, real), 9),  # of equal sets: 0, not what rounding leaves
+        "fid": fid(motion, real),
         **{f"top{k}": float(share) for k, share in enumerate(top, 1)},
-        "diversity": float(diversity(motion, pairs=min(PAIRS, len(motion) - 1), generator=generator)),
+        "diversity": diversity(motion, pairs=min(PAIRS, len(motion) - 1), generator=generator),
     }
-
-
-def _of_clips(
-    motions: Sequence[Float[Tensor, "_ D"]], test: Sequence[CaptionedClip], layout: FeatureLayout
-) -> dict[str, list[float]]:
-    rows = [{**movement(x, layout), **claims_met(x, clip, layout)} for x, clip in zip(motions, test, strict=True)]
-    return {name: [row.get(name, float("nan")) for row in rows] for name in DETAILS}
 
 
 def right_by_action(model: TextToMotion, test: Sequence[CaptionedClip], found: Mapping[str, Any]) -> dict[str, dict[str, float]]:
@@ -219,11 +225,9 @@ def right_by_action(model: TextToMotion, test: Sequence[CaptionedClip], found: M
 
 def card_of_actions(rows: Mapping[str, Mapping[str, float]]) -> list[str]:
     """What a card says of `right_by_action`, as Markdown paragraphs."""
-    lines = [f"| {action.replace('_', ' ')} | {row['right']:.2f} | {row['clips']} |" for action, row in rows.items()]
-    return [
-        "Action right, by the action that the sentence names:\n\n"
-        + "\n".join(["| action | right | clips |", "|---|---:|---:|", *lines])
-    ]
+    lines = ["| action | right | clips |", "|---|---:|---:|"]
+    lines += [f"| {action.replace('_', ' ')} | {row['right']:.2f} | {row['clips']} |" for action, row in rows.items()]
+    return ["Action right, by the action that the sentence names:\n\n" + "\n".join(lines)]
 
 
 more_rows, more_of_card = right_by_action, card_of_actions  # what the card of a shipped model says beside the tables
@@ -236,8 +240,7 @@ def _multimodality(cfg: Config, make: Make, judge: Matcher, test: Sequence[Capti
     texts = [text for i in picked for text in [test[i].captions[0]] * s.repeats]
     frames = [n for i in picked for n in [lengths[i]] * s.repeats]
     found = judge.embed_motions(make(texts, frames, s.sampling_seed + 500)).unflatten(0, (len(picked), s.repeats))
-    generator = torch.Generator().manual_seed(s.sampling_seed)
-    return float(multimodality(found, pairs=s.repeats - 1, generator=generator))
+    return multimodality(found, s.repeats - 1, torch.Generator().manual_seed(s.sampling_seed))
 
 
 def _over_replicates(values: Float[np.ndarray, "R N"]) -> Float[np.ndarray, " N"]:
