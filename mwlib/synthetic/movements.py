@@ -11,7 +11,7 @@ from jaxtyping import Float
 from scipy.interpolate import CubicHermiteSpline, PchipInterpolator
 from scipy.ndimage import gaussian_filter1d
 
-from mwlib.synthetic.person import AT, FPS, POSE, SIDES, Body
+from mwlib.synthetic.person import AT, FPS, POSE, SIDES, Body, PerFrame, Poses
 
 
 @dataclass(frozen=True)
@@ -59,7 +59,7 @@ GAITS = {"walk": WALK, "run": RUN, "march": MARCH}
 RETRACTION = 0.05  # share of the cycle before landing in which the foot already moves with the floor, so that it does not slide
 
 
-def gait_pose(gait: Gait, body: Body, phase: Float[np.ndarray, " T"], size: float = 1.0) -> Float[np.ndarray, "T pose"]:
+def gait_pose(gait: Gait, body: Body, phase: PerFrame, size: float = 1.0) -> Poses:
     """Poses at the given phases of the left leg; the right leg is half a cycle later.
 
     In stance the foot moves back at constant speed on the floor and the hips bob over it; in swing it returns on a cubic.
@@ -241,7 +241,7 @@ def stand_pose() -> Float[np.ndarray, " pose"]:
     return pose
 
 
-def gesture_tracks(name: str, near: str, share: Float[np.ndarray, " T"]) -> tuple[list[int], Float[np.ndarray, "T tracks"]]:
+def gesture_tracks(name: str, near: str, share: PerFrame) -> tuple[list[int], Float[np.ndarray, "T tracks"]]:
     """The entries of the pose that a gesture sets, and their values.
 
     Args:
@@ -295,7 +295,7 @@ class PoseTrack:
         self.heading = np.zeros(len(self.time))
         self._gestures: list[tuple[list[int], np.ndarray, np.ndarray]] = []
 
-    def rise(self, start: float, seconds: float) -> Float[np.ndarray, " T"]:
+    def rise(self, start: float, seconds: float) -> PerFrame:
         """0 before start, 1 after start + seconds, with zero slope and curvature at both ends."""
         share = np.clip((self.time - start) / seconds, 0.0, 1.0)
         return share**3 * (10 - 15 * share + 6 * share**2)

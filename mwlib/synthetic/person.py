@@ -30,6 +30,11 @@ _CONTACT = 0.008  # metres: a foot this much higher than the other bears a third
 _FLIGHT = 0.03  # metres: with the lower foot this high nothing holds the body
 
 
+PerFrame = Float[np.ndarray, " T"]
+Poses = Float[np.ndarray, "T pose"]
+Positions = Float[np.ndarray, "T joints 3"]
+
+
 @dataclass(frozen=True)
 class Body:
     """Bones and manner of one synthetic person.
@@ -95,9 +100,7 @@ def draw_body(rng: np.random.Generator) -> Body:
     return Body(offsets, bones["knee"], bones["foot"], posture, *manner)
 
 
-def positions_of(
-    pose: Float[np.ndarray, "T pose"], heading: Float[np.ndarray, " T"], body: Body
-) -> Float[np.ndarray, "T joints 3"]:
+def positions_of(pose: Poses, heading: PerFrame, body: Body) -> Positions:
     """World positions (metres, z up, floor at z = 0) of a person who assumes these poses facing `heading` (radians).
 
     The root is not given but follows: its height puts the lower foot at `lift`, and it moves so that the foot on the floor stays
@@ -126,9 +129,7 @@ def _about(axis: str, angle: Float[np.ndarray, "*axes"]) -> Float[np.ndarray, "*
     return Rotation.from_rotvec(vectors.reshape(-1, 3)).as_matrix().reshape(*vectors.shape, 3)
 
 
-def joint_angles(
-    pose: Float[np.ndarray, "T pose"], skeleton: Skeleton, spine: tuple[str, ...]
-) -> Float[np.ndarray, "T joints 3"]:
+def joint_angles(pose: Poses, skeleton: Skeleton, spine: tuple[str, ...]) -> Positions:
     """Angles about y, x, z (in this order, moving axes) of every joint's local rotation, radians.
 
     Args:
@@ -155,7 +156,7 @@ def joint_angles(
     return euler
 
 
-def root_path(feet: Float[np.ndarray, "T 2 3"], lift: Float[np.ndarray, " T"], fps: float = FPS) -> Float[np.ndarray, "T 3"]:
+def root_path(feet: Float[np.ndarray, "T 2 3"], lift: PerFrame, fps: float = FPS) -> Float[np.ndarray, "T 3"]:
     """Root path, metres, for feet given relative to the root: see `positions_of`."""
     frames = fps / FPS
     height = feet[..., 2]
@@ -222,12 +223,12 @@ def draw_figure(rng: np.random.Generator) -> Figure:
 
 
 def figure_positions(
-    pose: Float[np.ndarray, "T pose"],
-    heading: Float[np.ndarray, " T"],
+    pose: Poses,
+    heading: PerFrame,
     figure: Figure,
     fps: float,
     travel: Float[np.ndarray, "T 2"] | None = None,
-) -> Float[np.ndarray, "T joints 3"]:
+) -> Positions:
     """World positions of 22 joints, metres, y up, the person's left at +x while it faces +z; the toes of a foot that stands at 0.
 
     The root follows from the feet as in `positions_of`. A foot that stands keeps its direction while the body turns above it.
@@ -265,7 +266,7 @@ def _local_turns(angles: Float[np.ndarray, "*axes 3"]) -> Float[np.ndarray, "*ax
     return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
 
 
-def _feet(joints: Float[np.ndarray, "T joints 3"], heading: Float[np.ndarray, " T"], figure: Figure) -> np.ndarray:
+def _feet(joints: Positions, heading: PerFrame, figure: Figure) -> np.ndarray:
     """From ankle to toes, (T, 2, 3) metres, x forward, y left, z up in the world: flat in stance, following the shin in swing."""
     toes = np.zeros((len(joints), 2, 3))
     for column, side in enumerate(SIDES):
@@ -287,7 +288,7 @@ def _feet(joints: Float[np.ndarray, "T joints 3"], heading: Float[np.ndarray, " 
     return toes
 
 
-def _held(heading: Float[np.ndarray, " T"], stands: Bool[np.ndarray, " T"]) -> Float[np.ndarray, " T"]:
+def _held(heading: PerFrame, stands: Bool[np.ndarray, " T"]) -> PerFrame:
     """The heading, but constant (its mean) in every run of frames in which the foot stands, and straight lines in between."""
     if not stands.any():
         return heading

@@ -20,7 +20,9 @@ from mwlib.body.skeleton import HUMANML22
 from mwlib.data.formats.humanml import CaptionedClip, FeatureLayout, joints_of
 from mwlib.metrics import foot_skate, jerk, path_length, speed
 
-Frames, PerFrame, PerSide = Bool[np.ndarray, " T"], Float[np.ndarray, " T"], Float[np.ndarray, "2 T"]
+Frames = Bool[np.ndarray, " T"]  # in which something happens
+PerFrame = Float[np.ndarray, " T"]
+PerSide = Float[np.ndarray, "2 T"]
 Places = Float[np.ndarray, "T 3"]
 SIDES = ("left", "right")
 _AT = {name: joint for joint, name in enumerate(HUMANML22.joints)}

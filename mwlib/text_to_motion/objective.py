@@ -12,7 +12,7 @@ from torch import Tensor, nn
 from mwlib.data.captioned import Batch, ClipBatches, Parts
 from mwlib.data.formats.humanml import FeatureLayout
 from mwlib.data.load import find_source
-from mwlib.data.normalisation import Statistics
+from mwlib.data.normalisation import Kind, Statistics
 from mwlib.data.untrusted import MotionFormatError
 from mwlib.diffusion import alpha_bar, noised
 from mwlib.matching.evaluators import Matcher, finished_run, open_matcher
@@ -137,7 +137,7 @@ def statistics_files(cfg: Config) -> list[Path]:
     return [find_source(cfg.data.data) / name for name in ("Mean.npy", "Std.npy")] if cfg.forward.statistics == "files" else []
 
 
-def published_statistics(cfg: Config, layout: FeatureLayout, files: Sequence[Path] = (), kind: str = "mdm") -> Statistics:
+def published_statistics(cfg: Config, layout: FeatureLayout, files: Sequence[Path] = (), kind: Kind = "mdm") -> Statistics:
     """Mean.npy and Std.npy of the folder of data, or two other files of this kind, as the settings' `normalisation` scales them.
 
     Raises:

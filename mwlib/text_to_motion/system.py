@@ -53,6 +53,9 @@ Make = Callable[[Sequence[str], Sequence[int], int], list[Tensor]]  # sentences,
 make_objective, open_model = TextObjective, TextToMotion.from_tensors
 
 
+Clips = Sequence[CaptionedClip]
+
+
 def load_data(cfg: Config) -> Parts:
     """Clips for training, validation and test.
 
@@ -73,7 +76,7 @@ def judged_by(cfg: Config) -> list[str]:
     return stands_on(cfg.sampling.evaluator)
 
 
-def nearest_caption(clips: Sequence[CaptionedClip], texts: Sequence[str]) -> list[int]:
+def nearest_caption(clips: Clips, texts: Sequence[str]) -> list[int]:
     """For each sentence the clip with a caption that shares most words with it: cosine of word counts; of equals the first.
 
     >>> clips = [CaptionedClip(np.zeros((40, 263), np.float32), (text,)) for text in ("a person walks", "a person runs fast")]
@@ -97,20 +100,20 @@ def _counts(texts: Sequence[str], vocabulary: dict[str, int]) -> csr_array:
     return csr_array((values, (at, words)), shape=(len(texts), len(vocabulary)))
 
 
-def any_clip(clips: Sequence[CaptionedClip], count: int, seed: int) -> list[int]:
+def any_clip(clips: Clips, count: int, seed: int) -> list[int]:
     """Random clips: people who move well and do not listen."""
     rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(4,)))
     return rng.integers(len(clips), size=count).tolist()
 
 
-def mean_pose(clips: Sequence[CaptionedClip], frames: Sequence[int]) -> list[Float[Tensor, "_ D"]]:
+def mean_pose(clips: Clips, frames: Sequence[int]) -> list[Float[Tensor, "_ D"]]:
     """The mean of all features, in every frame: who moves like nobody."""
     total = np.sum([clip.features.sum(0, dtype=np.float64) for clip in clips], axis=0)
     mean = torch.from_numpy((total / sum(len(clip.features) for clip in clips)).astype(np.float32))
     return [mean.repeat(n, 1) for n in frames]
 
 
-def make_motions(cfg: Config, get_model: Callable[[], TextToMotion], parts: Parts, test: Sequence[CaptionedClip]) -> Make:
+def make_motions(cfg: Config, get_model: Callable[[], TextToMotion], parts: Parts, test: Clips) -> Make:
     """What `method` names: the trained model, asked for only here, or a baseline.
 
     "truth": the clips themselves. "other_captions": the clips themselves, each with the next one's sentence. "any_clip": random
@@ -129,7 +132,7 @@ def make_motions(cfg: Config, get_model: Callable[[], TextToMotion], parts: Part
     return baselines[cfg.sampling.method]
 
 
-def _picked(clips: Sequence[CaptionedClip], numbers: Sequence[int]) -> list[Tensor]:
+def _picked(clips: Clips, numbers: Sequence[int]) -> list[Tensor]:
     return [torch.from_numpy(clips[i].features[: len(clips[i].features) // UNIT * UNIT]) for i in numbers]
 
 
@@ -175,7 +178,7 @@ def evaluate(cfg: Config, get_model: Callable[[], TextToMotion], parts: Parts, p
     return _summary(rounds, values, [clip.name for clip in test])
 
 
-def _warn_of_strange_words(name: str, judge: Matcher, test: Sequence[CaptionedClip]) -> None:
+def _warn_of_strange_words(name: str, judge: Matcher, test: Clips) -> None:
     known, words = (
         {*judge.vocabulary.words},
         [word for clip in test for text in clip.captions for word in judge.vocabulary.words_of(text)],
@@ -207,7 +210,7 @@ def set_scores(text: Tensor, motion: Tensor, real: Tensor, pool: int, seed: int)
     }
 
 
-def right_by_action(model: TextToMotion, test: Sequence[CaptionedClip], found: Mapping[str, Any]) -> dict[str, dict[str, float]]:
+def right_by_action(model: TextToMotion, test: Clips, found: Mapping[str, Any]) -> dict[str, dict[str, float]]:
     """Of each action that test clips are known to show: in what share of its "clips" the motion shows it, too.
 
     Args:
@@ -233,7 +236,7 @@ def card_of_actions(rows: Mapping[str, Mapping[str, float]]) -> list[str]:
 more_rows, more_of_card = right_by_action, card_of_actions  # what the card of a shipped model says beside the tables
 
 
-def _multimodality(cfg: Config, make: Make, judge: Matcher, test: Sequence[CaptionedClip], lengths: Sequence[int]) -> float:
+def _multimodality(cfg: Config, make: Make, judge: Matcher, test: Clips, lengths: Sequence[int]) -> float:
     """Of so many motions for each of some sentences."""
     s = cfg.sampling
     picked = thinned(range(len(test)), s.repeated)
