@@ -1,7 +1,5 @@
 """Baselines without training: standing still, going on, and looking up what is known."""
 
-from __future__ import annotations
-
 import torch
 from jaxtyping import Complex, Float, Int
 from torch import Tensor

@@ -3,8 +3,6 @@
 Each formula is one short function; `guided` composes them into the ``denoise(y_t, t)`` that the samplers ask for.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Collection
 from dataclasses import dataclass
 

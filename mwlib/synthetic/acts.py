@@ -1,6 +1,6 @@
 """Actions of synthetic people with given attributes: how fast, where to, with which hand or foot, how often, how high."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,7 +9,7 @@ from scipy.ndimage import gaussian_filter1d
 
 from mwlib.synthetic.movements import GAITS, PoseTrack, gait_pose, gesture_tracks, stand_pose
 from mwlib.synthetic.person import AT, POSE, SIDES, Figure, draw_figure, figure_positions
-from mwlib.synthetic.sentences import captions_of, draw_attributes, read_table
+from mwlib.synthetic.sentences import Attributes, captions_of, draw_attributes, read_table
 
 RATE = 40.0  # frames per second at which poses are made; every second one is kept
 LONGEST = 6.1  # seconds
@@ -108,8 +108,6 @@ class Performance(PoseTrack):
         return positions - positions[0, 0] * [1.0, 0.0, 1.0]
 
 
-Attributes = Mapping[str, str | float]
-
 # from and to; the gaps keep the words apart
 RANGES = read_table("""
 slow walk: 0.45 0.68; normal walk: 0.95 1.25; fast walk: 1.5 1.8; backward walk: 0.5 0.8
@@ -134,7 +132,7 @@ def act_out(attributes: Attributes, figure: Figure, rng: np.random.Generator) ->
         Positions, metres, y up, 20 frames a second, 41 to 121 frames, one more than a multiple of four.
     """
     clip, end = Performance(figure, rng), 0.0
-    actions = [str(attributes[key]) for key in ("action", "then") if key in attributes]
+    actions = [attributes[key] for key in ("action", "then") if key in attributes]
     for action in actions:
         end = _ACTS[action](clip, end + (0.0 if action in _GOING else rng.uniform(0.2, 0.45)), attributes)
     end += 0.0 if actions[-1] in _GOING else rng.uniform(0.15, 0.4)
@@ -152,9 +150,9 @@ def _go(clip: Performance, at: float, attributes: Attributes) -> float:
 
     Returns when the person stands, or the clip ends.
     """
-    rng, first, path = clip.rng, at == 0.0, str(attributes.get("path", "straight"))
+    rng, first, path = clip.rng, at == 0.0, attributes.get("path", "straight")
     seconds = rng.uniform(1.7, 2.3) if "then" in attributes else 0.0
-    action, backward = str(attributes["action" if first else "then"]), attributes.get("direction") == "backward"
+    action, backward = attributes["action" if first else "then"], attributes.get("direction") == "backward"
     speed = _drawn(clip, action, "backward" if backward else attributes.get("speed", "normal"))
     clip.go(action, -0.6 if first else at, speed, backward)
     if "then" in attributes:
@@ -177,10 +175,10 @@ def _tempo(clip: Performance) -> float:
 
 
 def _turn(clip: Performance, at: float, attributes: Attributes) -> float:
-    degrees = float(attributes["degrees"]) * clip.rng.uniform(0.92, 1.08)
+    degrees = attributes["degrees"] * clip.rng.uniform(0.92, 1.08)
     seconds = degrees / _drawn(clip, "turn", attributes.get("pace", "normal"))
     clip.go("march", at)
-    clip.turn(at + 0.1, _TO_THE[str(attributes["turn"])] * np.deg2rad(degrees), seconds)
+    clip.turn(at + 0.1, _TO_THE[attributes["turn"]] * np.deg2rad(degrees), seconds)
     return clip.halt(at + seconds)
 
 
@@ -190,7 +188,7 @@ def _jump(clip: Performance, at: float, attributes: Attributes) -> float:
     height = _drawn(clip, "jump", attributes.get("height", "normal"))
     forward = rng.uniform(1.1, 1.6) if attributes.get("direction") == "forward" else 0.0
     keys, shares, flights = [at], [0.0], []
-    for _ in range(int(attributes["count"])):
+    for _ in range(attributes["count"]):
         flights.append(at + 0.55 * tempo)
         landing = flights[-1] + air_time(height)
         at = landing + 0.42 * tempo
@@ -208,7 +206,7 @@ def _jump(clip: Performance, at: float, attributes: Attributes) -> float:
 
 def _wave(clip: Performance, at: float, attributes: Attributes) -> float:
     """Raise a hand, or both, and swing it from the elbow at an even rate."""
-    rng, hand = clip.rng, str(attributes["hand"])
+    rng, hand = clip.rng, attributes["hand"]
     rate = _drawn(clip, "wave", attributes.get("pace", "normal"))
     seconds = max(rng.uniform(1.7, 2.2), 2.6 / rate)
     swing = np.deg2rad(86.0 + rng.uniform(20.0, 25.0) * np.sin(2 * np.pi * rate * (clip.time - at)))
@@ -226,11 +224,11 @@ def _repeated(name: str, seconds: float, side: str = "", onset: float = 0.15) ->
 
     def act(clip: Performance, at: float, attributes: Attributes) -> float:
         """Act it from this second on; gives the second when it ends."""
-        count = int(attributes["count"])
+        count = attributes["count"]
         lasts = seconds * _tempo(clip) * count
         share = np.clip((clip.time - at) / lasts, 0.0, 1.0) * count
         share = np.where(share < count, share % 1.0, 1.0)
-        near = str(attributes.get(side, "left"))
+        near = attributes.get(side, "left")
         factor = _drawn(clip, name, attributes["height"]) if name == "kick" else 1.0
         clip.gesture(name, near, at - onset, lasts + 2 * onset, onset, share, (f"{near}_hip_flex",), factor)
         return at + lasts + onset
@@ -243,7 +241,7 @@ def _once(name: str, seconds: float, side: str = "") -> Act:
 
     def act(clip: Performance, at: float, attributes: Attributes) -> float:
         """Act it from this second on; gives the second when it ends."""
-        return clip.gesture(name, str(attributes.get(side, "left")), at, seconds * _tempo(clip), 0.25)
+        return clip.gesture(name, attributes.get(side, "left"), at, seconds * _tempo(clip), 0.25)
 
     return act
 
@@ -251,7 +249,7 @@ def _once(name: str, seconds: float, side: str = "") -> Act:
 def _reach(clip: Performance, at: float, attributes: Attributes) -> float:
     up = attributes["target"] == "up"
     seconds = clip.rng.uniform(1.5, 1.9) * _tempo(clip)
-    return clip.gesture("reach" if up else "reach_forward", str(attributes["hand"]), at, seconds, 0.25)
+    return clip.gesture("reach" if up else "reach_forward", attributes["hand"], at, seconds, 0.25)
 
 
 def _sit(clip: Performance, at: float, attributes: Attributes) -> float:
@@ -309,7 +307,7 @@ class ActedClip:
 
     positions: Float[np.ndarray, "T 22 3"]
     captions: tuple[str, ...]
-    attributes: dict[str, str | float]
+    attributes: Attributes
     name: str
     split: str
 

@@ -159,7 +159,7 @@ class Gesture:
         return any("hip" in track or "knee" in track for track in self.tracks)
 
 
-STAND = dict(hip_flex=4, hip_abd=2, knee=8, arm_flex=1, arm_abd=8, arm_turn=-10, elbow=15)  # degrees, both sides
+STAND = "hip_flex 4 | hip_abd 2 | knee 8 | arm_flex 1 | arm_abd 8 | arm_turn -10 | elbow 15"  # degrees, both sides
 
 
 def _read(table: str) -> dict[str, Gesture]:
@@ -236,8 +236,8 @@ def stand_pose() -> Float[np.ndarray, " pose"]:
     """Standing at ease, arms hanging."""
     pose = np.zeros(len(POSE))
     pose[[AT["spine_pitch"], AT["neck_pitch"]]] = np.deg2rad(2.0)
-    for limb, degrees in STAND.items():
-        pose[[AT[f"{side}_{limb}"] for side in SIDES]] = np.deg2rad(degrees)
+    for limb, degrees in map(str.split, STAND.split(" | ")):
+        pose[[AT[f"{side}_{limb}"] for side in SIDES]] = np.deg2rad(float(degrees))
     return pose
 
 

@@ -9,10 +9,11 @@ list: a sentence with other words keeps its meaning.
 """
 
 import re
-from collections.abc import Mapping
-from typing import Literal, NamedTuple, get_args
+from typing import Any, Literal, NamedTuple, get_args
 
 import numpy as np
+
+Attributes = dict[str, Any]  # names to words or numbers
 
 
 def read_table(text: str) -> dict[str, str]:
@@ -54,7 +55,7 @@ _IN_A_PAIR = read_table("count: 1; height: normal; direction: in_place; path: st
 _NUMBERS = {"count": int, "degrees": float}
 
 
-def draw_attributes(rng: np.random.Generator) -> dict[str, str | float]:
+def draw_attributes(rng: np.random.Generator) -> Attributes:
     """What one clip shows: "action", perhaps "then", and how, by the names and values of `RECIPES`.
 
     In a clip of two actions everything is normal and happens once, but for the speed of walking.
@@ -68,9 +69,9 @@ def draw_attributes(rng: np.random.Generator) -> dict[str, str | float]:
     return _drawn(actions, rng)
 
 
-def _drawn(actions: tuple[str, ...], rng: np.random.Generator) -> dict[str, str | float]:
+def _drawn(actions: tuple[str, ...], rng: np.random.Generator) -> Attributes:
     """How a clip shows one action, or two."""
-    attributes: dict[str, str | float] = {"action": "walk" if actions[0] == "backward" else actions[0]}
+    attributes: Attributes = {"action": "walk" if actions[0] == "backward" else actions[0]}
     pair = len(actions) > 1
     if pair:
         attributes["then"] = actions[-1]
@@ -172,7 +173,7 @@ times: count; number: count; punches: count; kicks: count; squats: count
 _SLOT = re.compile(r"<(\w+)>")
 
 
-def captions_of(attributes: Mapping[str, str | float], rng: np.random.Generator) -> tuple[str, str, str]:
+def captions_of(attributes: Attributes, rng: np.random.Generator) -> tuple[str, str, str]:
     """Three different sentences that describe a clip with these attributes: lower case, words parted by single spaces.
 
     Args:
@@ -202,7 +203,7 @@ def vocabulary() -> tuple[str, ...]:
     return tuple(sorted({word for word in words if word[0] != "{"} | {"left", "right"}))  # sides alone are said as they are
 
 
-def _sentence(text: str, attributes: Mapping[str, str | float], rng: np.random.Generator) -> str:
+def _sentence(text: str, attributes: Attributes, rng: np.random.Generator) -> str:
     """Replace slot after slot by one of its alternatives."""
     while slot := _SLOT.search(text):
         options = RULES[_rule(slot[1], attributes)].split("|")
@@ -210,7 +211,7 @@ def _sentence(text: str, attributes: Mapping[str, str | float], rng: np.random.G
     return " ".join(text.format(**attributes).split())
 
 
-def _rule(slot: str, attributes: Mapping[str, str | float]) -> str:
+def _rule(slot: str, attributes: Attributes) -> str:
     """The rule that fills a slot."""
     slot = str(attributes[slot]) if slot in ("action", "then") else slot
     if slot in RULES:

@@ -6,8 +6,6 @@ that does not is left as it is, and the model tells that it does not know it. Wh
 somebody does not walk, is refused.
 """
 
-from __future__ import annotations
-
 import re
 import unicodedata
 from functools import cache

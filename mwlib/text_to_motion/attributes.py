@@ -6,7 +6,7 @@ can be held against the sentence without another network.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from functools import cached_property
 from typing import NamedTuple
 
@@ -144,8 +144,6 @@ class BodySignals:
         side = int(len(spells[1]) > len(spells[0]))
         return side, spells[side]
 
-
-Attributes = Mapping[str, str | float]
 
 SPEEDS = {"walk": (0.81, 1.37), "run": (2.4, 3.18)}  # metres per second: slow below the first, fast above the second
 TURN_RATES = (104.0, 195.0)  # degrees per second in the middle of the turn

@@ -1,7 +1,5 @@
 """Settings of text to motion, and their presets."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 from typing import Annotated, Any, ClassVar, Literal, Self
 
@@ -170,24 +168,24 @@ class Config(Settings):
     def check(self) -> None:
         """Refuse values that do not fit each other."""
         m, s, steps = self.model, self.sampling, self.forward.steps
-        if m.text != "clip" and (m.text_width % m.heads or m.text_width % 2):
-            raise ValueError(f"text_width is {m.text_width}; expected an even multiple of heads ({m.heads})")
+        rules = (
+            (m.text != "clip" and (m.text_width % m.heads or m.text_width % 2),
+             f"text_width is {m.text_width}; expected an even multiple of heads ({m.heads})"),
+            (m.network == "mdm" and (m.width % m.heads or m.width % 2),
+             f"width is {m.width}; expected an even multiple of heads ({m.heads})"),
+            (m.text == "clip" and not m.clip_folder, "text is clip, clip_folder empty; expected the folder of CLIP ViT-B/32"),
+            (self.forward.statistics == "files" and self.data.data in ("people", "cmu"),
+             f"statistics is files, data {self.data.data}; expected a folder with Mean.npy and Std.npy, or clips"),
+            (s.sampling_steps > steps, f"sampling_steps is {s.sampling_steps}; expected at most steps ({steps})"),
+            (s.pool < RANKS or 0 < s.test_clips < RANKS,
+             f"pool is {s.pool} and test_clips {s.test_clips}; expected at least {RANKS}, or test_clips=0 for all"),
+            (self.data.shortest < UNIT, f"shortest is {self.data.shortest}; expected at least {UNIT} frames"),
+            (self.data.longest < self.data.shortest,
+             f"longest is {self.data.longest}; expected at least shortest ({self.data.shortest})"),
+        )  # fmt: skip
+        for is_wrong, message in rules:
+            if is_wrong:
+                raise ValueError(message)
         if m.network == "unet":
             check_channels(m.width, m.multipliers)
-        if m.network == "mdm" and (m.width % m.heads or m.width % 2):
-            raise ValueError(f"width is {m.width}; expected an even multiple of heads ({m.heads})")
-        if m.text == "clip" and not m.clip_folder:
-            raise ValueError("text is clip, clip_folder empty; expected the folder of CLIP ViT-B/32")
-        if self.forward.statistics == "files" and self.data.data in ("people", "cmu"):
-            raise ValueError(f"statistics is files, data {self.data.data}; expected a folder with Mean.npy and Std.npy, or clips")
-        if s.sampling_steps > steps:
-            raise ValueError(f"sampling_steps is {s.sampling_steps}; expected at most steps ({steps})")
         check_indices("sampling_steps", self.forward.schedule, steps, s.sampling_steps or steps, "trailing", 0)
-        if s.pool < RANKS or 0 < s.test_clips < RANKS:
-            raise ValueError(
-                f"pool is {s.pool} and test_clips {s.test_clips}; expected at least {RANKS}, or test_clips=0 for all"
-            )
-        if self.data.shortest < UNIT:
-            raise ValueError(f"shortest is {self.data.shortest}; expected at least {UNIT} frames")
-        if self.data.longest < self.data.shortest:
-            raise ValueError(f"longest is {self.data.longest}; expected at least shortest ({self.data.shortest})")

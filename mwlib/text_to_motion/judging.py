@@ -1,7 +1,5 @@
 """Scores of motions made from sentences by the papers' protocol, and the known ways in which such scores go wrong or differ."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any

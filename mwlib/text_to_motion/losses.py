@@ -1,7 +1,5 @@
 """The two losses of Free-T2M, and when in the diffusion each of them counts. One number per sample."""
 
-from __future__ import annotations
-
 from typing import Literal
 
 import torch

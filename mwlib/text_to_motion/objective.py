@@ -1,7 +1,5 @@
 """Training of Free-T2M: the losses of diffusion, of low frequencies and of meaning, on random clips with captions."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 

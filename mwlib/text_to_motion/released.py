@@ -5,8 +5,6 @@ et al. 2024 and its code: ``model/latest.tar``, a checkpoint with CLIP in it, an
 Free-T2M replaces parts of both programs that write neither.
 """
 
-from __future__ import annotations
-
 import json
 import re
 from collections.abc import Mapping

@@ -10,8 +10,6 @@ what the low band knows of it (Eq. 42 to 43), without a reason. For Gaussian dat
 nothing but itself; for data whose phases are bound the low band does help. `two_bands` is the smallest experiment with both.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from typing import Literal, NamedTuple, get_args

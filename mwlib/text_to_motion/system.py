@@ -1,7 +1,5 @@
 """Free-T2M as a system: data, training, scores of motions made from sentences, and baselines that need no training."""
 
-from __future__ import annotations
-
 import warnings
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
