@@ -1,15 +1,12 @@
 """Baselines without training: standing still, going on, and looking up what is known."""
 
-from __future__ import annotations
-
 import torch
 from jaxtyping import Complex, Float, Int
 from torch import Tensor
 
 from mwlib.body.kinematics import AXES, horizontal, turn_heading
+from mwlib.settings import choice
 
-ALIGN = ("none", "heading")
-DISTANCE = ("history", "last_frame")
 FUTURES = ("pose", "displacement")
 _BUDGET = 2**23  # distances held at once, 64 MiB
 
@@ -79,15 +76,10 @@ class NearestHistory:
         up: str = "z",
         futures: str = "pose",
     ) -> None:
-        options = (
-            ("align", align, ALIGN),
-            ("distance", distance, DISTANCE),
-            ("up", up, tuple(AXES)),
-            ("futures", futures, FUTURES),
-        )
-        for name, value, known in options:
-            if value not in known:
-                raise ValueError(f"{name} is {value!r}; expected one of {', '.join(known)}")
+        choice("align", align, ("none", "heading"))
+        choice("distance", distance, ("history", "last_frame"))
+        choice("up", up, AXES)
+        choice("futures", futures, FUTURES)
         if not 1 <= history < x.shape[1]:
             raise ValueError(f"history is {history}; expected 1 to {x.shape[1] - 1} for windows of {x.shape[1]} frames")
         if not 1 <= samples <= len(x):

@@ -1,7 +1,5 @@
 """Control of a prediction by masks over joints and frames: joint-level control, motion switching, filled gaps."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from typing import Any

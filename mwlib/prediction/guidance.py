@@ -3,8 +3,6 @@
 Each formula is one short function; `guided` composes them into the ``denoise(y_t, t)`` that the samplers ask for.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Collection
 from dataclasses import dataclass
 
@@ -18,11 +16,13 @@ from mwlib.networks import TransLinear
 from mwlib.networks.layers import Precision, products_in
 from mwlib.prediction.config import ModelConfig
 
+Coefficients = Float[Tensor, "N S rows columns"]
+
 
 def make_network(model: ModelConfig, shape: tuple[int, int]) -> TransLinear:
     """The untrained network that a configuration names, for coefficients of `shape`."""
-    m = model
-    return TransLinear(*shape, m.width, m.layers, m.heads, m.feedforward, m.dropout, m.attention_dropout)
+    sizes = model.width, model.layers, model.heads, model.feedforward
+    return TransLinear(*shape, *sizes, model.dropout, model.attention_dropout)
 
 
 @dataclass
@@ -53,15 +53,15 @@ class NetworkBranches:
     def _conditions(self, y: Tensor) -> Tensor:
         return self.added.expand(*y.shape[:2], -1).flatten(0, 1)
 
-    def conditional(self, y: Float[Tensor, "N S rows columns"], t: int) -> Float[Tensor, "N S rows columns"]:
+    def conditional(self, y: Coefficients, t: int) -> Coefficients:
         """eps_theta(y, y_pad, t)."""
         return self._evaluate(y, t, self._conditions(y))[0].reshape(y.shape)
 
-    def unconditional(self, y: Float[Tensor, "N S rows columns"], t: int) -> Float[Tensor, "N S rows columns"]:
+    def unconditional(self, y: Coefficients, t: int) -> Coefficients:
         """eps_theta(y, t)."""
         return self._evaluate(y, t, None)[0].reshape(y.shape)
 
-    def both(self, y: Float[Tensor, "N S rows columns"], t: int, with_attention: bool) -> tuple[Tensor, Tensor, Tensor | None]:
+    def both(self, y: Coefficients, t: int, with_attention: bool) -> tuple[Tensor, Tensor, Tensor | None]:
         """Conditional and unconditional estimate in one batch; attention (N, S, 2, heads, rows, rows) of the latter."""
         conditions = self._conditions(y)  # (N S, width)
         added = torch.cat([torch.zeros_like(conditions), conditions])

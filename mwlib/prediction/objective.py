@@ -1,7 +1,5 @@
 """The training objective of MotionWavelet: Eq. 5 and its siblings, on random windows of motion."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 
 import torch

@@ -25,17 +25,17 @@ from mwlib.diffusion import (  # isort: skip
 )  # fmt: skip
 from mwlib.networks import TransLinear
 from mwlib.prediction.config import Config
-from mwlib.prediction.guidance import TABG, NetworkBranches, guided, make_network
-from mwlib.prediction.representation import Continuation, Representation, restored_representation
+from mwlib.prediction.guidance import TABG, Coefficients, NetworkBranches, guided, make_network
+from mwlib.prediction.representation import Continuation, Observed, Representation, restored_representation
 from mwlib.settings import whole
 from mwlib.training import TrainedModel, chunks, identities, with_weights
 from mwlib.transforms import ScaledTransform
 from mwlib.transforms.linear import pad_history
 
-Histories = Float[Tensor, "N H C"] | Float[np.ndarray, "N H C"] | Windows | Sequence[Motion]
+Histories = Observed | Float[np.ndarray, "N H C"] | Windows | Sequence[Motion]
 
 
-def histories(source: Histories, bodies: Bodies, history: int) -> Float[Tensor, "N H C"]:
+def histories(source: Histories, bodies: Bodies, history: int) -> Observed:
     """Observed frames as a model takes them, metres, root-relative.
 
     Args:
@@ -52,8 +52,12 @@ def histories(source: Histories, bodies: Bodies, history: int) -> Float[Tensor, 
         return _checked(_of_windows(source, bodies), bodies, history)
     if isinstance(source, (Tensor, np.ndarray)):
         return _checked(_tensor(source), bodies, history)
-    clips = clips_given("source", source, f"Windows or a tensor (N, {history}, C)")
-    return _checked(_of_motions(bodies.prepare(clips), history), bodies, history)
+    clips = bodies.prepare(clips_given("source", source, f"Windows or a tensor (N, {history}, C)"))
+    if short := [m for m in clips if len(m) < history]:
+        found = f"{short[0].name or 'a clip'} has {len(short[0])} frames at {short[0].fps:g} Hz"
+        raise ValueError(f"{found}; expected at least {history}, the history")
+    seen = [m.cut(len(m) - history, len(m)).root_relative() for m in clips]
+    return _checked(torch.stack([torch.from_numpy(x).float() for x in seen]), bodies, history)
 
 
 def _tensor(source: Tensor | np.ndarray) -> Tensor:
@@ -70,32 +74,22 @@ def _tensor(source: Tensor | np.ndarray) -> Tensor:
     return x.detach() if x.is_floating_point() else x.float()
 
 
-def _of_motions(motions: Sequence[Motion], history: int) -> Float[Tensor, "N H C"]:
-    for m in motions:
-        if len(m) < history:
-            raise ValueError(
-                f"{m.name or 'a clip'} has {len(m)} frames at {m.fps:g} Hz; expected at least {history}, the history"
-            )
-    return torch.stack([torch.from_numpy(m.cut(len(m) - history, len(m)).root_relative()).float() for m in motions])
-
-
-def _of_windows(windows: Windows, bodies: Bodies) -> Float[Tensor, "N H C"]:
-    found = Bodies.of(windows.motions)
-    if found != bodies:
-        raise ValueError(
-            f"the windows are of {found.skeleton.name} at {found.fps:g} Hz, {found.up} up; the model was trained on "
-            f"{bodies.skeleton.name} at {bodies.fps:g} Hz, {bodies.up} up. Give predict the motions instead: it prepares them"
-        )
+def _of_windows(windows: Windows, bodies: Bodies) -> Observed:
+    found, expected = (f"{b.skeleton.name} at {b.fps:g} Hz, {b.up} up" for b in (Bodies.of(windows.motions), bodies))
+    if Bodies.of(windows.motions) != bodies:
+        raise ValueError(f"the windows are of {found}; the model was trained on {expected}. {PREPARE}")
     return windows.x_history
 
 
-def _checked(x: Tensor, bodies: Bodies, history: int) -> Float[Tensor, "N H C"]:
+PREPARE = "Give predict the motions instead: it prepares them"
+
+
+def _checked(x: Tensor, bodies: Bodies, history: int) -> Observed:
     channels = 3 * (len(bodies.skeleton) - 1)
     if x.ndim != 3 or tuple(x.shape[1:]) != (history, channels):
         raise ValueError(
             f"x_history has shape {tuple(x.shape)}; expected (N, {history}, {channels}): {history} frames of "
-            f"{bodies.skeleton.name} at {bodies.fps:g} Hz, {bodies.up} up, root dropped. Give predict the motions instead: it "
-            "prepares them"
+            f"{bodies.skeleton.name} at {bodies.fps:g} Hz, {bodies.up} up, root dropped. {PREPARE}"
         )
     if len(x) == 0:
         raise ValueError("there are no windows; expected at least one history")
@@ -142,7 +136,7 @@ class Predictor(TrainedModel):
         """The scaled frequency view of what is modelled."""
         return self.representation.motion
 
-    def branches(self, x_history: Float[Tensor, "N H C"]) -> NetworkBranches:
+    def branches(self, x_history: Observed) -> NetworkBranches:
         """The network's evaluations for these histories, in its own precision: conditional, unconditional, both.
 
         Args:
@@ -165,14 +159,11 @@ class Predictor(TrainedModel):
         """How many windows to sample together: 8; on a graphics card as many as half of its free memory holds."""
         if self.device.type != "cuda":
             return CHUNK
-        free, _ = torch.cuda.mem_get_info(self.device)
-        return max(1, free // (2 * self._bytes(samples)))
-
-    def _bytes(self, samples: int) -> int:
-        """Of memory for one window, counted generously: what a block and the skips hold, attention maps, copies of y_t."""
         rows, columns = self.transform.shape
+        # of one window, counted generously: what a block and the skips hold, attention maps, copies of y_t
         numbers = self.net.numbers_per_token() + 8 * columns
-        return 2 * samples * rows * numbers * 4  # both branches in float32
+        one = 2 * samples * rows * numbers * 4  # both branches in float32
+        return max(1, torch.cuda.mem_get_info(self.device)[0] // (2 * one))
 
     def tabg(self) -> TABG:
         """Attention guidance as the settings say."""
@@ -183,7 +174,7 @@ class Predictor(TrainedModel):
     @torch.inference_mode()
     def steps(
         self,
-        x_history: Float[Tensor, "N H C"],
+        x_history: Observed,
         samples: int | None = None,
         seed: int | None = None,
         *,
@@ -205,25 +196,15 @@ class Predictor(TrainedModel):
         Raises:
             ValueError: the history does not fit the model, window_ids do not fit the histories, or no sample is asked for.
         """
-        x_history = histories(x_history, self.bodies, self.representation.history)
-        samples, seed = self.asked(samples, seed)
-        noise = self.noise(seed, identities(window_ids, len(x_history)), samples)
-        yield from self._steps(x_history.to(self.device, torch.float32), noise, after_step, on_y0_hat)
-
-    def _steps(
-        self,
-        x_history: Float[Tensor, "N H C"],
-        noise: WindowNoise,
-        after_step: AfterStep | None = None,
-        on_y0_hat: OnEstimate | None = None,
-    ) -> Iterator[Step]:
-        s = self.sampling
+        s, (samples, seed) = self.sampling, self.asked(samples, seed)
+        x = histories(x_history, self.bodies, self.representation.history).to(self.device, torch.float32)
+        noise = self.noise(seed, identities(window_ids, len(x)), samples)
         denoise = guided(
-            self.branches(x_history), self.alpha_bar, weight=s.guidance_weight, form=s.guidance_form, tabg=self.tabg(), draw=noise
+            self.branches(x), self.alpha_bar, weight=s.guidance_weight, form=s.guidance_form, tabg=self.tabg(), draw=noise
         )
         hooks = {
-            "on_y0_hat": _in_turn([self._on_y0_hat(x_history), on_y0_hat]),
-            "after_step": _in_turn([*self._after_steps(x_history, noise), after_step]),
+            "on_y0_hat": _in_turn([self._on_y0_hat(x), on_y0_hat]),
+            "after_step": _in_turn([*self._after_steps(x, noise), after_step]),
         }
         samplers = {"ddim": partial(ddim, eta=s.eta, noise=noise), "dpmpp": dpm_solver, "eq6": posterior_mean}
         yield from samplers[s.sampler](denoise, s.temperature * noise(), self.alpha_bar, self.indices(), **hooks)
@@ -251,7 +232,7 @@ class Predictor(TrainedModel):
         size = self.chunk(samples) if chunk is None else whole("chunk", chunk, 1)
         for part in chunks(len(x_history), size, progress):
             x = x_history[part].to(self.device, torch.float32)
-            for step in self._steps(x, self.noise(seed, ids[part], samples), **imposed(part, x)):
+            for step in self.steps(x, samples, seed, window_ids=ids[part], **imposed(part, x)):
                 last = step
             yield last.y, x
 
@@ -287,7 +268,7 @@ class Predictor(TrainedModel):
         return torch.cat([self.finite(self.decode(y, x_history)).cpu() for y, x_history in parts])
 
     @torch.inference_mode()
-    def decode(self, y: Float[Tensor, "N S rows columns"], x_history: Float[Tensor, "N H C"]) -> Float[Tensor, "N S F C"]:
+    def decode(self, y: Coefficients, x_history: Observed) -> Float[Tensor, "N S F C"]:
         """Sampled coefficients to futures, metres: as `decoding` says, and with bones as `bones` says.
 
         Args:
@@ -307,7 +288,7 @@ class Predictor(TrainedModel):
         seen = self.representation
         return Continuation(seen.motion, seen.history, seen.frames, self.bodies.fps)
 
-    def _on_y0_hat(self, x_history: Float[Tensor, "N H C"]) -> OnEstimate | None:
+    def _on_y0_hat(self, x_history: Observed) -> OnEstimate | None:
         """What the settings do to every clean estimate: a bound in motion space, a projection, or nothing."""
         bound = self.sampling.bound
         if bound > 0:
@@ -315,7 +296,7 @@ class Predictor(TrainedModel):
             return lambda y: seen.motion(seen.modelled(seen.decode(y, x_history).clamp(-bound, bound), x_history))
         return self.transform.project if self.sampling.wmsg == "y0_hat" else None
 
-    def _after_steps(self, x_history: Float[Tensor, "N H C"], noise: WindowNoise) -> list[AfterStep]:
+    def _after_steps(self, x_history: Observed, noise: WindowNoise) -> list[AfterStep]:
         """What the settings do after every step: manifold shaping, mask completion."""
         after: list[AfterStep] = []
         if self.sampling.wmsg == "every_step":

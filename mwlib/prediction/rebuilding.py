@@ -3,8 +3,6 @@
 Its grid is `phase_sweep`. Its rows change the settings of the prediction, and those of `RebuildingConfig`.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from math import prod

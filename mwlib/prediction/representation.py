@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import torch
 from jaxtyping import Float
@@ -24,6 +25,8 @@ import numpy as np
 
 from mwlib.transforms.linear import Constant, pad_history
 
+Observed = Float[Tensor, "N H C"]
+Whole = Float[Tensor, "N *S T C"]
 SCALES = ("mean", "deviation", "condition_mean", "condition_deviation")
 # Windows at a time of which a periodic autoencoder learns. Own choice: four, as in equal time many small steps lose less.
 LEARNING_WINDOWS = {"phase": 16, "straight_phase": 4}
@@ -55,7 +58,7 @@ class Representation:
     fade: float
     facing: Bodies | None = None
 
-    def origin(self, x_history: Float[Tensor, "N H C"]) -> Float[Tensor, "N _T C"]:
+    def origin(self, x_history: Observed) -> Float[Tensor, "N _T C"]:
         """What the modelled motion is relative to, for all frames or for each; of turned histories, where they are turned."""
         last = x_history[:, -1:]
         if self.relative == "pose":
@@ -66,30 +69,33 @@ class Representation:
         ahead = torch.arange(1, self.frames - self.history + 1).to(last)[:, None]
         return torch.cat([x_history, rest + (last - rest) * torch.exp(-ahead / self.fade)], dim=1)
 
-    def modelled(self, x: Float[Tensor, "N *S T C"], x_history: Float[Tensor, "N H C"]) -> Float[Tensor, "N *S T C"]:
+    def modelled(self, x: Whole, x_history: Observed) -> Whole:
         """Motions, metres, as what is transformed: turned, minus their origin."""
-        origin = self.origin(turned(x_history, x_history, self.facing, -1))
-        return turned(x, x_history, self.facing, -1) - _beside(origin, x)
+        return turned(x, x_history, self.facing, -1) - self._origin(x_history, x.ndim)
 
-    def placed(self, r: Float[Tensor, "N *S T C"], x_history: Float[Tensor, "N H C"]) -> Float[Tensor, "N *S T C"]:
+    def placed(self, r: Whole, x_history: Observed) -> Whole:
         """Inverse of `modelled`."""
+        return turned(r + self._origin(x_history, r.ndim), x_history, self.facing, 1)
+
+    def _origin(self, x_history: Observed, axes: int) -> Tensor:
+        """`origin` of histories as they face, with an axis for the samples where motions have one."""
         origin = self.origin(turned(x_history, x_history, self.facing, -1))
-        return turned(r + _beside(origin, r), x_history, self.facing, 1)
+        return origin if axes == 3 else origin[:, None]
 
     def encode(self, x: Float[Tensor, "N T C"]) -> Float[Tensor, "N rows columns"]:
         """Whole windows, metres, to scaled coefficients."""
         return self.motion(self.modelled(x, x[:, : self.history]))
 
-    def encode_history(self, x_history: Float[Tensor, "N H C"]) -> Float[Tensor, "N rows columns"]:
+    def encode_history(self, x_history: Observed) -> Float[Tensor, "N rows columns"]:
         """Observed frames, held over the future, to the coefficients of the condition."""
         return self.condition(pad_history(turned(x_history, x_history, self.facing, -1), self.frames))
 
-    def decode(self, y: Float[Tensor, "N S rows columns"], x_history: Float[Tensor, "N H C"]) -> Float[Tensor, "N S T C"]:
+    def decode(self, y: Float[Tensor, "N S rows columns"], x_history: Observed) -> Float[Tensor, "N S T C"]:
         """Coefficients to whole motions (T frames), metres."""
         return self.placed(self.motion.inverse(y), x_history)
 
     def decode_future(
-        self, y: Float[Tensor, "N S rows columns"], x_history: Float[Tensor, "N H C"], continuation: Continuation | None
+        self, y: Float[Tensor, "N S rows columns"], x_history: Observed, continuation: Continuation | None
     ) -> Float[Tensor, "N S F C"]:
         """Coefficients to futures, metres: cut from the inverse, or continuing what was observed."""
         if continuation is None:
@@ -100,20 +106,17 @@ class Representation:
 
     def learnt(self) -> dict[str, Tensor]:
         """Scales, and what the transform learnt: all that `make_representation` needs to build this one again."""
-        scales = (self.motion.mean, self.motion.deviation, self.condition.mean, self.condition.deviation)
-        out = {f"scale.{name}": torch.as_tensor(scale) for name, scale in zip(SCALES, scales, strict=True)}
+        out = _scales(self.motion.mean, self.motion.deviation, self.condition.mean, self.condition.deviation)
         out |= {"rest": self.rest} if self.relative == "relaxing" else {}
         return out | {f"transform.{name}": tensor for name, tensor in self.motion.base.tensors().items()}
 
 
-def _beside(origin: Float[Tensor, "N _T C"], x: Tensor) -> Tensor:
-    """An origin with an axis for the samples, where x has one."""
-    return origin if x.ndim == 3 else origin[:, None]
+def _scales(*scales: Any) -> dict[str, Tensor]:
+    """Mean and deviation of motions, then of conditions, as `Representation.learnt` names them."""
+    return {f"scale.{name}": torch.as_tensor(scale).clone() for name, scale in zip(SCALES, scales, strict=True)}
 
 
-def turned(
-    x: Float[Tensor, "N *S T C"], x_history: Float[Tensor, "N H C"], facing: Bodies | None, sign: int
-) -> Float[Tensor, "N *S T C"]:
+def turned(x: Whole, x_history: Observed, facing: Bodies | None, sign: int) -> Whole:
     """Motions turned by the heading of their last observed pose, or against it (-1); as they are without bodies."""
     if facing is None:
         return x
@@ -164,7 +167,7 @@ def make_representation(base: Transform, learnt: Mapping[str, Tensor], cfg: Conf
         cfg.model.representation,
         learnt.get("rest", torch.zeros(3 * (len(bodies.skeleton) - 1))),
         cfg.model.fade_seconds * bodies.fps,
-        _facing(cfg, bodies),
+        bodies if cfg.model.heading == "body" else None,
     )
 
 
@@ -210,25 +213,19 @@ def fit_scales(base: Transform, x: Float[Tensor, "N T C"], cfg: Config, bodies: 
         cfg, bodies: as in `make_representation`.
     """
     model, frames = cfg.model, cfg.windows.frames
-    unit = (torch.zeros(base.shape), torch.ones(base.shape))
-    learnt = {f"scale.{name}": scale for name, scale in zip(SCALES, (*unit, *unit), strict=True)}
+    learnt = _scales(*(torch.zeros(base.shape), torch.ones(base.shape)) * 2)
     if model.representation == "relaxing":
         learnt["rest"] = x.mean((0, 1))
     seen, kind = x[:, : cfg.windows.history], model.coefficient_scale
     origin = make_representation(base, learnt, cfg, bodies).origin(seen)
     mean, deviation = fit_scale(base, x - origin, kind)
     of_condition = (mean, deviation) if model.representation == "pose" else fit_scale(base, pad_history(seen, frames), kind)
-    scales = zip(SCALES, (mean, deviation, *of_condition), strict=True)
-    return learnt | {f"scale.{name}": scale.clone() for name, scale in scales}
-
-
-def _facing(cfg: Config, bodies: Bodies) -> Bodies | None:
-    return bodies if cfg.model.heading == "body" else None
+    return learnt | _scales(mean, deviation, *of_condition)
 
 
 def _turned_windows(cfg: Config, motions: Sequence[Motion]) -> Callable[[int, torch.Generator], Float[Tensor, "N T C"]]:
     """So many windows as they are drawn in training, turned if the model's are."""
-    source, facing = training_windows(motions, cfg.windows), _facing(cfg, Bodies.of(motions))
+    source, facing = training_windows(motions, cfg.windows), Bodies.of(motions) if cfg.model.heading == "body" else None
 
     def draw(count: int, generator: torch.Generator) -> Tensor:
         """So many windows, turned as the model sees them."""
@@ -251,10 +248,9 @@ def learning_windows(cfg: Config, motions: Sequence[Motion], count: int) -> Call
     def both(generator: torch.Generator) -> Tensor:
         """What is modelled of so many windows and, of displacements, the padded histories."""
         x = draw(count, generator)
-        if cfg.model.representation == "pose":
-            return x
         observed = x[:, : cfg.windows.history]
-        return torch.cat([x - observed[:, -1:], pad_history(observed, cfg.windows.frames)])
+        padded = pad_history(observed, cfg.windows.frames)
+        return x if cfg.model.representation == "pose" else torch.cat([x - observed[:, -1:], padded])
 
     return both
 

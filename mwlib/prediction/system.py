@@ -19,8 +19,6 @@ from mwlib.prediction.config import Config, EvaluationConfig, SamplingConfig, Wi
 from mwlib.prediction.objective import PredictionObjective
 from mwlib.prediction.predictor import CHUNK, Predictor
 
-__all__ = ["DETAILS", "METRICS", "Config", "evaluate", "load_data", "make_objective", "open_model", "preview"]
-
 MOST_NAMES = 12
 METRICS = {name: metric.column for name, metric in ERRORS.items()}  # the columns of every table
 # Beside them in a table of their own: is it a motion, and how does the error grow?

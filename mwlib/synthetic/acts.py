@@ -1,6 +1,6 @@
 """Actions of synthetic people with given attributes: how fast, where to, with which hand or foot, how often, how high."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -8,11 +8,10 @@ from jaxtyping import Float
 from scipy.ndimage import gaussian_filter1d
 
 from mwlib.synthetic.movements import GAITS, PoseTrack, gait_pose, gesture_tracks, stand_pose
-from mwlib.synthetic.person import AT, SIDES, Figure, draw_figure, figure_positions
-from mwlib.synthetic.sentences import captions_of, draw_attributes
+from mwlib.synthetic.person import AT, POSE, SIDES, Figure, draw_figure, figure_positions
+from mwlib.synthetic.sentences import Attributes, captions_of, draw_attributes, read_table
 
 RATE = 40.0  # frames per second at which poses are made; every second one is kept
-CLIP_FPS = 20.0
 LONGEST = 6.1  # seconds
 GRAVITY = 9.81  # m/s2
 
@@ -48,7 +47,7 @@ class Performance(PoseTrack):
         ratio = 1.0 if speed is None else speed / usual
         size = min(ratio**0.55, _LARGEST_STEP[gait] / body.stride)
         cadence = kind.cadence * ratio / size
-        phase = kind.midstance + 0.5 * (self.rng.random() < 0.5) + (-1 if backward else 1) * cadence * (self.time - at)
+        phase = kind.ahead + 0.5 * (self.rng.random() < 0.5) + (-1 if backward else 1) * cadence * (self.time - at)
         pose = gait_pose(kind, body, phase, size)
         self._since, self._step = at, 0.5 / cadence
         self.change_to(pose, at, self.rng.uniform(0.25, 0.4))
@@ -75,25 +74,22 @@ class Performance(PoseTrack):
         seconds: float,
         onset: float,
         share: Float[np.ndarray, " T"] | None = None,
-        scale: Mapping[str, float] | None = None,
-    ) -> None:
-        """Lay a gesture over whatever goes on.
+        limbs: tuple[str, ...] = (),
+        factor: float = 1.0,
+    ) -> float:
+        """Lay a gesture over whatever goes on; returns when it is over.
 
         Args:
             near: the acting side.
             seconds: until it is over.
             onset: seconds over which it takes over, and later lets go.
             share: how far it has come at every frame, 0 to 1; None: it passes once, evenly.
-            scale: what to multiply a limb's angles with, "hip_flex" or "near_hip_flex".
+            limbs, factor: entries of the pose that end so, such as "hip_flex", and what to multiply them with.
         """
-        share = (self.time - at) / seconds if share is None else share
-        entries, values = gesture_tracks(name, near, share)
-        for limb, factor in (scale or {}).items():
-            limb = limb.replace("near", near)
-            for side in ("", "left_", "right_"):
-                if (entry := AT.get(side + limb)) in entries:
-                    values[:, entries.index(entry)] *= factor
+        entries, values = gesture_tracks(name, near, (self.time - at) / seconds if share is None else share)
+        values[:, [POSE[entry].endswith(limbs) for entry in entries]] *= factor
         self.overlay(entries, values, at, seconds, onset)
+        return at + seconds
 
     def fly(self, at: float, height: float, forward: float = 0.0) -> None:
         """Leave the floor at this moment, rise so high (metres), and go ahead at so many metres per second until it lands."""
@@ -112,17 +108,15 @@ class Performance(PoseTrack):
         return positions - positions[0, 0] * [1.0, 0.0, 1.0]
 
 
-Attributes = Mapping[str, str | float]
-
-SPEEDS = {  # metres per second, from and to; the gaps keep the words apart
-    ("walk", "slow"): (0.45, 0.68), ("walk", "normal"): (0.95, 1.25), ("walk", "fast"): (1.5, 1.8),
-    ("run", "slow"): (1.95, 2.2), ("run", "normal"): (2.6, 2.95), ("run", "fast"): (3.4, 3.8),
-}  # fmt: skip
-BACKWARD = (0.5, 0.8)  # metres per second
-TURN_RATES = {"slow": (45.0, 55.0), "normal": (80.0, 100.0), "fast": (145.0, 180.0)}  # degrees per second, mean over the turn
-WAVE_RATES = {"slow": (1.0, 1.25), "normal": (1.8, 2.1), "fast": (2.9, 3.4)}  # hertz
-JUMP_HEIGHTS = {"low": (0.07, 0.12), "normal": (0.22, 0.29), "high": (0.42, 0.5)}  # metres
-KICK_SCALES = {"low": (0.46, 0.58), "normal": (0.88, 1.02), "high": (1.28, 1.4)}  # of a kick at hip height
+# from and to; the gaps keep the words apart
+RANGES = read_table("""
+slow walk: 0.45 0.68; normal walk: 0.95 1.25; fast walk: 1.5 1.8; backward walk: 0.5 0.8
+slow run: 1.95 2.2; normal run: 2.6 2.95; fast run: 3.4 3.8
+slow turn: 45 55; normal turn: 80 100; fast turn: 145 180
+slow wave: 1 1.25; normal wave: 1.8 2.1; fast wave: 2.9 3.4
+low jump: 0.07 0.12; normal jump: 0.22 0.29; high jump: 0.42 0.5
+low kick: 0.46 0.58; normal kick: 0.88 1.02; high kick: 1.28 1.4
+""")  # metres per second, degrees per second as the mean over the turn, hertz, metres, and of a kick at hip height
 _TO_THE = {"left": 1.0, "right": -1.0}
 
 
@@ -137,32 +131,32 @@ def act_out(attributes: Attributes, figure: Figure, rng: np.random.Generator) ->
     Returns:
         Positions, metres, y up, 20 frames a second, 41 to 121 frames, one more than a multiple of four.
     """
-    clip = Performance(figure, rng)
-    actions = [str(attributes[key]) for key in ("action", "then") if key in attributes]
-    if len(actions) == 1 and actions[0] in ("walk", "run"):
-        end = _travel(clip, attributes)
-    else:
-        end = 0.0
-        for number, action in enumerate(actions):
-            moving = action in ("walk", "run")
-            if not moving:
-                end += rng.uniform(0.2, 0.45)
-            end = _ACTS[action](clip, end, attributes) if not moving else _leg(clip, end, action, attributes, number == 0)
-        end += 0.0 if actions[-1] in ("walk", "run") else rng.uniform(0.15, 0.4)
+    clip, end = Performance(figure, rng), 0.0
+    actions = [attributes[key] for key in ("action", "then") if key in attributes]
+    for action in actions:
+        end = _ACTS[action](clip, end + (0.0 if action in _GOING else rng.uniform(0.2, 0.45)), attributes)
+    end += 0.0 if actions[-1] in _GOING else rng.uniform(0.15, 0.4)
     return clip.film(np.clip(4 * np.ceil(end * 5), 40, 120) / 20)
 
 
-def _speed(clip: Performance, action: str, attributes: Attributes) -> float:
-    """Metres per second within what the attributes claim."""
-    claimed = (action, str(attributes.get("speed", "normal")))
-    return clip.rng.uniform(*(BACKWARD if attributes.get("direction") == "backward" else SPEEDS[claimed]))
+def _drawn(clip: Performance, action: str, word: str | float) -> float:
+    """A number within what a word claims of an action."""
+    least, most = map(float, RANGES[f"{word} {action}"].split())
+    return clip.rng.uniform(least, most)
 
 
-def _travel(clip: Performance, attributes: Attributes) -> float:
-    """Walk or run all the time, along a path; returns when the clip ends."""
-    rng, action, path = clip.rng, str(attributes["action"]), str(attributes.get("path", "straight"))
-    speed = _speed(clip, action, attributes)
-    clip.go(action, -0.6, speed, attributes.get("direction") == "backward")
+def _go(clip: Performance, at: float, attributes: Attributes) -> float:
+    """Walk or run: straight for a while before or after something else, or all the time along a path.
+
+    Returns when the person stands, or the clip ends.
+    """
+    rng, first, path = clip.rng, at == 0.0, attributes.get("path", "straight")
+    seconds = rng.uniform(1.7, 2.3) if "then" in attributes else 0.0
+    action, backward = attributes["action" if first else "then"], attributes.get("direction") == "backward"
+    speed = _drawn(clip, action, "backward" if backward else attributes.get("speed", "normal"))
+    clip.go(action, -0.6 if first else at, speed, backward)
+    if "then" in attributes:
+        return clip.halt(at + seconds) if first else at + seconds
     side = _TO_THE.get(path.split("_")[0], 0.0)
     if path.endswith("circle"):
         seconds = rng.uniform(4.2, 5.8)
@@ -175,36 +169,26 @@ def _travel(clip: Performance, attributes: Attributes) -> float:
     return seconds
 
 
-def _leg(clip: Performance, at: float, action: str, attributes: Attributes, first: bool) -> float:
-    """Walk or run straight for a while before or after something else; returns when the person stands, or the clip ends."""
-    seconds = clip.rng.uniform(1.7, 2.3)
-    if first:
-        clip.go(action, -0.6, _speed(clip, action, attributes))
-        return clip.halt(at + seconds)
-    clip.go(action, at, _speed(clip, action, attributes))
-    return at + seconds
-
-
 def _tempo(clip: Performance) -> float:
     """Factor on durations of this person, this time."""
     return clip.rng.uniform(0.92, 1.08) / clip.body.tempo
 
 
 def _turn(clip: Performance, at: float, attributes: Attributes) -> float:
-    degrees = float(attributes["degrees"]) * clip.rng.uniform(0.92, 1.08)
-    seconds = degrees / clip.rng.uniform(*TURN_RATES[str(attributes.get("pace", "normal"))])
+    degrees = attributes["degrees"] * clip.rng.uniform(0.92, 1.08)
+    seconds = degrees / _drawn(clip, "turn", attributes.get("pace", "normal"))
     clip.go("march", at)
-    clip.turn(at + 0.1, _TO_THE[str(attributes["turn"])] * np.deg2rad(degrees), seconds)
+    clip.turn(at + 0.1, _TO_THE[attributes["turn"]] * np.deg2rad(degrees), seconds)
     return clip.halt(at + seconds)
 
 
 def _jump(clip: Performance, at: float, attributes: Attributes) -> float:
     """Crouch, fly as long as gravity has it, land; several jumps share their crouches."""
     rng, tempo, start = clip.rng, _tempo(clip), at
-    height = rng.uniform(*JUMP_HEIGHTS[str(attributes.get("height", "normal"))])
+    height = _drawn(clip, "jump", attributes.get("height", "normal"))
     forward = rng.uniform(1.1, 1.6) if attributes.get("direction") == "forward" else 0.0
     keys, shares, flights = [at], [0.0], []
-    for _ in range(int(attributes["count"])):
+    for _ in range(attributes["count"]):
         flights.append(at + 0.55 * tempo)
         landing = flights[-1] + air_time(height)
         at = landing + 0.42 * tempo
@@ -214,7 +198,7 @@ def _jump(clip: Performance, at: float, attributes: Attributes) -> float:
     share = np.interp(clip.time, keys, shares)
     share = np.where(share < shares[-1], share % 1.0, 1.0)
     limbs = ("hip_flex", "knee", "arm_flex", "pelvis_pitch", "spine_pitch")
-    clip.gesture("jump", "left", start, at - start, 0.2, share, dict.fromkeys(limbs, scale))
+    clip.gesture("jump", "left", start, at - start, 0.2, share, limbs, scale)
     for flight in flights:
         clip.fly(flight, height, forward)
     return at
@@ -222,44 +206,42 @@ def _jump(clip: Performance, at: float, attributes: Attributes) -> float:
 
 def _wave(clip: Performance, at: float, attributes: Attributes) -> float:
     """Raise a hand, or both, and swing it from the elbow at an even rate."""
-    rng, hand = clip.rng, str(attributes["hand"])
-    rate = rng.uniform(*WAVE_RATES[str(attributes.get("pace", "normal"))])
+    rng, hand = clip.rng, attributes["hand"]
+    rate = _drawn(clip, "wave", attributes.get("pace", "normal"))
     seconds = max(rng.uniform(1.7, 2.2), 2.6 / rate)
     swing = np.deg2rad(86.0 + rng.uniform(20.0, 25.0) * np.sin(2 * np.pi * rate * (clip.time - at)))
-    for side in _hands(hand):
+    for side in SIDES if hand == "both" else (hand,):
         clip.gesture("wave", side, at, seconds, 0.4)
         clip.overlay([AT[f"{side}_elbow"]], swing[:, None], at, seconds, 0.4)
     return at + seconds
 
 
-def _hands(hand: str) -> tuple[str, ...]:
-    return tuple(SIDES) if hand == "both" else (hand,)
+Act = Callable[[Performance, float, Attributes], float]  # who, from which second on, and how -> the second when it ends
 
 
-def _repeated(name: str, seconds: float, side: str = "", onset: float = 0.15) -> Callable:
+def _repeated(name: str, seconds: float, side: str = "", onset: float = 0.15) -> Act:
     """An act that passes a gesture as often as claimed, on the side that the attribute of that name claims."""
 
     def act(clip: Performance, at: float, attributes: Attributes) -> float:
         """Act it from this second on; gives the second when it ends."""
-        count = int(attributes["count"])
+        count = attributes["count"]
         lasts = seconds * _tempo(clip) * count
         share = np.clip((clip.time - at) / lasts, 0.0, 1.0) * count
         share = np.where(share < count, share % 1.0, 1.0)
-        scale = {"near_hip_flex": clip.rng.uniform(*KICK_SCALES[str(attributes["height"])])} if name == "kick" else None
-        clip.gesture(name, str(attributes.get(side, "left")), at - onset, lasts + 2 * onset, onset, share, scale)
+        near = attributes.get(side, "left")
+        factor = _drawn(clip, name, attributes["height"]) if name == "kick" else 1.0
+        clip.gesture(name, near, at - onset, lasts + 2 * onset, onset, share, (f"{near}_hip_flex",), factor)
         return at + lasts + onset
 
     return act
 
 
-def _once(name: str, seconds: float, side: str = "") -> Callable:
+def _once(name: str, seconds: float, side: str = "") -> Act:
     """An act that passes a gesture once, on the side that the attribute of that name claims."""
 
     def act(clip: Performance, at: float, attributes: Attributes) -> float:
         """Act it from this second on; gives the second when it ends."""
-        lasts = seconds * _tempo(clip)
-        clip.gesture(name, str(attributes.get(side, "left")), at, lasts, 0.25)
-        return at + lasts
+        return clip.gesture(name, attributes.get(side, "left"), at, seconds * _tempo(clip), 0.25)
 
     return act
 
@@ -267,16 +249,14 @@ def _once(name: str, seconds: float, side: str = "") -> Callable:
 def _reach(clip: Performance, at: float, attributes: Attributes) -> float:
     up = attributes["target"] == "up"
     seconds = clip.rng.uniform(1.5, 1.9) * _tempo(clip)
-    clip.gesture("reach" if up else "reach_forward", str(attributes["hand"]), at, seconds, 0.25)
-    return at + seconds
+    return clip.gesture("reach" if up else "reach_forward", attributes["hand"], at, seconds, 0.25)
 
 
 def _sit(clip: Performance, at: float, attributes: Attributes) -> float:
     """Sit down; get up again or stay seated until the clip ends."""
     seconds = 3.2 * _tempo(clip)
     if attributes["ends"] == "standing":
-        clip.gesture("sit", "left", at, seconds, 0.3)
-        return at + seconds
+        return clip.gesture("sit", "left", at, seconds, 0.3)
     share = np.clip((clip.time - at) / seconds, 0.0, 0.5)
     clip.gesture("sit", "left", at, 20.0, 0.3, share)
     return at + clip.rng.uniform(0.42, 0.55) * seconds
@@ -291,7 +271,9 @@ def _stand(clip: Performance, at: float, attributes: Attributes) -> float:
     return at + seconds
 
 
-_ACTS: dict[str, Callable[[Performance, float, Attributes], float]] = {
+_GOING = ("walk", "run")
+_ACTS: dict[str, Act] = {
+    **dict.fromkeys(_GOING, _go),
     "turn": _turn,
     "jump": _jump,
     "wave": _wave,
@@ -325,7 +307,7 @@ class ActedClip:
 
     positions: Float[np.ndarray, "T 22 3"]
     captions: tuple[str, ...]
-    attributes: dict[str, str | float]
+    attributes: Attributes
     name: str
     split: str
 

@@ -11,30 +11,30 @@ from mwlib.body.motion import Motion
 from mwlib.body.skeleton import H36M17
 from mwlib.synthetic.movements import GAITS, GESTURES, PoseTrack, gait_pose, gesture_tracks, stand_pose
 from mwlib.synthetic.person import FPS, Body, draw_body, positions_of
+from mwlib.synthetic.sentences import read_table
 
 MARGIN = 10  # frames made before and after the clip and cut off, where smoothing has no neighbours
 
 
-def _with_gesture(name: str) -> dict[str, str]:
-    """Chain of an action around one gesture, with walking as the other thing that may happen."""
-    return {"stand": f"{name} {name} {name} walk", name: f"stand stand stand {name} walk", "walk": f"stand stand {name}"}
-
-
-_ALL = "stand walk run turn " + " ".join(GESTURES)
-# action -> what is going on -> what may come next, likelier if named more often; a turn or a wave leaves the legs going
+# action: what is going on > what may come next, likelier if named more often; a turn or a wave leaves the legs going
+_CHAINS = read_table("""
+walk: walk > walk walk walk veer
+run: stand > run | run > run veer stand walk | walk > run stand
+stop_and_go: stand > walk walk walk run | walk > stand stand stand turn | run > stand walk
+turn: walk > turn turn turn stand | stand > turn walk | turn > walk walk turn
+wave: stand > wave wave wave walk | wave > stand stand stand wave walk | walk > stand stand wave
+sit: stand > sit sit sit walk | sit > stand stand stand sit walk | walk > stand stand sit
+jump: stand > jump jump jump walk | jump > stand stand stand jump walk | walk > stand stand jump
+pick_up: stand > pick_up pick_up reach reach walk | pick_up > stand stand stand pick_up walk | walk > stand stand pick_up |
+    reach > stand stand pick_up
+box: stand > box box box walk | box > stand stand stand box walk | walk > stand stand box
+kick: stand > kick kick kick walk | kick > stand stand stand kick walk | walk > stand stand kick
+direct: stand > direct direct direct turn wave | direct > stand stand stand direct walk | walk > stand stand direct
+switch: stand > stand walk run turn wave box kick jump sit pick_up reach direct |
+    walk > stand walk run turn wave box kick jump sit pick_up reach direct | run > stand walk turn
+""")
 ACTIONS: dict[str, dict[str, str]] = {
-    "walk": {"walk": "walk walk walk veer"},
-    "run": {"stand": "run", "run": "run veer stand walk", "walk": "run stand"},
-    "stop_and_go": {"stand": "walk walk walk run", "walk": "stand stand stand turn", "run": "stand walk"},
-    "turn": {"walk": "turn turn turn stand", "stand": "turn walk", "turn": "walk walk turn"},
-    "wave": _with_gesture("wave"),
-    "sit": _with_gesture("sit"),
-    "jump": _with_gesture("jump"),
-    "pick_up": {**_with_gesture("pick_up"), "stand": "pick_up pick_up reach reach walk", "reach": "stand stand pick_up"},
-    "box": _with_gesture("box"),
-    "kick": _with_gesture("kick"),
-    "direct": {**_with_gesture("direct"), "stand": "direct direct direct turn wave"},
-    "switch": {"stand": _ALL, "walk": _ALL, "run": "stand walk turn"},
+    action: dict(state.strip().split(" > ") for state in chain.split("|")) for action, chain in _CHAINS.items()
 }
 
 
@@ -85,7 +85,7 @@ class _Script(PoseTrack):
         else:
             gait, size = GAITS[legs], rng.uniform(0.8, 1.15)
             self.cadence = gait.cadence * body.pace * np.sqrt(size) * rng.uniform(0.95, 1.05)
-            phase = gait.midstance + (0.0 if self.left_stands else 0.5) + self.cadence * (self.time - at)
+            phase = gait.ahead + (0.0 if self.left_stands else 0.5) + self.cadence * (self.time - at)
             pose = gait_pose(gait, body, phase, size)
         self.change_to(pose, at, rng.uniform(0.14, 0.32))
         self.legs, self.since = legs, at

@@ -11,7 +11,7 @@ from jaxtyping import Float
 from scipy.interpolate import CubicHermiteSpline, PchipInterpolator
 from scipy.ndimage import gaussian_filter1d
 
-from mwlib.synthetic.person import AT, FPS, POSE, SIDES, Body
+from mwlib.synthetic.person import AT, FPS, POSE, SIDES, Body, PerFrame, Poses
 
 
 @dataclass(frozen=True)
@@ -19,21 +19,22 @@ class Gait:
     """One way of moving on two feet; lengths in leg lengths, angles in degrees, phase 0 to 1 from contact to contact.
 
     Args:
+        clearance: phases, and heights of the foot joint there; the heel leaves the floor before the stance ends.
         cadence: cycles (two steps) per second.
         stride: length of a cycle.
         stance: share of the cycle in which the foot stays behind at constant speed.
-        ahead: where the foot lands, in strides ahead of the hip.
-        clearance: phases and heights of the foot joint there; the heel leaves the floor before the stance ends.
+        ahead: where the foot lands, in strides ahead of the hip; also the phase of the left leg at which the left foot is below
+            the hip and the right one swings past it.
         height, bob: mean height of the hips and how much it rises over the stance leg.
         lean, swing, arm, elbow, elbow_swing, twist: trunk pitch, arm swing to either side, its mean, elbow flexion and how much
             more when the arm is in front, turn of the shoulders against the pelvis.
     """
 
+    clearance: tuple[str, str]
     cadence: float
     stride: float
     stance: float
     ahead: float
-    clearance: tuple[tuple[float, ...], tuple[float, ...]]
     height: float
     bob: float
     lean: float
@@ -43,23 +44,22 @@ class Gait:
     elbow_swing: float
     twist: float
 
-    @property
-    def midstance(self) -> float:
-        """Phase of the left leg at which the left foot is below the hip and the right one swings past it."""
-        return self.ahead
+
+def _numbers(text: str) -> tuple[float, ...]:
+    return tuple(map(float, text.split()))
 
 
-_STEP = ((0.0, 0.06, 0.38, 0.5, 0.6, 0.7, 0.85, 0.95, 1.0), (0.015, 0.0, 0.0, 0.03, 0.1, 0.16, 0.09, 0.045, 0.015))
-WALK = Gait(0.95, 1.42, 0.6, 0.26, _STEP, 0.96, 0.026, 3, 20, 0, 16, 16, 7)
-MARCH = Gait(1.15, 0.08, 0.6, 0.3, _STEP, 0.985, 0.008, 2, 5, 2, 16, 5, 2)  # steps on the spot, to turn
-_STRIDE = ((0.0, 0.08, 0.26, 0.36, 0.5, 0.64, 0.8, 0.92, 0.97, 1.0), (0.02, 0.0, 0.0, 0.1, 0.36, 0.42, 0.25, 0.11, 0.05, 0.02))
-RUN = Gait(1.4, 2.15, 0.36, 0.165, _STRIDE, 0.93, -0.02, 11, 34, -6, 80, 25, 12)
+_STEP = "0 0.06 0.38 0.5 0.6 0.7 0.85 0.95 1", "0.015 0 0 0.03 0.1 0.16 0.09 0.045 0.015"
+_STRIDE = "0 0.08 0.26 0.36 0.5 0.64 0.8 0.92 0.97 1", "0.02 0 0 0.1 0.36 0.42 0.25 0.11 0.05 0.02"
+WALK = Gait(_STEP, *_numbers("0.95 1.42 0.6 0.26 0.96 0.026 3 20 0 16 16 7"))
+MARCH = Gait(_STEP, *_numbers("1.15 0.08 0.6 0.3 0.985 0.008 2 5 2 16 5 2"))  # steps on the spot, to turn
+RUN = Gait(_STRIDE, *_numbers("1.4 2.15 0.36 0.165 0.93 -0.02 11 34 -6 80 25 12"))
 GAITS = {"walk": WALK, "run": RUN, "march": MARCH}
 
 RETRACTION = 0.05  # share of the cycle before landing in which the foot already moves with the floor, so that it does not slide
 
 
-def gait_pose(gait: Gait, body: Body, phase: Float[np.ndarray, " T"], size: float = 1.0) -> Float[np.ndarray, "T pose"]:
+def gait_pose(gait: Gait, body: Body, phase: PerFrame, size: float = 1.0) -> Poses:
     """Poses at the given phases of the left leg; the right leg is half a cycle later.
 
     In stance the foot moves back at constant speed on the floor and the hips bob over it; in swing it returns on a cubic.
@@ -71,7 +71,7 @@ def gait_pose(gait: Gait, body: Body, phase: Float[np.ndarray, " T"], size: floa
     """
     pose = np.zeros((len(phase), len(POSE)))
     turn = 2 * np.pi * phase
-    high = gait.height + gait.bob * np.cos(2 * (turn - 2 * np.pi * gait.midstance)) - 0.02 * (size**2 - 1)
+    high = gait.height + gait.bob * np.cos(2 * (turn - 2 * np.pi * gait.ahead)) - 0.02 * (size**2 - 1)
     clear = {}
     for side, sign in SIDES.items():
         own = (phase + (0.0 if side == "left" else 0.5)) % 1.0
@@ -83,20 +83,19 @@ def gait_pose(gait: Gait, body: Body, phase: Float[np.ndarray, " T"], size: floa
         flex, abduction, knee = _leg_angles(body, forward, side_step, body.leg * high - clear[side])
         back = np.cos(2 * np.pi * own)
         swing = gait.swing * body.swing * np.sqrt(size)
-        limbs = {"hip_flex": flex, "hip_abd": abduction, "knee": knee}
-        limbs["arm_flex"] = np.deg2rad(gait.arm - swing * back)
-        limbs["arm_abd"] = np.deg2rad(7.0 + 3.0 * (gait.elbow > 50) + 0 * own)
-        limbs["arm_turn"] = np.deg2rad(-8.0 - 0.25 * gait.elbow * (1 - np.cos(2 * np.pi * own - 0.3)) / 2)
-        limbs["elbow"] = np.deg2rad(gait.elbow + gait.elbow_swing * body.swing * (1 - np.cos(2 * np.pi * own - 0.4)) / 2)
+        limbs = {
+            "hip_flex": flex,
+            "hip_abd": abduction,
+            "knee": knee,
+            "arm_flex": np.deg2rad(gait.arm - swing * back),
+            "arm_abd": np.deg2rad(7.0 + 3.0 * (gait.elbow > 50)),
+            "arm_turn": np.deg2rad(-8.0 - 0.25 * gait.elbow * (1 - np.cos(2 * np.pi * own - 0.3)) / 2),
+            "elbow": np.deg2rad(gait.elbow + gait.elbow_swing * body.swing * (1 - np.cos(2 * np.pi * own - 0.4)) / 2),
+        }
         for limb, value in limbs.items():
             pose[:, AT[f"{side}_{limb}"]] = value
     pose[:, AT["lift"]] = np.minimum(clear["left"], clear["right"])
-    _trunk(pose, gait, body, turn)
-    return pose
-
-
-def _trunk(pose: np.ndarray, gait: Gait, body: Body, turn: np.ndarray) -> None:
-    """Fill in pelvis, spine and neck: they lean, roll over the standing leg and turn with the leg in front."""
+    # the trunk leans, rolls over the standing leg and turns with the leg in front
     twist = gait.twist * body.sway
     trunk = {
         "pelvis_pitch": 0.45 * gait.lean,
@@ -109,6 +108,7 @@ def _trunk(pose: np.ndarray, gait: Gait, body: Body, turn: np.ndarray) -> None:
     }
     for name, degrees in trunk.items():
         pose[:, AT[name]] = np.deg2rad(degrees)
+    return pose
 
 
 @cache
@@ -119,9 +119,9 @@ def _foot_path(gait: Gait) -> CubicHermiteSpline:
 
 
 @cache
-def _periodic(keys: tuple[tuple[float, ...], tuple[float, ...]]) -> PchipInterpolator:
+def _periodic(keys: tuple[str, str]) -> PchipInterpolator:
     """Interpolate without overshoot through keys that repeat every cycle."""
-    phase, value = np.array(keys)
+    phase, value = np.array([*map(_numbers, keys)])
     around = np.concatenate([phase[:-1] - 1, phase, phase[1:] + 1])
     return PchipInterpolator(around, np.concatenate([value[:-1], value, value[1:]]))
 
@@ -144,13 +144,13 @@ class Gesture:
     """Key values spread evenly over the duration, interpolated without overshoot; pose entries not named are left alone.
 
     Args:
-        seconds: duration at tempo 1.
         tracks: pose entry -> key values, degrees (`lift`: metres). Limbs are `near_` (the acting side), `far_` or `both_`.
+        seconds: duration at tempo 1.
         onset: seconds over which the gesture takes over, and later lets go.
     """
 
-    seconds: float
     tracks: dict[str, tuple[float, ...]]
+    seconds: float
     onset: float
 
     @property
@@ -159,7 +159,7 @@ class Gesture:
         return any("hip" in track or "knee" in track for track in self.tracks)
 
 
-STAND = dict(hip_flex=4, hip_abd=2, knee=8, arm_flex=1, arm_abd=8, arm_turn=-10, elbow=15)  # degrees, both sides
+STAND = "hip_flex 4 | hip_abd 2 | knee 8 | arm_flex 1 | arm_abd 8 | arm_turn -10 | elbow 15"  # degrees, both sides
 
 
 def _read(table: str) -> dict[str, Gesture]:
@@ -168,11 +168,10 @@ def _read(table: str) -> dict[str, Gesture]:
     for line in table.strip().splitlines():
         name, _, times = line.partition(": ")
         if times:
-            seconds, onset = map(float, times.split())
-            tracks: dict[str, tuple[float, ...]] = {}
-            found[name] = Gesture(seconds, tracks, onset)
+            found[name] = Gesture({}, *_numbers(times))
         else:
-            tracks |= {entry: tuple(map(float, keys)) for entry, *keys in (track.split() for track in line.split("|"))}
+            entries = (track.split(maxsplit=1) for track in line.split("|"))
+            found[[*found][-1]].tracks.update({entry: _numbers(keys) for entry, keys in entries})
     return found
 
 
@@ -237,12 +236,12 @@ def stand_pose() -> Float[np.ndarray, " pose"]:
     """Standing at ease, arms hanging."""
     pose = np.zeros(len(POSE))
     pose[[AT["spine_pitch"], AT["neck_pitch"]]] = np.deg2rad(2.0)
-    for limb, degrees in STAND.items():
-        pose[[AT[f"{side}_{limb}"] for side in SIDES]] = np.deg2rad(degrees)
+    for limb, degrees in map(str.split, STAND.split(" | ")):
+        pose[[AT[f"{side}_{limb}"] for side in SIDES]] = np.deg2rad(float(degrees))
     return pose
 
 
-def gesture_tracks(name: str, near: str, share: Float[np.ndarray, " T"]) -> tuple[list[int], Float[np.ndarray, "T tracks"]]:
+def gesture_tracks(name: str, near: str, share: PerFrame) -> tuple[list[int], Float[np.ndarray, "T tracks"]]:
     """The entries of the pose that a gesture sets, and their values.
 
     Args:
@@ -296,7 +295,7 @@ class PoseTrack:
         self.heading = np.zeros(len(self.time))
         self._gestures: list[tuple[list[int], np.ndarray, np.ndarray]] = []
 
-    def rise(self, start: float, seconds: float) -> Float[np.ndarray, " T"]:
+    def rise(self, start: float, seconds: float) -> PerFrame:
         """0 before start, 1 after start + seconds, with zero slope and curvature at both ends."""
         share = np.clip((self.time - start) / seconds, 0.0, 1.0)
         return share**3 * (10 - 15 * share + 6 * share**2)
@@ -310,31 +309,23 @@ class PoseTrack:
         self._gestures.append((entries, values, self.rise(at - onset / 2, onset) - self.rise(at + seconds - onset, 1.3 * onset)))
 
     def finished(self, end: int | None = None) -> Float[np.ndarray, "_ pose"]:
-        """The first `end` frames (None: all): gestures over legs, then what nobody does on purpose."""
+        """The first `end` frames (None: all): gestures over legs, then what nobody does on purpose.
+
+        That is a posture, leading with the shoulders into a turn, swaying, and trembling.
+        """
         for entries, values, weight in self._gestures:
             self.pose[:, entries] += weight[:, None] * (values - self.pose[:, entries])
-        return involuntary(self.pose[:end], self.heading[:end], self.body, self.rng, self.fps)
-
-
-def involuntary(
-    pose: Float[np.ndarray, "T pose"],
-    heading: Float[np.ndarray, " T"],
-    body: Body,
-    rng: np.random.Generator,
-    fps: float,
-) -> Float[np.ndarray, "T pose"]:
-    """Poses with what nobody does on purpose: a posture, leading with the shoulders into a turn, swaying, trembling."""
-    pose = pose + body.posture
-    turning = np.gradient(heading) * fps
-    for name, share in (("spine_yaw", 0.07), ("spine_roll", 0.02), ("pelvis_roll", 0.01)):
-        pose[:, AT[name]] += share * turning
-    frames = NOISE_FRAMES * fps / FPS
-    noise = gaussian_filter1d(rng.normal(size=pose.shape), frames, axis=0, mode="reflect")
-    noise *= np.sqrt(2 * np.sqrt(np.pi) * frames) * body.liveliness
-    shift = np.deg2rad(1.8) * noise[:, AT["lift"]]  # the weight goes from leg to leg: both tilt the same way
-    pose += NOISE * noise
-    for side, sign in SIDES.items():
-        pose[:, AT[f"{side}_hip_abd"]] += sign * shift
-        for joint in ("knee", "elbow"):
-            pose[:, AT[f"{side}_{joint}"]] = np.maximum(pose[:, AT[f"{side}_{joint}"]], np.deg2rad(2.0))
-    return gaussian_filter1d(pose, 1.2 * fps / FPS, axis=0, mode="nearest")  # rounds the corners left by keys and limits
+        pose = self.pose[:end] + self.body.posture
+        turning = np.gradient(self.heading[:end]) * self.fps
+        for name, share in (("spine_yaw", 0.07), ("spine_roll", 0.02), ("pelvis_roll", 0.01)):
+            pose[:, AT[name]] += share * turning
+        frames = NOISE_FRAMES * self.fps / FPS
+        noise = gaussian_filter1d(self.rng.normal(size=pose.shape), frames, axis=0, mode="reflect")
+        noise *= np.sqrt(2 * np.sqrt(np.pi) * frames) * self.body.liveliness
+        shift = np.deg2rad(1.8) * noise[:, AT["lift"]]  # the weight goes from leg to leg: both tilt the same way
+        pose += NOISE * noise
+        for side, sign in SIDES.items():
+            pose[:, AT[f"{side}_hip_abd"]] += sign * shift
+            for joint in ("knee", "elbow"):
+                pose[:, AT[f"{side}_{joint}"]] = np.maximum(pose[:, AT[f"{side}_{joint}"]], np.deg2rad(2.0))
+        return gaussian_filter1d(pose, 1.2 * self.fps / FPS, axis=0, mode="nearest")  # rounds the corners left by keys and limits

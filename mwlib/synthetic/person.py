@@ -30,6 +30,11 @@ _CONTACT = 0.008  # metres: a foot this much higher than the other bears a third
 _FLIGHT = 0.03  # metres: with the lower foot this high nothing holds the body
 
 
+PerFrame = Float[np.ndarray, " T"]
+Poses = Float[np.ndarray, "T pose"]
+Positions = Float[np.ndarray, "T joints 3"]
+
+
 @dataclass(frozen=True)
 class Body:
     """Bones and manner of one synthetic person.
@@ -59,40 +64,43 @@ class Body:
         return self.thigh + self.shin
 
 
+# joint, length of the bone to it as a share of body height, and where the bone points in the rest pose, on the left if on a side
+_BONES = """
+hip 0.074 0 1 0
+knee 0.252 0 0 -1
+foot 0.248 0 0 -1
+spine 0.136 0 0 1
+thorax 0.146 0 0 1
+neck 0.067 0.3 0 0.95
+head 0.065 -0.2 0 0.98
+shoulder 0.088 0 1 -0.1
+elbow 0.163 0 0 -1
+wrist 0.147 0 0 -1
+"""
+
+
 def draw_body(rng: np.random.Generator) -> Body:
     """A random adult.
 
     Own choice: mean segment lengths are rounded textbook shares of body height; height spans 1.55 to 1.92 m, and every
     segment varies by a few per cent of its own, so that people differ in proportion and not only in size.
     """
-    height = rng.uniform(1.55, 1.92)
-    share = {"hip": 0.074, "thigh": 0.252, "shin": 0.248, "waist": 0.136, "chest": 0.146, "neck": 0.067, "head": 0.065}
-    share |= {"shoulder": 0.088, "upper_arm": 0.163, "forearm": 0.147}
-    bone = {name: height * mean * rng.uniform(0.94, 1.06) for name, mean in share.items()}
-    offsets = np.zeros((len(H36M17), 3))
-    at = H36M17.joints.index
-    for side, sign in SIDES.items():
-        offsets[at(f"{side}_hip"), 1] = sign * bone["hip"]
-        offsets[at(f"{side}_knee"), 2] = -bone["thigh"]
-        offsets[at(f"{side}_foot"), 2] = -bone["shin"]
-        offsets[at(f"{side}_shoulder")] = 0.0, sign * bone["shoulder"], -0.1 * bone["shoulder"]
-        offsets[at(f"{side}_elbow"), 2] = -bone["upper_arm"]
-        offsets[at(f"{side}_wrist"), 2] = -bone["forearm"]
-    offsets[at("spine"), 2] = bone["waist"]
-    offsets[at("thorax"), 2] = bone["chest"]
-    offsets[at("neck")] = 0.3 * bone["neck"], 0.0, 0.95 * bone["neck"]
-    offsets[at("head")] = -0.2 * bone["head"], 0.0, 0.98 * bone["head"]
+    height, offsets, bones = rng.uniform(1.55, 1.92), np.zeros((len(H36M17), 3)), {}
+    for joint, share, *direction in (line.split() for line in _BONES.strip().splitlines()):
+        bones[joint] = height * float(share) * rng.uniform(0.94, 1.06)
+        vector = bones[joint] * np.array([*map(float, direction)])
+        for name, sign in ((f"left_{joint}", 1.0), (f"right_{joint}", -1.0), (joint, 1.0)):
+            if name in H36M17.joints[1:]:
+                offsets[H36M17.joints.index(name)] += vector * [1.0, sign, 1.0]
     posture = np.deg2rad(rng.normal(0.0, 2.0, len(POSE)))
     legs = [AT[f"{side}_{limb}"] for side in SIDES for limb in ("hip_flex", "knee", "hip_turn", "hip_abd")]
     posture[[*legs, AT["lift"]]] = 0.0  # or no foot would stand where the gait puts it
     posture[[AT["pelvis_roll"], AT["pelvis_yaw"], AT["spine_roll"], AT["spine_yaw"]]] *= 0.4
-    pace, stride, swing, sway, tempo, liveliness = rng.uniform([0.92, 0.9, 0.7, 0.7, 0.85, 0.7], [1.1, 1.1, 1.4, 1.5, 1.2, 1.4])
-    return Body(offsets, bone["thigh"], bone["shin"], posture, pace, stride, swing, sway, tempo, liveliness)
+    manner = rng.uniform([0.92, 0.9, 0.7, 0.7, 0.85, 0.7], [1.1, 1.1, 1.4, 1.5, 1.2, 1.4])
+    return Body(offsets, bones["knee"], bones["foot"], posture, *manner)
 
 
-def positions_of(
-    pose: Float[np.ndarray, "T pose"], heading: Float[np.ndarray, " T"], body: Body
-) -> Float[np.ndarray, "T joints 3"]:
+def positions_of(pose: Poses, heading: PerFrame, body: Body) -> Positions:
     """World positions (metres, z up, floor at z = 0) of a person who assumes these poses facing `heading` (radians).
 
     The root is not given but follows: its height puts the lower foot at `lift`, and it moves so that the foot on the floor stays
@@ -121,35 +129,34 @@ def _about(axis: str, angle: Float[np.ndarray, "*axes"]) -> Float[np.ndarray, "*
     return Rotation.from_rotvec(vectors.reshape(-1, 3)).as_matrix().reshape(*vectors.shape, 3)
 
 
-def joint_angles(
-    pose: Float[np.ndarray, "T pose"], skeleton: Skeleton, spine: tuple[str, ...]
-) -> Float[np.ndarray, "T joints 3"]:
+def joint_angles(pose: Poses, skeleton: Skeleton, spine: tuple[str, ...]) -> Positions:
     """Angles about y, x, z (in this order, moving axes) of every joint's local rotation, radians.
 
     Args:
         skeleton: with joints neck, hip, knee, shoulder and elbow; those that a pose does not know stay straight.
         spine: the joints that share the bend of the spine, in equal parts.
     """
-    angle = {name: pose[:, i] for name, i in AT.items()}
     euler = np.zeros((len(pose), len(skeleton), 3))
 
-    def put(joint: str, pitch: np.ndarray | float, roll: np.ndarray | float = 0.0, yaw: np.ndarray | float = 0.0) -> None:
+    def put(joint: str, entries: str, *signs: float) -> None:
         """Set the angles of one joint, radians."""
-        euler[:, skeleton.joints.index(joint)] = np.stack(np.broadcast_arrays(pitch, roll, yaw, angle["lift"])[:3], axis=-1)
+        columns = [AT[entry] for entry in entries.split()]
+        euler[:, skeleton.joints.index(joint), : len(columns)] = pose[:, columns] * signs
 
-    put(skeleton.joints[0], angle["pelvis_pitch"], -angle["pelvis_roll"], angle["pelvis_yaw"])
+    put(skeleton.joints[0], "pelvis_pitch pelvis_roll pelvis_yaw", 1, -1, 1)
     for joint in spine:
-        put(joint, angle["spine_pitch"] / len(spine), -angle["spine_roll"] / len(spine), angle["spine_yaw"] / len(spine))
-    put("neck", angle["neck_pitch"], -angle["neck_roll"])
+        put(joint, "spine_pitch spine_roll spine_yaw", 1, -1, 1)
+        euler[:, skeleton.joints.index(joint)] /= len(spine)
+    put("neck", "neck_pitch neck_roll", 1, -1)
     for side, sign in SIDES.items():
-        put(f"{side}_hip", -angle[f"{side}_hip_flex"], sign * angle[f"{side}_hip_abd"], sign * angle[f"{side}_hip_turn"])
-        put(f"{side}_knee", angle[f"{side}_knee"])
-        put(f"{side}_shoulder", -angle[f"{side}_arm_flex"], sign * angle[f"{side}_arm_abd"], sign * angle[f"{side}_arm_turn"])
-        put(f"{side}_elbow", -angle[f"{side}_elbow"])
+        put(f"{side}_hip", f"{side}_hip_flex {side}_hip_abd {side}_hip_turn", -1, sign, sign)
+        put(f"{side}_knee", f"{side}_knee", 1)
+        put(f"{side}_shoulder", f"{side}_arm_flex {side}_arm_abd {side}_arm_turn", -1, sign, sign)
+        put(f"{side}_elbow", f"{side}_elbow", -1)
     return euler
 
 
-def root_path(feet: Float[np.ndarray, "T 2 3"], lift: Float[np.ndarray, " T"], fps: float = FPS) -> Float[np.ndarray, "T 3"]:
+def root_path(feet: Float[np.ndarray, "T 2 3"], lift: PerFrame, fps: float = FPS) -> Float[np.ndarray, "T 3"]:
     """Root path, metres, for feet given relative to the root: see `positions_of`."""
     frames = fps / FPS
     height = feet[..., 2]
@@ -207,23 +214,21 @@ def draw_figure(rng: np.random.Generator) -> Figure:
     offsets[at("head")] = body.offsets[old("neck")] * [1.2, 1.0, 1.0]
     for side, sign in SIDES.items():
         offsets[at(f"{side}_hip")] = 0.0, sign * 0.72 * hip, -0.1 * trunk
-        offsets[at(f"{side}_knee"), 2] = -body.thigh
-        offsets[at(f"{side}_ankle"), 2] = -body.shin
         offsets[at(f"{side}_foot")] = 0.9 * foot, sign * 0.12 * foot, -0.4 * foot
         offsets[at(f"{side}_collar")] = 0.0, sign * 0.46 * shoulder, 0.26 * trunk
         offsets[at(f"{side}_shoulder")] = -0.01, sign * 0.74 * shoulder, 0.04 * trunk
-        offsets[at(f"{side}_elbow")] = body.offsets[old(f"{side}_elbow")]
-        offsets[at(f"{side}_wrist")] = body.offsets[old(f"{side}_wrist")]
+        for joint, own in (("knee", "knee"), ("ankle", "foot"), ("elbow", "elbow"), ("wrist", "wrist")):
+            offsets[at(f"{side}_{joint}")] = body.offsets[old(f"{side}_{own}")]
     return Figure(body, offsets)
 
 
 def figure_positions(
-    pose: Float[np.ndarray, "T pose"],
-    heading: Float[np.ndarray, " T"],
+    pose: Poses,
+    heading: PerFrame,
     figure: Figure,
     fps: float,
     travel: Float[np.ndarray, "T 2"] | None = None,
-) -> Float[np.ndarray, "T joints 3"]:
+) -> Positions:
     """World positions of 22 joints, metres, y up, the person's left at +x while it faces +z; the toes of a foot that stands at 0.
 
     The root follows from the feet as in `positions_of`. A foot that stands keeps its direction while the body turns above it.
@@ -261,7 +266,7 @@ def _local_turns(angles: Float[np.ndarray, "*axes 3"]) -> Float[np.ndarray, "*ax
     return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
 
 
-def _feet(joints: Float[np.ndarray, "T joints 3"], heading: Float[np.ndarray, " T"], figure: Figure) -> np.ndarray:
+def _feet(joints: Positions, heading: PerFrame, figure: Figure) -> np.ndarray:
     """From ankle to toes, (T, 2, 3) metres, x forward, y left, z up in the world: flat in stance, following the shin in swing."""
     toes = np.zeros((len(joints), 2, 3))
     for column, side in enumerate(SIDES):
@@ -283,7 +288,7 @@ def _feet(joints: Float[np.ndarray, "T joints 3"], heading: Float[np.ndarray, " 
     return toes
 
 
-def _held(heading: Float[np.ndarray, " T"], stands: Bool[np.ndarray, " T"]) -> Float[np.ndarray, " T"]:
+def _held(heading: PerFrame, stands: Bool[np.ndarray, " T"]) -> PerFrame:
     """The heading, but constant (its mean) in every run of frames in which the foot stands, and straight lines in between."""
     if not stands.any():
         return heading

@@ -9,32 +9,38 @@ list: a sentence with other words keeps its meaning.
 """
 
 import re
-from collections.abc import Mapping
-from typing import Literal, NamedTuple, get_args
+from typing import Any, Literal, NamedTuple, get_args
 
 import numpy as np
 
-# attribute -> values it may have, of which one is drawn; a value named twice is twice as likely
-_WALK = {"path": "straight left_circle right_circle left_turn right_turn", "speed": "slow normal fast"}
-RECIPES: dict[str, dict[str, str]] = {
-    "walk": _WALK,
-    "run": _WALK,
-    "backward": {"direction": "backward"},
-    "jump": {"count": "1 2 3", "height": "low normal high", "direction": "in_place in_place forward"},
-    "turn": {"turn": "left right", "degrees": "90 180", "pace": "slow normal fast"},
-    "wave": {"hand": "left right left right both", "pace": "slow normal fast"},
-    "kick": {"foot": "left right", "count": "1 2 3", "height": "low normal high"},
-    "box": {"hand": "left right", "count": "1 2 3"},
-    "pick_up": {"hand": "left right"},
-    "reach": {"hand": "left right", "target": "up forward"},
-    "sit": {"ends": "seated standing"},
-    "squat": {"count": "1 2 3"},
-    "bow": {},
-    "stand": {},
-}
-WEIGHTS = dict(
-    walk=20, run=14, backward=2, jump=9, turn=8, wave=8, kick=9, box=5, pick_up=4, reach=5, sit=4, squat=4, bow=2, stand=2
-)
+Attributes = dict[str, Any]  # names to words or numbers
+
+
+def read_table(text: str) -> dict[str, str]:
+    """Entries "name: what is said of it", parted by line ends or semicolons; a line that ends with a bar goes on in the next."""
+    entries = (entry.partition(":") for entry in re.split("\n|; ", text.strip().replace("|\n", "|")))
+    return {name: said.strip() for name, _, said in entries}
+
+
+# action: how likely it is, then attributes with their values, of which one is drawn; a value named twice is twice as likely
+_ACTIONS = read_table("""
+walk: 20 | path straight left_circle right_circle left_turn right_turn | speed slow normal fast
+run: 14 | path straight left_circle right_circle left_turn right_turn | speed slow normal fast
+backward: 2 | direction backward
+jump: 9 | count 1 2 3 | height low normal high | direction in_place in_place forward
+turn: 8 | turn left right | degrees 90 180 | pace slow normal fast
+wave: 8 | hand left right left right both | pace slow normal fast
+kick: 9 | foot left right | count 1 2 3 | height low normal high
+box: 5 | hand left right | count 1 2 3
+pick_up: 4 | hand left right
+reach: 5 | hand left right | target up forward
+sit: 4 | ends seated standing
+squat: 4 | count 1 2 3
+bow: 2
+stand: 2
+""")
+WEIGHTS = {action: float(said.partition(" ")[0]) for action, said in _ACTIONS.items()}
+RECIPES = {action: dict(drawn.split(" ", 1) for drawn in said.split(" | ")[1:]) for action, said in _ACTIONS.items()}
 # One action, then another; at most one of them has a side.
 PAIRS = [
     tuple(pair.split(">"))
@@ -45,11 +51,11 @@ PAIRS = [
     ).split()
 ]
 SHARE_OF_PAIRS = 0.25
-_IN_A_PAIR = {"count": "1", "height": "normal", "direction": "in_place", "path": "straight", "pace": "normal", "ends": "seated"}
+_IN_A_PAIR = read_table("count: 1; height: normal; direction: in_place; path: straight; pace: normal; ends: seated")
 _NUMBERS = {"count": int, "degrees": float}
 
 
-def draw_attributes(rng: np.random.Generator) -> dict[str, str | float]:
+def draw_attributes(rng: np.random.Generator) -> Attributes:
     """What one clip shows: "action", perhaps "then", and how, by the names and values of `RECIPES`.
 
     In a clip of two actions everything is normal and happens once, but for the speed of walking.
@@ -58,14 +64,14 @@ def draw_attributes(rng: np.random.Generator) -> dict[str, str | float]:
     if pair:
         actions = PAIRS[rng.integers(len(PAIRS))]
     else:
-        weights = np.array(list(WEIGHTS.values()), float)
+        weights = np.array(list(WEIGHTS.values()))
         actions = (str(rng.choice(list(WEIGHTS), p=weights / weights.sum())),)
     return _drawn(actions, rng)
 
 
-def _drawn(actions: tuple[str, ...], rng: np.random.Generator) -> dict[str, str | float]:
+def _drawn(actions: tuple[str, ...], rng: np.random.Generator) -> Attributes:
     """How a clip shows one action, or two."""
-    attributes: dict[str, str | float] = {"action": "walk" if actions[0] == "backward" else actions[0]}
+    attributes: Attributes = {"action": "walk" if actions[0] == "backward" else actions[0]}
     pair = len(actions) > 1
     if pair:
         attributes["then"] = actions[-1]
@@ -76,7 +82,7 @@ def _drawn(actions: tuple[str, ...], rng: np.random.Generator) -> dict[str, str 
     return attributes
 
 
-_RULES = """
+RULES = read_table("""
 subject: a person | someone | somebody | a man | a woman | a human | the person | the figure | an adult
 two: <action> and then <then> | <action> then <then> | first <action> and afterwards <then> | <action> and after that <then>
 walk-slow: walks slowly <path> | strolls <path> | ambles <path> | is walking slowly <path> | walks <path> at a slow pace |
@@ -157,21 +163,17 @@ sit-standing: sits down and stands up again | sits down and gets back up | takes
     sits on a chair and rises again
 bow: bows | takes a bow | bends forward at the waist | leans the upper body forward | bows down politely
 stand: stands still | stands in place | remains standing | is standing still | does not move | stands motionless
-"""
-RULES: dict[str, str] = {
-    name: text for name, _, text in (line.partition(":") for line in _RULES.strip().replace("|\n", "|").splitlines())
-}
+""")
 CAPTIONS = 3
 # the attributes, the first that a clip has, by which a rule is chosen whose name is not that of the attribute
-_CHOSEN_BY = {
-    "walk": ("speed", "direction"), "run": ("speed",), "angle": ("degrees",), "reach": ("target",), "sit": ("ends",),
-    "jumps": ("height",), "size": ("height",), "along": ("direction",),
-    **dict.fromkeys(("times", "number", "punches", "kicks", "squats"), ("count",)),
-}  # fmt: skip
+_CHOSEN_BY = read_table("""
+walk: speed direction; run: speed; angle: degrees; reach: target; sit: ends; jumps: height; size: height; along: direction
+times: count; number: count; punches: count; kicks: count; squats: count
+""")
 _SLOT = re.compile(r"<(\w+)>")
 
 
-def captions_of(attributes: Mapping[str, str | float], rng: np.random.Generator) -> tuple[str, str, str]:
+def captions_of(attributes: Attributes, rng: np.random.Generator) -> tuple[str, str, str]:
     """Three different sentences that describe a clip with these attributes: lower case, words parted by single spaces.
 
     Args:
@@ -201,7 +203,7 @@ def vocabulary() -> tuple[str, ...]:
     return tuple(sorted({word for word in words if word[0] != "{"} | {"left", "right"}))  # sides alone are said as they are
 
 
-def _sentence(text: str, attributes: Mapping[str, str | float], rng: np.random.Generator) -> str:
+def _sentence(text: str, attributes: Attributes, rng: np.random.Generator) -> str:
     """Replace slot after slot by one of its alternatives."""
     while slot := _SLOT.search(text):
         options = RULES[_rule(slot[1], attributes)].split("|")
@@ -209,12 +211,12 @@ def _sentence(text: str, attributes: Mapping[str, str | float], rng: np.random.G
     return " ".join(text.format(**attributes).split())
 
 
-def _rule(slot: str, attributes: Mapping[str, str | float]) -> str:
+def _rule(slot: str, attributes: Attributes) -> str:
     """The rule that fills a slot."""
     slot = str(attributes[slot]) if slot in ("action", "then") else slot
     if slot in RULES:
         return slot
-    value = next(attributes[name] for name in _CHOSEN_BY.get(slot, (slot,)) if name in attributes)
+    value = next(attributes[name] for name in _CHOSEN_BY.get(slot, slot).split() if name in attributes)
     return f"{slot}-{value:g}" if isinstance(value, float | int) else f"{slot}-{value}"
 
 
@@ -235,7 +237,7 @@ class Synonyms(NamedTuple):
     nonsense: tuple[str, ...]
 
 
-_TABLE = """
+_SYNONYMS = read_table("""
 person: human, figure, adult | individual, pedestrian | blenk
 someone: somebody | anyone, anybody | trovul
 somebody: someone | anyone, anybody | trovim
@@ -296,16 +298,8 @@ upward: up | skyward, upwards | gleever
 jumps: hops | bounces, bounds, springs | snarks
 hops: jumps | bounces, bounds, springs | brillets
 still: motionless | immobile, unmoving | dabe
-"""
-
-
-def _read(table: str) -> dict[str, Synonyms]:
-    """Lines of "word: seen | held out | nonsense", each a list parted by commas."""
-    entries = (line.split(": ") for line in table.strip().splitlines())
-    return {word: Synonyms(*(tuple(part.strip().split(", ")) for part in lists.split("|"))) for word, lists in entries}
-
-
-SYNONYMS = _read(_TABLE)
+""")  # word: seen | held out | nonsense
+SYNONYMS = {word: Synonyms(*(tuple(words.split(", ")) for words in lists.split(" | "))) for word, lists in _SYNONYMS.items()}
 
 
 def perturbed(text: str, replacements: int, kind: Kind, rng: np.random.Generator) -> str:

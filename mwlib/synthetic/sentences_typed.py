@@ -6,58 +6,53 @@ that does not is left as it is, and the model tells that it does not know it. Wh
 somebody does not walk, is refused.
 """
 
-from __future__ import annotations
-
 import re
 import unicodedata
 from functools import cache
 from typing import Any, NamedTuple
 
 from mwlib.networks.text import words_of
-from mwlib.synthetic.sentences import PAIRS, vocabulary
+from mwlib.synthetic.sentences import PAIRS, read_table, vocabulary
 
-# The grammar's verbs and some of its nouns by their action; those under "" take part in several.
-ACTIONS = {
-    "walk": "walks strolls ambles steps strides moves",
-    "run": "runs jogs trots sprints dashes",
-    "jump": "jumps hops leaps",
-    "turn": "turns rotates veers curves",
-    "wave": "waves greets",
-    "kick": "kicks",
-    "box": "boxes punches strikes",
-    "pick_up": "picks grabs",
-    "reach": "reaches stretches extends holds",
-    "sit": "sits lowers",
-    "squat": "squats crouches",
-    "bow": "bows leans",
-    "stand": "stands",
-    "": "makes does takes throws raises lifts bends gets rises remains",
-}
-NOUNS = {
-    "pick_up": "something object item", "squat": "knee knees", "bow": "waist", "sit": "seat", "stand": "move motionless",
-}  # fmt: skip
-PAST = dict(
-    ran="runs", leapt="leaps", struck="strikes", held="holds", sat="sits", bent="bends", stood="stands", made="makes",
-    did="does", took="takes", threw="throws", got="gets", rose="rises",
-)  # fmt: skip
-# What is typed -> what the grammar says; nothing: it is left out.
-SYNONYMS = {
-    "1": "one", "2": "two", "3": "three", "90 degrees": "ninety degrees", "180 degrees": "halfway around",
-    "an anticlockwise": "a counterclockwise", "anticlockwise": "counterclockwise", "counter clockwise": "counterclockwise",
-    "anti clockwise": "counterclockwise", "upwards": "upward", "quick": "quickly", "please": "", "will": "",
-    "he's": "he is", "she's": "she is", "they're": "they are", "i'm": "i am",
-    **dict.fromkeys(("his", "her", "their", "its", "my", "your"), "the"),
-}  # fmt: skip
+# The grammar's verbs by their action; the last, of no name, take part in several.
+ACTIONS = read_table("""
+walk: walks strolls ambles steps strides moves
+run: runs jogs trots sprints dashes
+jump: jumps hops leaps
+turn: turns rotates veers curves
+wave: waves greets
+kick: kicks
+box: boxes punches strikes
+pick_up: picks grabs
+reach: reaches stretches extends holds
+sit: sits lowers
+squat: squats crouches
+bow: bows leans
+stand: stands
+: makes does takes throws raises lifts bends gets rises remains
+""")
+# Some of its nouns, and the like, by their action.
+NOUNS = read_table("pick_up: something object item; squat: knee knees; bow: waist; sit: seat; stand: move motionless")
+PAST = read_table("""
+ran: runs; leapt: leaps; struck: strikes; held: holds; sat: sits; bent: bends; stood: stands; made: makes; did: does
+took: takes; threw: throws; got: gets; rose: rises
+""")
+# What is typed: what the grammar says; nothing: it is left out.
+SYNONYMS = read_table("""
+1: one; 2: two; 3: three; 90 degrees: ninety degrees; 180 degrees: halfway around; an anticlockwise: a counterclockwise
+anticlockwise: counterclockwise; counter clockwise: counterclockwise; anti clockwise: counterclockwise; upwards: upward
+quick: quickly; please: ; will: ; he's: he is; she's: she is; they're: they are; i'm: i am; his: the; her: the; their: the
+its: the; my: the; your: the
+""")
 # Who acts -> the grammar's nearest: a pronoun alone, a noun with an article or without.
-PERSONS = {
-    "he": "a man", "she": "a woman", **dict.fromkeys(("they", "i", "you"), "a person"),
-    "someone": "someone", "somebody": "somebody", "person": "a person", "man": "a man", "guy": "a man", "boy": "a man",
-    "woman": "a woman", "girl": "a woman", "lady": "a woman", "human": "a human", "figure": "the figure", "adult": "an adult",
-}  # fmt: skip
-PRONOUNS, JOINED = ("he", "she", "they", "i", "you"), ("and", "then", "that", "afterwards")
-ARTICLES = ("a", "an", "the", "this", "that", "one", "some")
-BEING = ("is", "are", "was", "were", "am", "be")
-DENIALS = ("not", "never", "no", "nobody", "nothing", "without", "neither", "nor", "cannot", "dont", "doesnt", "isnt", "wont")
+PERSONS = read_table("""
+he: a man; she: a woman; they: a person; i: a person; you: a person; someone: someone; somebody: somebody; person: a person
+man: a man; guy: a man; boy: a man; woman: a woman; girl: a woman; lady: a woman; human: a human; figure: the figure
+adult: an adult
+""")
+PRONOUNS, JOINED = "he she they i you".split(), "and then that afterwards".split()
+ARTICLES, BEING = "a an the this that one some".split(), "is are was were am be".split()
+DENIALS = "not never no nobody nothing without neither nor cannot dont doesnt isnt wont".split()
 STILL = re.compile(r"\b(?:(?:does|do|did|is|are|was|were) not|(?:does|do|did|is|are|was|were)n't) (?:move|moving|moved)\b")
 GOING = (*(ACTIONS["walk"] + " " + ACTIONS["run"]).split(), "walking", "running", "jogging")
 HOW = "(?:slowly|unhurriedly|quickly|briskly|rapidly|fast)"
@@ -112,7 +107,10 @@ def as_learnt(sentence: str) -> Typed:
         raise ValueError(f"{sentence[:80]!r}, with {denial[0]!r}; expected what a person does: the model has learnt no denial")
     for typed, said in SYNONYMS.items():
         text = re.sub(rf"(?<!\S){typed}(?!\S)", said, text)
-    text = _phrases(" ".join(_verbs(_somebody(text.split()))))
+    text = " ".join(_verbs(_somebody(text.split())))
+    for typed, said, unless in PHRASES:
+        if not unless or unless not in text:
+            text = re.sub(typed, said, text)
     found = Typed(text, _actions(text))
     if len(found.actions) > MOST:
         raise ValueError(f"{sentence[:80]!r}, which asks for {', '.join(found.actions)}; expected at most {MOST} actions")
@@ -173,14 +171,6 @@ def _may_begin(before: str) -> bool:
     return before in {"", "first", *JOINED, *nouns} or before.endswith("ly")
 
 
-def _phrases(text: str) -> str:
-    """Turns of speech as the grammar has them."""
-    for typed, said, unless in PHRASES:
-        if not unless or unless not in text:
-            text = re.sub(typed, said, text)
-    return text
-
-
 def _actions(text: str) -> tuple[str, ...]:
     """The actions that known words ask for; several words for one, one after the other, count once."""
     found: list[str] = []
@@ -204,7 +194,7 @@ def _named() -> dict[str, str]:
 def tables() -> dict[str, Any]:
     """All that `as_learnt` looks up, as JSON values, for a program in another language that reads sentences, too."""
     return {
-        "words": [*vocabulary()], "forms": forms(), "synonyms": SYNONYMS, "persons": PERSONS, "pronouns": [*PRONOUNS],
-        "joined": [*JOINED], "articles": [*ARTICLES], "being": [*BEING], "denials": [*DENIALS], "still": STILL.pattern,
+        "words": [*vocabulary()], "forms": forms(), "synonyms": SYNONYMS, "persons": PERSONS, "pronouns": PRONOUNS,
+        "joined": JOINED, "articles": ARTICLES, "being": BEING, "denials": DENIALS, "still": STILL.pattern,
         "phrases": [*map(list, PHRASES)], "named": _named(), "pairs": [*map(list, PAIRS)], "most": MOST,
     }  # fmt: skip

@@ -6,7 +6,7 @@ can be held against the sentence without another network.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from functools import cached_property
 from typing import NamedTuple
 
@@ -20,6 +20,10 @@ from mwlib.body.skeleton import HUMANML22
 from mwlib.data.formats.humanml import CaptionedClip, FeatureLayout, joints_of
 from mwlib.metrics import foot_skate, jerk, path_length, speed
 
+Frames = Bool[np.ndarray, " T"]  # in which something happens
+PerFrame = Float[np.ndarray, " T"]
+PerSide = Float[np.ndarray, "2 T"]
+Places = Float[np.ndarray, "T 3"]
 SIDES = ("left", "right")
 _AT = {name: joint for joint, name in enumerate(HUMANML22.joints)}
 
@@ -42,7 +46,7 @@ class BodySignals:
             raise ValueError("positions hold values that are not finite; expected metres")
         self.positions, self.fps = np.asarray(positions, float), fps
 
-    def joint(self, name: str) -> Float[np.ndarray, "T 3"]:
+    def joint(self, name: str) -> Places:
         """Positions of one joint."""
         return self.positions[:, _AT[name]]
 
@@ -61,83 +65,73 @@ class BodySignals:
         return float(np.median(np.linalg.norm(hip - knee, axis=-1) + np.linalg.norm(knee - ankle, axis=-1)))
 
     @cached_property
-    def forward(self) -> Float[np.ndarray, "T 3"]:
+    def forward(self) -> Places:
         """Unit vector along the floor to where hips and shoulders face."""
         left = sum((np.subtract(*self.both(joint)) for joint in ("hip", "shoulder")), np.zeros(3))
         ahead = np.cross(left, [0.0, 1.0, 0.0])
         return ahead / np.maximum(np.linalg.norm(ahead, axis=-1, keepdims=True), 1e-9)
 
     @cached_property
-    def facing(self) -> Float[np.ndarray, " T"]:
+    def facing(self) -> PerFrame:
         """Where hips and shoulders face, degrees, growing to the left, without jumps."""
         return np.rad2deg(np.unwrap(np.arctan2(self.forward[:, 0], self.forward[:, 2])))
 
     @cached_property
-    def heading(self) -> Float[np.ndarray, " T"]:
+    def heading(self) -> PerFrame:
         """`facing`, smoothed over a step."""
         return self.smooth(self.facing, 0.2)
 
     @cached_property
-    def velocity(self) -> Float[np.ndarray, "T 3"]:
+    def velocity(self) -> Places:
         """Of the root along the floor, metres per second, smoothed over a tenth of a second."""
         root = self.smooth(self.joint("pelvis") * [1.0, 0.0, 1.0], 0.1)
         return np.gradient(root, axis=0) * self.fps
 
     @cached_property
-    def ankles(self) -> Float[np.ndarray, "2 T"]:
+    def ankles(self) -> PerSide:
         """Height of the ankles over where they are on the floor, metres."""
         height = self.both("ankle")[..., 1]
         return height - height.min()
 
     @cached_property
-    def wrists(self) -> Float[np.ndarray, "2 T"]:
+    def wrists(self) -> PerSide:
         """Height of the wrists over the shoulder of their side, metres."""
         return self.both("wrist")[..., 1] - self.both("shoulder")[..., 1]
 
     @cached_property
-    def extension(self) -> Float[np.ndarray, "2 T"]:
+    def extension(self) -> PerSide:
         """Distance of the wrist from its shoulder as a share of the arm's length."""
         shoulder, elbow, wrist = (self.both(joint) for joint in ("shoulder", "elbow", "wrist"))
         arm = np.linalg.norm(shoulder - elbow, axis=-1) + np.linalg.norm(elbow - wrist, axis=-1)
         return np.linalg.norm(wrist - shoulder, axis=-1) / np.maximum(arm, 1e-9)
 
-    def ahead(self, joint: str) -> Float[np.ndarray, "2 T"]:
+    def ahead(self, joint: str) -> PerSide:
         """How far a joint of either side is ahead of the root, metres."""
         return np.sum((self.both(joint) - self.joint("pelvis")) * self.forward, axis=-1)
 
-    def upright(self, joint: str) -> Float[np.ndarray, " T"]:
+    def upright(self, joint: str) -> PerFrame:
         """Height of a joint over the lower ankle as a share of its height when the body stands."""
         height = self.joint(joint)[:, 1] - self.both("ankle")[..., 1].min(axis=0)
         return height / np.maximum(np.quantile(height, 0.95), 1e-9)
 
     @cached_property
-    def moving(self) -> Bool[np.ndarray, " T"]:
+    def moving(self) -> Frames:
         """Whether root and feet get somewhere within the second around."""
-        feet = self.both("ankle").mean(axis=0)
-        far = [self._covered(places) for places in (self.joint("pelvis"), feet)]
-        return (far[0] > 0.36) & (far[1] > 0.3)
+        places = np.stack([self.joint("pelvis"), self.both("ankle").mean(axis=0)])
+        half, frames = int(self.fps / 2), np.arange(len(self.positions))
+        first, end = np.maximum(frames - half, 0), np.minimum(frames + half, frames[-1])
+        apart = (places[:, end] - places[:, first])[..., [0, 2]]
+        root, feet = np.linalg.norm(apart, axis=-1) * 2 * half / (end - first)  # scaled up where the clip ends sooner
+        return (root > 0.36) & (feet > 0.3)
 
-    def _covered(self, places: Float[np.ndarray, "T 3"]) -> Float[np.ndarray, " T"]:
-        """Metres along the floor within the second around, scaled up where the clip ends sooner."""
-        half, last = int(self.fps / 2), len(places) - 1
-        frames = np.arange(len(places))
-        first, end = np.maximum(frames - half, 0), np.minimum(frames + half, last)
-        apart = (places[end] - places[first])[:, [0, 2]]
-        return np.linalg.norm(apart, axis=-1) * 2 * half / (end - first)
-
-    def spells(self, happens: Bool[np.ndarray, " T"], shortest: float, gap: float = 0.0) -> list[slice]:
+    def spells(self, happens: Frames, shortest: float, gap: float = 0.0) -> list[slice]:
         """Runs of frames in which something happens for at least so many seconds; interruptions up to `gap` seconds count."""
-        edges = np.flatnonzero(np.diff(np.concatenate([[False], happens, [False]]).astype(int)))
-        runs = edges.reshape(-1, 2).tolist()
-        joined: list[list[int]] = []
-        for start, stop in runs:
-            if joined and start - joined[-1][1] <= gap * self.fps:
-                joined[-1][1] = stop
-            else:
-                joined.append([start, stop])
+        starts, stops = np.flatnonzero(np.diff(happens, prepend=False, append=False)).reshape(-1, 2).T
+        apart = starts[1:] - stops[:-1] > gap * self.fps
+        joined = zip(starts[np.r_[True, apart]].tolist(), stops[np.r_[apart, True]].tolist(), strict=True) if len(starts) else ()
         return [slice(start, stop) for start, stop in joined if stop - start >= shortest * self.fps]
 
-    def around(self, events: Iterable[Event], seconds: float) -> Bool[np.ndarray, " T"]:
+    def around(self, events: Iterable[Event], seconds: float) -> Frames:
         """Frames within so many seconds of any of these events."""
         near = np.zeros(len(self.positions), bool)
         for _, spell, _ in events:
@@ -150,8 +144,6 @@ class BodySignals:
         side = int(len(spells[1]) > len(spells[0]))
         return side, spells[side]
 
-
-Attributes = Mapping[str, str | float]
 
 SPEEDS = {"walk": (0.81, 1.37), "run": (2.4, 3.18)}  # metres per second: slow below the first, fast above the second
 TURN_RATES = (104.0, 195.0)  # degrees per second in the middle of the turn
@@ -188,7 +180,10 @@ def measured_attributes(positions: Float[np.ndarray, "T J 3"], fps: float = 20.0
     """
     body = BodySignals(positions, fps)
     events = sorted(_events(body), key=lambda event: event.spell.start + event.spell.stop)
-    events = _with_rest(body, events)
+    end = max((event.spell.stop for event in events), default=0)
+    if not events or (len(events) == 1 and events[0].action in ("walk", "run") and len(positions) - end > 0.75 * fps):
+        # standing is what is left when nothing happens at all, or for long after the last that does
+        events.append(Event("stand", slice(end, len(positions)), {}))
     found: dict[str, str | float] = {}
     for event in reversed(events):
         found |= event.attributes
@@ -213,23 +208,15 @@ def _events(body: BodySignals) -> list[Event]:
     return [*jumps, *travel, *kicks, *punches, *low, *hands, *_turns(body, going & busy)]
 
 
-def _with_rest(body: BodySignals, events: list[Event]) -> list[Event]:
-    """Standing is what is left when nothing happens at all, or for long after the last that does."""
-    end = max((event.spell.stop for event in events), default=0)
-    if not events or (len(events) == 1 and events[0].action in ("walk", "run") and len(body.positions) - end > 0.75 * body.fps):
-        return [*events, Event("stand", slice(end, len(body.positions)), {})]
-    return events
-
-
-def _class(value: float, thresholds: tuple[float, float], names: tuple[str, str, str] = ("slow", "normal", "fast")) -> str:
-    return names[int(np.searchsorted(thresholds, value))]
+def _class(value: float, thresholds: tuple[float, float], names: str = "slow normal fast") -> str:
+    return names.split()[int(np.searchsorted(thresholds, value))]
 
 
 def _whole(spells: list[slice]) -> slice:
     return slice(spells[0].start, spells[-1].stop)
 
 
-_HEIGHTS = ("low", "normal", "high")
+_HEIGHTS = "low normal high"
 
 
 def _jumps(body: BodySignals) -> list[Event]:
@@ -240,16 +227,15 @@ def _jumps(body: BodySignals) -> list[Event]:
     if not spells:
         return []
     height = np.median([body.ankles.min(axis=0)[spell].max() for spell in spells])
-    whole = _whole(spells)
     feet = body.both("ankle").mean(axis=0)
     far = sum(float((feet[spell.stop - 1] - feet[spell.start]) @ body.forward[spell.start]) for spell in spells)
     seconds = sum(spell.stop - spell.start for spell in spells) / body.fps
     along = "forward" if far / seconds > FORWARD else "in_place"
     found = {"count": len(spells), "height": _class(float(height), JUMP_HEIGHTS, _HEIGHTS), "direction": along}
-    return [Event("jump", whole, found)]
+    return [Event("jump", _whole(spells), found)]
 
 
-def _travels(body: BodySignals, flying: Bool[np.ndarray, " T"]) -> list[Event]:
+def _travels(body: BodySignals, flying: Frames) -> list[Event]:
     """Getting somewhere on foot; a run has moments without a foot on the floor."""
     found = []
     for spell in body.spells(body.moving & ~flying, 0.8, gap=0.8):
@@ -261,15 +247,13 @@ def _travels(body: BodySignals, flying: Bool[np.ndarray, " T"]) -> list[Event]:
         action = "run" if speed > 1.88 else "walk"
         change = float(body.heading[inner][-1] - body.heading[inner][0])
         side, kind = "left" if change > 0 else "right", "circle" if abs(change) > CIRCLE else "turn"
-        attributes: dict[str, str | float] = {
-            "speed": _class(speed, SPEEDS[action]),
-            "path": "straight" if abs(change) < STRAIGHT else f"{side}_{kind}",
-        }
-        found.append(Event(action, spell, attributes | ({"direction": "backward"} if backward else {})))
+        path = "straight" if abs(change) < STRAIGHT else f"{side}_{kind}"
+        direction = {"direction": "backward"} if backward else {}
+        found.append(Event(action, spell, {"speed": _class(speed, SPEEDS[action]), "path": path, **direction}))
     return found
 
 
-def _kicks(body: BodySignals, busy: Bool[np.ndarray, " T"]) -> list[Event]:
+def _kicks(body: BodySignals, busy: Frames) -> list[Event]:
     """A foot far ahead and above the floor while the other stands."""
     out = (body.ahead("ankle") > 0.42 * body.leg) & (body.ankles > 0.06 * body.leg) & (body.ankles[::-1] < 0.12 * body.leg)
     foot, spells = body.by_side(out & ~busy, 0.1, gap=0.1)
@@ -280,7 +264,7 @@ def _kicks(body: BodySignals, busy: Bool[np.ndarray, " T"]) -> list[Event]:
     return [Event("kick", _whole(spells), attributes)]
 
 
-def _punches(body: BodySignals, busy: Bool[np.ndarray, " T"]) -> list[Event]:
+def _punches(body: BodySignals, busy: Frames) -> list[Event]:
     """One arm stretched forward while the other is held bent before the chest."""
     level = np.abs(body.wrists) < 0.2
     out = (body.extension > 0.88) & level & (body.extension[::-1] < 0.62) & (body.wrists[::-1] > -0.2)
@@ -288,7 +272,7 @@ def _punches(body: BodySignals, busy: Bool[np.ndarray, " T"]) -> list[Event]:
     return [Event("box", _whole(spells), {"hand": SIDES[hand], "count": len(spells)})] if spells else []
 
 
-def _lows(body: BodySignals, busy: Bool[np.ndarray, " T"]) -> list[Event]:
+def _lows(body: BodySignals, busy: Frames) -> list[Event]:
     """The hips go down, or the head alone."""
     hips, head = body.upright("pelvis"), body.upright("head")
     spells = body.spells((hips < 0.78) & ~busy, 0.2)
@@ -305,7 +289,7 @@ def _lows(body: BodySignals, busy: Bool[np.ndarray, " T"]) -> list[Event]:
     return [Event("squat", whole, {"count": len(spells)})]
 
 
-def _hands(body: BodySignals, busy: Bool[np.ndarray, " T"]) -> list[Event]:
+def _hands(body: BodySignals, busy: Frames) -> list[Event]:
     """A hand held up: waving if it goes to and fro, else reaching; or an arm stretched forward."""
     up = [body.spells((wrist > 0.12) & ~busy, 0.3, gap=0.3) for wrist in body.wrists]
     raised = [side for side in (0, 1) if up[side]]
@@ -325,7 +309,7 @@ def _hands(body: BodySignals, busy: Bool[np.ndarray, " T"]) -> list[Event]:
 
 def _rate(body: BodySignals, side: int, spell: slice) -> float | None:
     """How often a second the raised hand goes to and fro; None if hardly."""
-    elbow = np.linalg.norm(np.subtract(body.both("wrist")[side], body.both("shoulder")[side]), axis=-1)
+    elbow = np.linalg.norm((body.both("wrist") - body.both("shoulder"))[side], axis=-1)
     swing = elbow[spell] - body.smooth(elbow, 0.5)[spell]
     frames = np.flatnonzero(np.abs(swing) > SWING)
     signs = np.sign(swing[frames])
@@ -335,14 +319,11 @@ def _rate(body: BodySignals, side: int, spell: slice) -> float | None:
     return (len(turns) - 1) / 2 * body.fps / float(frames[turns[-1]] - frames[turns[0]])
 
 
-def _turns(body: BodySignals, going: Bool[np.ndarray, " T"]) -> list[Event]:
+def _turns(body: BodySignals, going: Frames) -> list[Event]:
     """The heading changes while the body stays where it is."""
     rate = np.gradient(body.heading) * body.fps
-    spells = [
-        spell
-        for spell in body.spells((np.abs(rate) > 20.0) & ~going, 0.2, gap=0.15)
-        if abs(body.heading[spell.stop - 1] - body.heading[spell.start]) > 45.0
-    ]
+    spells = body.spells((np.abs(rate) > 20.0) & ~going, 0.2, gap=0.15)
+    spells = [spell for spell in spells if np.ptp(body.heading[spell][[0, -1]]) > 45.0]
     if not spells:
         return []
     spell = max(spells, key=lambda s: s.stop - s.start)
@@ -374,15 +355,15 @@ def movement(features: Float[Tensor, "T D"], layout: FeatureLayout) -> dict[str,
     flat = joints.flatten(-2)[None, None]
     toes = layout.contact_joints[1::2]
     floor = float(joints[:, toes, 1].amin())
-    return {
-        "joint_speed": float(speed(flat, layout.fps)),
-        "way": float(path_length(joints[:, 0, [0, 2]])),
-        "jerk": float(jerk(flat, layout.fps)),
-        "bone_jitter": float(
-            bones_of((joints[:, 1:] - joints[:, :1]).flatten(-2), layout.skeleton).norm(dim=-1).diff(dim=0).abs().mean()
-        ),
-        "skate": float(foot_skate(joints.flatten(-2), toes, layout.fps, up="y", floor=floor)),
+    lengths = bones_of((joints[:, 1:] - joints[:, :1]).flatten(-2), layout.skeleton).norm(dim=-1)
+    found = {
+        "joint_speed": speed(flat, layout.fps),
+        "way": path_length(joints[:, 0, [0, 2]]),
+        "jerk": jerk(flat, layout.fps),
+        "bone_jitter": lengths.diff(dim=0).abs().mean(),
+        "skate": foot_skate(joints.flatten(-2), toes, layout.fps, up="y", floor=floor),
     }
+    return {name: float(value) for name, value in found.items()}
 
 
 def claims_met(features: Float[Tensor, "T D"], clip: CaptionedClip, layout: FeatureLayout) -> dict[str, float]:

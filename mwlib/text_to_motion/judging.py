@@ -1,7 +1,5 @@
 """Scores of motions made from sentences by the papers' protocol, and the known ways in which such scores go wrong or differ."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -18,12 +16,12 @@ from mwlib.data.normalisation import Statistics
 from mwlib.hashing import sha256
 from mwlib.matching.clips import LONGEST, OTHER, PARTS, UNKNOWN, UNKNOWN_WORD, TaggedVocabulary, Vocabulary
 from mwlib.matching.evaluators import Matcher
-from mwlib.metrics import diversity, fid, mm_dist, multimodality, r_precision
+from mwlib.metrics import mm_dist, multimodality
 from mwlib.networks.matching import UNIT
 from mwlib.settings import whole as whole_number
 from mwlib.text_to_motion.config import RANKS
 from mwlib.text_to_motion.model import TextToMotion
-from mwlib.text_to_motion.system import PAIRS
+from mwlib.text_to_motion.system import set_scores
 
 MM_PAIRS = 10  # of MultiModality, for each sentence
 REAL = "real motions"
@@ -156,7 +154,12 @@ def scores(make: Once, judge: Matcher, test: Sequence[CaptionedClip], how: Proto
     model, seed, texts = make.model, make.seed, one_caption_each(test, make.seed)
     real, again = (_pieces(test, how, seed + n) for n in (0, 1))
     known = judge.embed_motions(real)
-    found = {REAL: _of_sets(how, seed, judge.embed_text(texts).cpu(), judge.embed_motions(again), known)}
+
+    def of_sets(text: Float[Tensor, "N E"], motion: Float[Tensor, "N E"]) -> Scores:
+        """Scores of motions made from sentences beside the real ones."""
+        return set_scores(text, motion, known, how.pool, seed) | {"mm_dist": mm_dist(text, motion)}
+
+    found = {REAL: of_sets(judge.embed_text(texts).cpu(), judge.embed_motions(again))}
     seen = Matcher(
         judge.network,
         judge.movement,
@@ -175,7 +178,7 @@ def scores(make: Once, judge: Matcher, test: Sequence[CaptionedClip], how: Proto
 
     words, many = seen.embed_text([texts[i] for i in picked]).cpu(), made(picked, how.best_of)
     nearest = (words[:, None] - many).norm(dim=-1).argmin(1)
-    found["model"] = _of_sets(how, seed, words, many[torch.arange(len(many)), nearest], known)
+    found["model"] = of_sets(words, many[torch.arange(len(many)), nearest])
     generator = torch.Generator().manual_seed(seed)
     repeated = torch.randperm(len(test), generator=generator)[: how.repeated].sort().values.tolist()
     pairs = min(MM_PAIRS, how.repeats - 1)
@@ -192,20 +195,8 @@ def _pieces(test: Sequence[CaptionedClip], how: Protocol, seed: int) -> list[Flo
     return [torch.from_numpy(clip.features[start : start + length]) for clip, start, length in cuts]
 
 
-def _of_sets(how: Protocol, seed: int, text: Tensor, motion: Tensor, real: Tensor) -> Scores:
-    generator = torch.Generator().manual_seed(seed)
-    top = r_precision(text, motion, pool=min(how.pool, len(text)), generator=generator)
-    return {
-        "fid": fid(motion, real),
-        **{f"top{k}": float(share) for k, share in enumerate(top, 1)},
-        "mm_dist": mm_dist(text, motion),
-        "diversity": diversity(motion, pairs=min(PAIRS, len(motion) - 1), generator=generator),
-    }
-
-
 def fingerprint(networks: Sequence[nn.Module], statistics: Statistics) -> str:
     """SHA-256 over the weights of networks and the statistics that they go with."""
     states: list[Mapping[str, Tensor]] = [*(network.state_dict() for network in networks), statistics.tensors()]
-    return sha256(
-        part for state in states for name, x in state.items() for part in (name, np.ascontiguousarray(x.cpu()).tobytes())
-    )
+    tensors = [(name, x) for state in states for name, x in state.items()]
+    return sha256(part for name, x in tensors for part in (name, np.ascontiguousarray(x.cpu()).tobytes()))

@@ -1,7 +1,5 @@
 """The two losses of Free-T2M, and when in the diffusion each of them counts. One number per sample."""
 
-from __future__ import annotations
-
 from typing import Literal
 
 import torch
@@ -19,7 +17,12 @@ HIGH, MDM_LOW, EQ16 = 0.6, 0.4, 0.3  # shares of the diffusion's steps: see stag
 REASONABLE = 0.5  # S_th of Eq. 15: own choice, the paper never gives it
 
 
-def masked_error(error: Float[Tensor, "B T D"], mask: Bool[Tensor, "B T"]) -> Float[Tensor, " B"]:
+Frames = Float[Tensor, "B T D"]
+Lengths = Int[Tensor, " B"]
+PerSample = Float[Tensor, " B"]
+
+
+def masked_error(error: Frames, mask: Bool[Tensor, "B T"]) -> PerSample:
     """Mean square of an error over the frames that a sample has.
 
     Source: MDM (Tevet et al., 2023), its code; the paper's Eq. 5.
@@ -52,11 +55,11 @@ class LowPass:
             bank[n, :kept, :n] = torch.from_numpy(DCTTransform(n, 1, kept).analysis_time).float()
         self.bank = bank
 
-    def coefficients(self, x: Float[Tensor, "B T D"], lengths: Int[Tensor, " B"]) -> Float[Tensor, "B K D"]:
+    def coefficients(self, x: Frames, lengths: Lengths) -> Float[Tensor, "B K D"]:
         """The cosines that are kept; zeros where a short sample has fewer."""
         return self._of(x, lengths) @ x
 
-    def __call__(self, x: Float[Tensor, "B T D"], lengths: Int[Tensor, " B"]) -> Float[Tensor, "B T D"]:
+    def __call__(self, x: Frames, lengths: Lengths) -> Frames:
         """What these cosines make of the sample; zeros beyond its length."""
         rows = self._of(x, lengths)
         return rows.mT @ (rows @ x)
@@ -65,9 +68,7 @@ class LowPass:
         return self.bank[lengths.cpu(), :, : x.shape[1]].to(x)
 
 
-def low_frequency_loss(
-    error: Float[Tensor, "B T D"], lengths: Int[Tensor, " B"], low_pass: LowPass, norm: Norm = "l1", band: Band = "low"
-) -> Float[Tensor, " B"]:
+def low_frequency_loss(error: Frames, lengths: Lengths, low_pass: LowPass, norm: Norm = "l1", band: Band = "low") -> PerSample:
     """How far the slow part of an estimate is from that of the truth.
 
     Source: Free-T2M Eq. 13, mean |difference| over frames and features ("l1"); its code takes squares ("mse") and K = 1. With
@@ -99,7 +100,7 @@ def semantic_loss(
     text: Float[Tensor, "B E"],
     kind: str = "cos_gt",
     threshold: float = REASONABLE,
-) -> Float[Tensor, " B"]:
+) -> PerSample:
     """How far an estimate is from what its sentence means, as a critic embeds both.
 
     The paper's text compares with the sentence (Eq. 14) and rewards what is already close (Eq. 15 with the minus of Eq. 17), so
@@ -130,7 +131,7 @@ def semantic_loss(
 
 def stage_weights(
     stage: str, t: Int[Tensor, " B"], alpha_bar: Float[Tensor, " M"], power: Float[Tensor, " K"] | None = None
-) -> tuple[Float[Tensor, " B"], Float[Tensor, " B"]]:
+) -> tuple[PerSample, PerSample]:
     """How much each loss counts at each sample's noise level; t = 0 is almost clean, t = M - 1 is noise.
 
     Source: the paper says in words that low frequencies come early in denoising, at much noise ("prose": t >= 0.6 M, meaning
@@ -163,10 +164,10 @@ def stage_weights(
         a = alpha_bar[t].float()[:, None]
         low = (a * power < 1 - a).float().mean(-1)
         return low, 1 - low
-    late, early, all_of_them = t >= HIGH * steps, t <= int(EQ16 * steps), t >= 0
+    late, early = t >= HIGH * steps, t <= int(EQ16 * steps)
     readings = {
         "prose": (late, ~late), "mdm_code": (late, t <= MDM_LOW * steps), "eq16": (early, ~early), "smf_code": (early, ~early),
-        "none": (all_of_them,) * 2,
+        "none": (t >= 0, t >= 0),
     }  # fmt: skip
     if stage not in readings:
         raise ValueError(f"stage is {stage!r}; expected {', '.join(readings)} or snr")

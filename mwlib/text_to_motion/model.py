@@ -20,6 +20,7 @@ from mwlib.networks.text import ClipText, EncodedText, HashedNgrams, TextEncoder
 from mwlib.networks.unet1d import ConditionalUNet
 from mwlib.settings import several, shown, whole, wholes
 from mwlib.text_to_motion.config import Config, ModelConfig
+from mwlib.text_to_motion.losses import Frames
 from mwlib.training import TrainedModel, chunks, identities, with_weights
 
 WHERE_WORDS = "which `mwlib generate --words` lists"
@@ -52,12 +53,12 @@ class TextDenoiser(nn.Module):
 
     def forward(
         self,
-        y_t: Float[Tensor, "B T D"],
+        y_t: Frames,
         t: Int[Tensor, " B"],
         mask: Bool[Tensor, "B T"],
         text: EncodedText | Sequence[str],
         drop: Bool[Tensor, " B"] | None = None,
-    ) -> Float[Tensor, "B T D"]:
+    ) -> Frames:
         """The clean motion, normalised; samples with `drop` do not see their sentence."""
         encoded = text if isinstance(text, EncodedText) else self.text.encode(text)
         return self.body(y_t, t, mask, encoded, drop)
@@ -235,7 +236,7 @@ class TextToMotion(TrainedModel):
             text = EncodedText(*(part.repeat(2, *[1] * (part.ndim - 1)) for part in text))
             drop = torch.cat([drop, ~drop])
 
-        def denoise(y: Float[Tensor, "B T D"], t: int) -> Float[Tensor, "B T D"]:
+        def denoise(y: Frames, t: int) -> Frames:
             """(y_t, t) -> eps."""
             both = y.repeat(2, 1, 1) if guided else y
             steps = torch.full((len(both),), t, device=y.device)

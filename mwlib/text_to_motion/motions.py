@@ -1,7 +1,5 @@
 """Features as motions of a body in the world."""
 
-from __future__ import annotations
-
 import torch
 from jaxtyping import Float
 from torch import Tensor

@@ -1,8 +1,6 @@
 """Training of Free-T2M: the losses of diffusion, of low frequencies and of meaning, on random clips with captions."""
 
-from __future__ import annotations
-
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import torch
@@ -12,7 +10,7 @@ from torch import Tensor, nn
 from mwlib.data.captioned import Batch, ClipBatches, Parts
 from mwlib.data.formats.humanml import FeatureLayout
 from mwlib.data.load import find_source
-from mwlib.data.normalisation import Statistics
+from mwlib.data.normalisation import Kind, Statistics
 from mwlib.data.untrusted import MotionFormatError
 from mwlib.diffusion import alpha_bar, noised
 from mwlib.matching.evaluators import Matcher, finished_run, open_matcher
@@ -137,17 +135,17 @@ def statistics_files(cfg: Config) -> list[Path]:
     return [find_source(cfg.data.data) / name for name in ("Mean.npy", "Std.npy")] if cfg.forward.statistics == "files" else []
 
 
-def published_statistics(cfg: Config, layout: FeatureLayout) -> Statistics:
-    """Mean.npy and Std.npy of the folder of data, as the settings' `normalisation` scales them.
+def published_statistics(cfg: Config, layout: FeatureLayout, files: Sequence[Path] = (), kind: Kind = "mdm") -> Statistics:
+    """Mean.npy and Std.npy of the folder of data, or two other files of this kind, as the settings' `normalisation` scales them.
 
     Raises:
         FileNotFoundError: there is no such folder.
         MotionFormatError: a file is missing, malformed or of another layout.
     """
-    mean, deviation = statistics_files(cfg)
-    found = Statistics.read(mean, deviation)
+    mean, deviation = files or statistics_files(cfg)
+    found = Statistics.read(mean, deviation, kind)
     if found.layout != layout:
-        raise MotionFormatError(mean.parent, "Mean.npy", f"{found.layout.width} numbers", f"{layout.width} for {layout.name}")
+        raise MotionFormatError(mean.parent, mean.name, f"{found.layout.width} numbers", f"{layout.width} for {layout.name}")
     return found.of_kind(cfg.forward.normalisation)
 
 

@@ -5,8 +5,6 @@ et al. 2024 and its code: ``model/latest.tar``, a checkpoint with CLIP in it, an
 Free-T2M replaces parts of both programs that write neither.
 """
 
-from __future__ import annotations
-
 import json
 import re
 from collections.abc import Mapping
@@ -19,7 +17,7 @@ from mwlib.data.formats.humanml import HUMANML3D, KIT, FeatureLayout
 from mwlib.data.normalisation import Statistics
 from mwlib.data.untrusted import SMALL_TEXT, MotionFormatError, read_text
 from mwlib.networks.matching import checkpoint
-from mwlib.settings import shown
+from mwlib.settings import parse_changes, shown
 from mwlib.text_to_motion.config import CLIP, Config
 from mwlib.text_to_motion.model import TextDenoiser, TextToMotion
 from mwlib.text_to_motion.objective import published_statistics
@@ -34,61 +32,86 @@ class Code(NamedTuple):
         title: of what its networks are.
         options: its file of settings, seen from the weights' folder.
         dataset: the setting that names the data.
-        expected: setting -> the values that this package's network and diffusion have; a file may leave them out.
-        averaged, plain: where a checkpoint has the average of the weights, and the weights.
-        names: what a name begins with there -> what it begins with here, the first that fits.
-        inner: parts of a name there -> here.
+        weights: where a checkpoint has the average of the weights, and the weights.
         fixed: what names of weights begin with that are not learnt, or are not the network's.
         origin: where people get such models.
+        expected: setting -> the values that this package's network and diffusion have; a file may leave them out.
+        names: what a name begins with there -> what it begins with here, the first that fits.
+        inner: parts of a name there -> here.
     """
 
     title: str
     options: str
     dataset: str
-    expected: dict[str, tuple[Any, ...]]
-    averaged: str
-    plain: str
-    names: dict[str, str]
-    inner: dict[str, str]
+    weights: tuple[str, ...]
     fixed: tuple[str, ...]
     origin: str
+    expected: dict[str, list[Any]]
+    names: dict[str, str]
+    inner: dict[str, str]
+
+
+def _names(text: str) -> dict[str, str]:
+    """Lines of names there and here."""
+    return dict(line.split() for line in text.strip().splitlines())
 
 
 MDM = Code(
     "MDM's trans_enc",
     "args.json",
     "dataset",
-    {"arch": ("trans_enc",), "text_encoder_type": ("clip",), "unconstrained": (False,), "sigma_small": (True,),
-     "dataset": ("humanml", "kit"), "noise_schedule": ("cosine", "linear"), "emb_policy": ("add",), "pred_len": (0,),
-     "context_len": (0,), "multi_target_cond": (False,)},
-    "model_avg",
-    "model",
-    {"input_process.poseEmbedding.": "enter.", "embed_timestep.time_embed.": "time.", "embed_text.": "text.",
-     "seqTransEncoder.layers.": "encoder.stack.layers.", "output_process.poseFinal.": "leave."},
-    {},
+    ("model_avg", "model"),
     ("clip_model.", "sequence_pos_encoder.", "embed_timestep.sequence_pos_encoder."),
     "the models that https://github.com/GuyTevet/motion-diffusion-model links",
-)  # fmt: skip
+    parse_changes("""
+        arch=[trans_enc] text_encoder_type=[clip] unconstrained=[false] sigma_small=[true] dataset=[humanml,kit]
+        noise_schedule=[cosine,linear] emb_policy=[add] pred_len=[0] context_len=[0] multi_target_cond=[false]
+    """),
+    _names("""
+        input_process.poseEmbedding. enter.
+        embed_timestep.time_embed. time.
+        embed_text. text.
+        seqTransEncoder.layers. encoder.stack.layers.
+        output_process.poseFinal. leave.
+    """),
+    {},
+)
 STABLEMOFUSION = Code(
     "StableMoFusion's U-Net",
     "../opt.txt",
     "dataset_name",
-    {"dataset_name": ("t2m", "humanml", "kit"), "prediction_type": ("sample",), "beta_schedule": ("linear",),
-     "diffusion_steps": (1000,), "no_adagn": (False,), "no_eff": (False,), "text_latent_dim": (256,), "time_dim": (512,)},
-    "model_ema",
-    "encoder",
-    {"embed_text.": "text.", "textTransEncoder.layers.": "text_encoder.stack.layers.", "text_ln.": "text_norm.",
-     "unet.time_mlp.1.": "time.0.", "unet.time_mlp.3.": "time.2.", r"unet.downs.(\d+).2.conv.": r"shrink.\1.",
-     "unet.downs.": "downs.", "unet.mid_block1.": "middle.0.", "unet.mid_block2.": "middle.1.",
-     r"unet.ups.(\d+).0.conv.": r"grow.\1.", r"unet.ups.(\d+).1.": r"ups.\1.0.", r"unet.ups.(\d+).2.": r"ups.\1.1.",
-     "unet.final_conv.": "leave."},
-    {"conv1d.blocks.0.block.": "convolutions.first.", "conv1d.blocks.0.group_norm.": "convolutions.first_norm.",
-     "conv1d.blocks.1.block.": "convolutions.second.", "conv1d.blocks.1.norm.": "convolutions.second_norm.",
-     "conv1d.time_mlp.1.": "convolutions.film.", "conv1d.residual_conv.": "convolutions.shortcut.",
-     "cross_attn.cross_attention.": "attention."},
+    ("model_ema", "encoder"),
     ("clip_model.", "unet.time_mlp.0."),
     "the models that https://github.com/h-y1heng/StableMoFusion links",
-)  # fmt: skip
+    parse_changes("""
+        dataset_name=[t2m,humanml,kit] prediction_type=[sample] beta_schedule=[linear] diffusion_steps=[1000] no_adagn=[false]
+        no_eff=[false] text_latent_dim=[256] time_dim=[512]
+    """),
+    _names(r"""
+        embed_text. text.
+        textTransEncoder.layers. text_encoder.stack.layers.
+        text_ln. text_norm.
+        unet.time_mlp.1. time.0.
+        unet.time_mlp.3. time.2.
+        unet.downs.(\d+).2.conv. shrink.\1.
+        unet.downs. downs.
+        unet.mid_block1. middle.0.
+        unet.mid_block2. middle.1.
+        unet.ups.(\d+).0.conv. grow.\1.
+        unet.ups.(\d+).1. ups.\1.0.
+        unet.ups.(\d+).2. ups.\1.1.
+        unet.final_conv. leave.
+    """),
+    _names("""
+        conv1d.blocks.0.block. convolutions.first.
+        conv1d.blocks.0.group_norm. convolutions.first_norm.
+        conv1d.blocks.1.block. convolutions.second.
+        conv1d.blocks.1.norm. convolutions.second_norm.
+        conv1d.time_mlp.1. convolutions.film.
+        conv1d.residual_conv. convolutions.shortcut.
+        cross_attn.cross_attention. attention.
+    """),
+)
 LEVELS = 4  # of StableMoFusion's U-Net, whatever its widths: its program pads frames to a multiple of 16
 CODES = {".pt": MDM, ".tar": STABLEMOFUSION}  # by the ending of the weights' file
 
@@ -164,10 +187,7 @@ def _statistics(file: Path, cfg: Config, layout: FeatureLayout, options: Mapping
         if (bias := options.get("feat_bias", 5)) != 5:
             raise MotionFormatError(meta, "folder", "none", f"mean.npy and std.npy, as feat_bias is {shown(bias)} and not 5")
         return published_statistics(cfg, layout)
-    found = Statistics.read(meta / "mean.npy", meta / "std.npy", "stablemofusion")
-    if found.layout != layout:
-        raise MotionFormatError(meta, "mean.npy", f"{found.layout.width} numbers", f"{layout.width} for {layout.name}")
-    return found
+    return published_statistics(cfg, layout, (meta / "mean.npy", meta / "std.npy"), "stablemofusion")
 
 
 def _options(file: Path, code: Code) -> dict[str, Any]:
@@ -202,7 +222,7 @@ def _weights(file: Path, code: Code) -> dict[str, Tensor]:
     """Learnt weights by the names of this package's networks."""
     tree = checkpoint(file)
     parts = tree if isinstance(tree, Mapping) else {}
-    tree = next((parts[name] for name in (code.averaged, code.plain) if isinstance(parts.get(name), Mapping)), tree)
+    tree = next((parts[name] for name in code.weights if isinstance(parts.get(name), Mapping)), tree)
     if not isinstance(tree, Mapping) or not all(isinstance(value, Tensor) for value in tree.values()):
         raise ValueError(f"{file} holds {shown(type(tree).__name__)}; expected weights of {code.title} by their names")
     found = {}

@@ -10,11 +10,9 @@ what the low band knows of it (Eq. 42 to 43), without a reason. For Gaussian dat
 nothing but itself; for data whose phases are bound the low band does help. `two_bands` is the smallest experiment with both.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
-from typing import Literal, NamedTuple
+from typing import Literal, NamedTuple, get_args
 
 import numpy as np
 import torch
@@ -23,7 +21,12 @@ from scipy.fft import dct
 from torch import Tensor
 
 Rule = Literal["ddpm", "ddim", "eq36"]
-RULES: tuple[Rule, ...] = ("ddpm", "ddim", "eq36")
+RULES: tuple[Rule, ...] = get_args(Rule)
+
+
+Spectrum = Float[Tensor, " K"]
+Times = Float[Tensor, "*times"]
+Spectra = Float[Tensor, "*times K"]
 
 
 def power_of(x: Float[Tensor, "... T C"]) -> Float[Tensor, " T"]:
@@ -43,7 +46,7 @@ def power_of(x: Float[Tensor, "... T C"]) -> Float[Tensor, " T"]:
     return torch.from_numpy(np.square(c).mean(axis=(*range(x.ndim - 2), -1)))
 
 
-def energy_share(power: Float[Tensor, " K"]) -> Float[Tensor, " K"]:
+def energy_share(power: Spectrum) -> Spectrum:
     """Share of the energy in the first 1, 2, ..., K coefficients; entry K-1 belongs to K coefficients.
 
     >>> energy_share(torch.tensor([4.0, 3.0, 1.0])).tolist()
@@ -52,7 +55,7 @@ def energy_share(power: Float[Tensor, " K"]) -> Float[Tensor, " K"]:
     return power.cumsum(0) / power.sum()
 
 
-def slope(power: Float[Tensor, " K"], first: int, last: int) -> float:
+def slope(power: Spectrum, first: int, last: int) -> float:
     """Slope of log P_k over log k by least squares, k = first ... last: -a where the power falls as k^-a.
 
     A motion that does not return to where it began has a tail of its own, however smooth it is: k^-4 from its drift, k^-2 from a
@@ -71,7 +74,7 @@ def slope(power: Float[Tensor, " K"], first: int, last: int) -> float:
     return float((k * power[first : last + 1].double().log()).sum() / k.square().sum())
 
 
-def power_law(coefficients: int, exponent: float = 2.0) -> Float[Tensor, " K"]:
+def power_law(coefficients: int, exponent: float = 2.0) -> Spectrum:
     """P_k ~ k^-exponent, of mean 1 (Eq. 29 has |w|^-a); 0 gives white data. Own choice: P_0, which the law leaves open, is P_1.
 
     >>> power_law(3, 1.0).tolist()
@@ -86,7 +89,7 @@ def gaussian_motions(power: Float[Tensor, " T"], samples: int, generator: torch.
     return power.sqrt() * torch.randn(samples, len(power), generator=generator, dtype=torch.float64)
 
 
-def forward_power(power: Float[Tensor, " K"], alpha_bar: Float[Tensor, "*times"]) -> Float[Tensor, "*times K"]:
+def forward_power(power: Spectrum, alpha_bar: Times) -> Spectra:
     """E c_t² = a P_k + 1 - a. Source: Eq. 18 for the process of Eq. 2; one draw of c_t² has a cross term, only its mean has none.
 
     >>> forward_power(torch.tensor([4.0, 1.0, 0.0]), torch.tensor(0.25)).tolist()
@@ -96,7 +99,7 @@ def forward_power(power: Float[Tensor, " K"], alpha_bar: Float[Tensor, "*times"]
     return a * power + 1 - a
 
 
-def snr(power: Float[Tensor, " K"], alpha_bar: Float[Tensor, "*times"]) -> Float[Tensor, "*times K"]:
+def snr(power: Spectrum, alpha_bar: Times) -> Spectra:
     """a P_k / (1 - a). Source: Eq. 3 for the process of Eq. 2.
 
     It is a product of a function of k and one of t. So two frequencies keep their ratio: none falls "more rapidly" (Theorem 3.1),
@@ -130,7 +133,7 @@ def recovery_time(power: Float[Tensor, "*shape"], steps: int, gamma: float = 1.0
     return steps * (1.008 * 2 / math.pi * torch.arccos(level.sqrt()) - 0.008)
 
 
-def wiener_gain(power: Float[Tensor, " K"], alpha_bar: Float[Tensor, "*times"]) -> Float[Tensor, "*times K"]:
+def wiener_gain(power: Spectrum, alpha_bar: Times) -> Spectra:
     """g with ĉ_0 = g c_t: sqrt(a) P_k / (a P_k + 1 - a). For Gaussian data no denoiser is better, and k alone tells about k.
 
     sqrt(a) g = SNR / (1 + SNR) is the share of P_k that the estimate has.
@@ -138,7 +141,7 @@ def wiener_gain(power: Float[Tensor, " K"], alpha_bar: Float[Tensor, "*times"]) 
     return alpha_bar.sqrt()[..., None] * power / forward_power(power, alpha_bar)
 
 
-def unknown_share(power: Float[Tensor, " K"], alpha_bar: Float[Tensor, "*times"]) -> Float[Tensor, "*times K"]:
+def unknown_share(power: Spectrum, alpha_bar: Times) -> Spectra:
     """Mean square error of the best estimate, as a share of P_k: (1-a) / (a P_k + 1 - a) = 1 / (1 + SNR)."""
     return (1 - alpha_bar)[..., None] / forward_power(power, alpha_bar)
 
@@ -150,9 +153,7 @@ class Reverse(NamedTuple):
     estimate: Tensor
 
 
-def reverse_power(
-    power: Float[Tensor, " K"], alpha_bar: Float[Tensor, " M"], indices: Sequence[int], rule: Rule = "ddpm"
-) -> Reverse:
+def reverse_power(power: Spectrum, alpha_bar: Float[Tensor, " M"], indices: Sequence[int], rule: Rule = "ddpm") -> Reverse:
     """Power through a whole reverse process with the best denoiser of Gaussian data; `state[-1]` is that of the samples.
 
     Each step is linear, c' = r c_t + s z, so the variance v of c_t goes to r² v + s². It starts from 1, as samplers do. With g

@@ -1,7 +1,5 @@
 """Free-T2M as a system: data, training, scores of motions made from sentences, and baselines that need no training."""
 
-from __future__ import annotations
-
 import warnings
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
@@ -14,7 +12,7 @@ from scipy.sparse import csr_array
 from torch import Tensor
 
 from mwlib.data.captioned import Parts, load_clips, one_caption_each, thinned
-from mwlib.data.formats.humanml import CaptionedClip, FeatureLayout
+from mwlib.data.formats.humanml import CaptionedClip
 from mwlib.matching.evaluators import Matcher, open_matcher, stands_on
 from mwlib.metrics import Column, clustered_error, diversity, fid, multimodality, r_precision
 from mwlib.networks.matching import UNIT
@@ -53,6 +51,9 @@ Make = Callable[[Sequence[str], Sequence[int], int], list[Tensor]]  # sentences,
 make_objective, open_model = TextObjective, TextToMotion.from_tensors
 
 
+Clips = Sequence[CaptionedClip]
+
+
 def load_data(cfg: Config) -> Parts:
     """Clips for training, validation and test.
 
@@ -73,7 +74,7 @@ def judged_by(cfg: Config) -> list[str]:
     return stands_on(cfg.sampling.evaluator)
 
 
-def nearest_caption(clips: Sequence[CaptionedClip], texts: Sequence[str]) -> list[int]:
+def nearest_caption(clips: Clips, texts: Sequence[str]) -> list[int]:
     """For each sentence the clip with a caption that shares most words with it: cosine of word counts; of equals the first.
 
     >>> clips = [CaptionedClip(np.zeros((40, 263), np.float32), (text,)) for text in ("a person walks", "a person runs fast")]
@@ -97,20 +98,20 @@ def _counts(texts: Sequence[str], vocabulary: dict[str, int]) -> csr_array:
     return csr_array((values, (at, words)), shape=(len(texts), len(vocabulary)))
 
 
-def any_clip(clips: Sequence[CaptionedClip], count: int, seed: int) -> list[int]:
+def any_clip(clips: Clips, count: int, seed: int) -> list[int]:
     """Random clips: people who move well and do not listen."""
     rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(4,)))
     return rng.integers(len(clips), size=count).tolist()
 
 
-def mean_pose(clips: Sequence[CaptionedClip], frames: Sequence[int]) -> list[Float[Tensor, "_ D"]]:
+def mean_pose(clips: Clips, frames: Sequence[int]) -> list[Float[Tensor, "_ D"]]:
     """The mean of all features, in every frame: who moves like nobody."""
     total = np.sum([clip.features.sum(0, dtype=np.float64) for clip in clips], axis=0)
     mean = torch.from_numpy((total / sum(len(clip.features) for clip in clips)).astype(np.float32))
     return [mean.repeat(n, 1) for n in frames]
 
 
-def make_motions(cfg: Config, get_model: Callable[[], TextToMotion], parts: Parts, test: Sequence[CaptionedClip]) -> Make:
+def make_motions(cfg: Config, get_model: Callable[[], TextToMotion], parts: Parts, test: Clips) -> Make:
     """What `method` names: the trained model, asked for only here, or a baseline.
 
     "truth": the clips themselves. "other_captions": the clips themselves, each with the next one's sentence. "any_clip": random
@@ -129,7 +130,7 @@ def make_motions(cfg: Config, get_model: Callable[[], TextToMotion], parts: Part
     return baselines[cfg.sampling.method]
 
 
-def _picked(clips: Sequence[CaptionedClip], numbers: Sequence[int]) -> list[Tensor]:
+def _picked(clips: Clips, numbers: Sequence[int]) -> list[Tensor]:
     return [torch.from_numpy(clips[i].features[: len(clips[i].features) // UNIT * UNIT]) for i in numbers]
 
 
@@ -165,16 +166,21 @@ def evaluate(cfg: Config, get_model: Callable[[], TextToMotion], parts: Parts, p
         texts = one_caption_each(test, seed)
         motions = make(texts, lengths, seed)
         words, found = judge.embed_text(texts).cpu(), judge.embed_motions(motions)
-        rounds.append(_of_sets(cfg, seed, words, found, real))
-        values.append({"mm_dist": (words - found).norm(dim=-1).tolist(), **_of_clips(motions, test, parts.layout)})
+        of_sets = set_scores(words, found, real, cfg.sampling.pool, seed)
+        rounds.append(of_sets | {"fid": round(of_sets["fid"], 9)})  # of equal sets: 0, not what rounding leaves
+        rows = [movement(x, parts.layout) | claims_met(x, clip, parts.layout) for x, clip in zip(motions, test, strict=True)]
+        of_clips = {name: [row.get(name, float("nan")) for row in rows] for name in DETAILS}
+        values.append({"mm_dist": (words - found).norm(dim=-1).tolist()} | of_clips)
     if cfg.sampling.method == "diffusion":
         rounds[0]["multimodality"] = _multimodality(cfg, make, judge, test, lengths)
     return _summary(rounds, values, [clip.name for clip in test])
 
 
-def _warn_of_strange_words(name: str, judge: Matcher, test: Sequence[CaptionedClip]) -> None:
-    words = [word for clip in test for caption in clip.captions for word in judge.vocabulary.words_of(caption)]
-    known = {*judge.vocabulary.words}
+def _warn_of_strange_words(name: str, judge: Matcher, test: Clips) -> None:
+    known, words = (
+        {*judge.vocabulary.words},
+        [word for clip in test for text in clip.captions for word in judge.vocabulary.words_of(text)],
+    )
     strange = [word for word in words if word not in known]
     if len(strange) > STRANGE * len(words):
         warnings.warn(
@@ -184,24 +190,25 @@ def _warn_of_strange_words(name: str, judge: Matcher, test: Sequence[CaptionedCl
         )
 
 
-def _of_sets(cfg: Config, seed: int, text: Tensor, motion: Tensor, real: Tensor) -> dict[str, float]:
+def set_scores(text: Tensor, motion: Tensor, real: Tensor, pool: int, seed: int) -> dict[str, float]:
+    """Metrics of a whole set by their names.
+
+    Args:
+        text, motion: embeddings (N, E) of the sentences and of the motions made from them.
+        real: embeddings of real motions.
+        pool: of R-precision, at most N.
+        seed: of pools and pairs.
+    """
     generator = torch.Generator().manual_seed(seed)
-    top = r_precision(text, motion, pool=min(cfg.sampling.pool, len(text)), generator=generator)
+    top = r_precision(text, motion, pool=min(pool, len(text)), generator=generator)
     return {
-        "fid": round(fid(motion, real), 9),  # of equal sets: 0, not what rounding leaves
+        "fid": fid(motion, real),
         **{f"top{k}": float(share) for k, share in enumerate(top, 1)},
-        "diversity": float(diversity(motion, pairs=min(PAIRS, len(motion) - 1), generator=generator)),
+        "diversity": diversity(motion, pairs=min(PAIRS, len(motion) - 1), generator=generator),
     }
 
 
-def _of_clips(
-    motions: Sequence[Float[Tensor, "_ D"]], test: Sequence[CaptionedClip], layout: FeatureLayout
-) -> dict[str, list[float]]:
-    rows = [{**movement(x, layout), **claims_met(x, clip, layout)} for x, clip in zip(motions, test, strict=True)]
-    return {name: [row.get(name, float("nan")) for row in rows] for name in DETAILS}
-
-
-def right_by_action(model: TextToMotion, test: Sequence[CaptionedClip], found: Mapping[str, Any]) -> dict[str, dict[str, float]]:
+def right_by_action(model: TextToMotion, test: Clips, found: Mapping[str, Any]) -> dict[str, dict[str, float]]:
     """Of each action that test clips are known to show: in what share of its "clips" the motion shows it, too.
 
     Args:
@@ -219,25 +226,22 @@ def right_by_action(model: TextToMotion, test: Sequence[CaptionedClip], found: M
 
 def card_of_actions(rows: Mapping[str, Mapping[str, float]]) -> list[str]:
     """What a card says of `right_by_action`, as Markdown paragraphs."""
-    lines = [f"| {action.replace('_', ' ')} | {row['right']:.2f} | {row['clips']} |" for action, row in rows.items()]
-    return [
-        "Action right, by the action that the sentence names:\n\n"
-        + "\n".join(["| action | right | clips |", "|---|---:|---:|", *lines])
-    ]
+    lines = ["| action | right | clips |", "|---|---:|---:|"]
+    lines += [f"| {action.replace('_', ' ')} | {row['right']:.2f} | {row['clips']} |" for action, row in rows.items()]
+    return ["Action right, by the action that the sentence names:\n\n" + "\n".join(lines)]
 
 
 more_rows, more_of_card = right_by_action, card_of_actions  # what the card of a shipped model says beside the tables
 
 
-def _multimodality(cfg: Config, make: Make, judge: Matcher, test: Sequence[CaptionedClip], lengths: Sequence[int]) -> float:
+def _multimodality(cfg: Config, make: Make, judge: Matcher, test: Clips, lengths: Sequence[int]) -> float:
     """Of so many motions for each of some sentences."""
     s = cfg.sampling
     picked = thinned(range(len(test)), s.repeated)
     texts = [text for i in picked for text in [test[i].captions[0]] * s.repeats]
     frames = [n for i in picked for n in [lengths[i]] * s.repeats]
     found = judge.embed_motions(make(texts, frames, s.sampling_seed + 500)).unflatten(0, (len(picked), s.repeats))
-    generator = torch.Generator().manual_seed(s.sampling_seed)
-    return float(multimodality(found, pairs=s.repeats - 1, generator=generator))
+    return multimodality(found, s.repeats - 1, torch.Generator().manual_seed(s.sampling_seed))
 
 
 def _over_replicates(values: Float[np.ndarray, "R N"]) -> Float[np.ndarray, " N"]:

@@ -1,12 +1,6 @@
 """Training of any system: the loop, its settings, the moving average, checkpoints, the base of trained models."""
 
-from mwlib.training.checkpoint import CHECKPOINT, CURVES, MODEL, PREVIOUS, MovingAverage, read_model, read_outcome, read_run
-from mwlib.training.config import TrainingConfig, learning_rate
-from mwlib.training.loop import Objective, TrainingStep, seeded, train
-from mwlib.training.model import TrainedModel, chunks, identities, with_weights
+import lazy_loader
 
-__all__ = [
-    "CHECKPOINT", "CURVES", "MODEL", "PREVIOUS", "MovingAverage", "Objective", "TrainedModel", "TrainingConfig", "TrainingStep",
-    "chunks", "identities", "learning_rate", "read_model", "read_outcome", "read_run", "seeded", "train",
-    "with_weights",
-]  # fmt: skip
+# What is imported at its first use stands in __init__.pyi: a system opens what it needs.
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -4,7 +4,8 @@ import copy
 import json
 import os
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
+from itertools import chain
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -22,16 +23,20 @@ from mwlib.settings import Settings
 Chosen = TypeVar("Chosen", bound=Settings)
 
 
+Tensors = dict[str, Tensor]  # by their names
+Texts = Mapping[str, str]
+
+
 class DamagedFileError(ValueError):
     """A file that this library wrote does not hold what was written: truncated, flipped, or another kind of file."""
 
 
-def save_tensors(file: Path, tensors: Mapping[str, Tensor], metadata: Mapping[str, str]) -> None:
+def save_tensors(file: Path, tensors: Mapping[str, Tensor], metadata: Texts) -> None:
     """Tensors and text to one safetensors file, atomically."""
     write_atomic(file, packed(tensors, metadata))
 
 
-def packed(tensors: Mapping[str, Tensor], metadata: Mapping[str, str]) -> bytes:
+def packed(tensors: Mapping[str, Tensor], metadata: Texts) -> bytes:
     """What `save_tensors` writes. No code can hide in it, and the same content gives the same bytes."""
     whole = {name: tensor.detach().cpu().contiguous().clone() for name, tensor in sorted(tensors.items())}
     text = json.dumps(dict(metadata), sort_keys=True)
@@ -39,7 +44,7 @@ def packed(tensors: Mapping[str, Tensor], metadata: Mapping[str, str]) -> bytes:
     return save(whole, {"mwlib": json.dumps([text, _sha256(whole, text)])})
 
 
-def load_tensors(file: Path) -> tuple[dict[str, Tensor], dict[str, str]]:
+def load_tensors(file: Path) -> tuple[Tensors, dict[str, str]]:
     """Inverse of `save_tensors`, onto the CPU.
 
     Raises:
@@ -80,14 +85,11 @@ def _said(file: Path) -> tuple[str, str]:
 
 
 def _sha256(tensors: Mapping[str, Tensor], text: str) -> str:
-    def contents() -> Iterator[bytes | str]:
-        """The text, then each tensor's name, type, shape and bytes."""
-        yield text
-        for name, tensor in tensors.items():
-            yield f"{name} {tensor.dtype} {tuple(tensor.shape)}"
-            yield tensor.reshape(-1).view(torch.uint8).numpy().tobytes()
-
-    return sha256(contents())
+    """Of the text, then each tensor's name, type, shape and bytes."""
+    parts = (
+        (f"{name} {x.dtype} {tuple(x.shape)}", x.reshape(-1).view(torch.uint8).numpy().tobytes()) for name, x in tensors.items()
+    )
+    return sha256(chain([text], chain.from_iterable(parts)))
 
 
 class MovingAverage:
@@ -96,40 +98,27 @@ class MovingAverage:
     Source: HumanMAC (its code); MotionWavelet, Appendix A, gives the decay.
 
     Args:
-        network: whose weights are averaged.
+        network: whose weights are averaged; `weights` has the averages by their names.
         decay: share of the old average that stays at each step.
         start: step until which the average is a copy.
     """
 
     def __init__(self, network: nn.Module, decay: float, start: int) -> None:
         self.network, self.decay, self.start = network, decay, start
-        self.weights = [p.detach().clone() for p in network.parameters()]
+        self.weights = {name: p.detach().clone() for name, p in network.named_parameters()}
 
     @torch.no_grad()
     def update(self, step: int) -> None:
         """Take in the weights after step 1, 2, ..."""
         decay = self.decay if step > self.start else 0.0
         average = get_ema_multi_avg_fn(decay)
-        average(self.weights, [p.detach() for p in self.network.parameters()], step)
+        average([*self.weights.values()], [p.detach() for p in self.network.parameters()], step)
 
-    @torch.no_grad()
     def averaged(self) -> nn.Module:
         """A copy of the network, in evaluation mode, with the averaged weights."""
         network = copy.deepcopy(self.network).eval()
-        for parameter, average in zip(network.parameters(), self.weights, strict=True):
-            parameter.copy_(average)
+        network.load_state_dict(self.weights, strict=False)  # buffers are as they were
         return network
-
-    def tensors(self) -> dict[str, Tensor]:
-        """The averages by the names of the weights."""
-        names = [name for name, _ in self.network.named_parameters()]
-        return dict(zip(names, self.weights, strict=True))
-
-    @torch.no_grad()
-    def restore(self, tensors: Mapping[str, Tensor]) -> None:
-        """Take over what `tensors` gave."""
-        for (name, _), average in zip(self.network.named_parameters(), self.weights, strict=True):
-            average.copy_(tensors[name])
 
 
 CHECKPOINT, PREVIOUS, MODEL, CURVES = "checkpoint.safetensors", "previous.safetensors", "model.safetensors", "curves.json"
@@ -149,8 +138,8 @@ class State:
     """
 
     def __init__(
-        self, network: nn.Module, average: MovingAverage, optimiser: torch.optim.Optimizer, learnt: dict[str, Tensor],
-        key: str, about: Mapping[str, str], scaler: torch.amp.GradScaler | None = None,
+        self, network: nn.Module, average: MovingAverage, optimiser: torch.optim.Optimizer, learnt: Tensors,
+        key: str, about: Texts, scaler: torch.amp.GradScaler | None = None,
     ) -> None:  # fmt: skip
         self.network, self.average, self.optimiser, self.learnt = network, average, optimiser, learnt
         self.key, self.about, self.scaler = key, dict(about), scaler
@@ -162,22 +151,22 @@ class State:
         """Time spent in training, over all restarts."""
         return self._seconds + time.monotonic() - self._since
 
-    def tensors(self) -> dict[str, Tensor]:
+    def tensors(self) -> Tensors:
         """Flat names to tensors."""
-        out = {f"net.{k}": v for k, v in self.network.state_dict().items()} | _prefixed("objective.", self.learnt)
-        out |= _prefixed("ema.", self.average.tensors())
+        out = _prefixed("net.", self.network.state_dict()) | _prefixed("objective.", self.learnt)
+        out |= _prefixed("ema.", self.average.weights)
         for name, parameter in self.network.named_parameters():
-            for key, value in self.optimiser.state.get(parameter, {}).items():
-                out[f"adam.{key}.{name}"] = value
+            out |= {f"adam.{key}.{name}": value for key, value in self.optimiser.state.get(parameter, {}).items()}
         out["curve"] = torch.tensor(self.curve, dtype=torch.float64)
         out["validation"] = torch.tensor(self.validation, dtype=torch.float64).reshape(-1, 2)
         return out
 
-    def restore(self, tensors: Mapping[str, Tensor], metadata: Mapping[str, str]) -> None:
+    def restore(self, tensors: Mapping[str, Tensor], metadata: Texts) -> None:
         """Inverse of `tensors`."""
         self.step, self._seconds = int(metadata["step"]), float(metadata["seconds"])
         self.network.load_state_dict(part(tensors, "net."))
-        self.average.restore(part(tensors, "ema."))
+        for name, average in self.average.weights.items():
+            average.copy_(tensors[f"ema.{name}"])
         for name, parameter in self.network.named_parameters():
             moments = {k: tensors[f"adam.{k}.{name}"] for k in ("step", "exp_avg", "exp_avg_sq")}
             self.optimiser.state[parameter] = {k: v.to(parameter.device) for k, v in moments.items()}
@@ -192,13 +181,12 @@ class State:
         Raises:
             ValueError: weights are not finite; nothing is written then.
         """
-        if broken := [name for name, weights in self.average.tensors().items() if not weights.isfinite().all()]:
+        if broken := [name for name, weights in self.average.weights.items() if not weights.isfinite().all()]:
             raise ValueError(f"weights {broken[0]} are not finite after step {self.step}; expected numbers; try a smaller lr")
         scaler = json.dumps(self.scaler.state_dict() if self.scaler else {})
         metadata = {"step": str(self.step), "key": self.key, "seconds": f"{self.seconds:.1f}", "scaler": scaler}
         if is_last:
-            save_tensors(folder / MODEL, self._model(), {"key": self.key, **self.about})
-            write_json(folder / CURVES, self._curves())
+            self._finish(folder)
         if (folder / CHECKPOINT).exists():
             os.replace(folder / CHECKPOINT, folder / PREVIOUS)
         save_tensors(folder / CHECKPOINT, self.tensors(), metadata)
@@ -212,19 +200,21 @@ class State:
             same = same and all(torch.equal(found[name], tensor) for name, tensor in expected.items())
         except (FileNotFoundError, DamagedFileError):
             same = False
-        if not same:
-            save_tensors(folder / MODEL, expected, {"key": self.key, **self.about})
-        if read_curves(folder) != json.loads(json.dumps(self._curves())):
-            write_json(folder / CURVES, self._curves())
+        if not same or read_curves(folder) != json.loads(json.dumps(self._curves())):
+            self._finish(folder)
 
-    def _model(self) -> dict[str, Tensor]:
+    def _finish(self, folder: Path) -> None:
+        save_tensors(folder / MODEL, self._model(), {"key": self.key, **self.about})
+        write_json(folder / CURVES, self._curves())
+
+    def _model(self) -> Tensors:
         return _prefixed("net.", self.average.averaged().state_dict()) | _prefixed("objective.", self.learnt)
 
     def _curves(self) -> dict[str, Any]:
         return {"loss": self.curve, "validation": self.validation}
 
 
-def read_checkpoint(folder: Path | None, key: str) -> tuple[dict[str, Tensor], dict[str, str]]:
+def read_checkpoint(folder: Path | None, key: str) -> tuple[Tensors, dict[str, str]]:
     """Tensors and metadata of the checkpoint in a folder, or of the one before if that is damaged; nothing if there is none.
 
     Raises:
@@ -250,7 +240,7 @@ def read_checkpoint(folder: Path | None, key: str) -> tuple[dict[str, Tensor], d
     return {}, {}
 
 
-def read_model(folder: Path) -> tuple[dict[str, Tensor], dict[str, Tensor], dict[str, str]]:
+def read_model(folder: Path) -> tuple[Tensors, Tensors, dict[str, str]]:
     """A finished training: averaged weights, what the objective learnt, and the texts that go with them.
 
     Raises:
@@ -269,12 +259,12 @@ def read_model(folder: Path) -> tuple[dict[str, Tensor], dict[str, Tensor], dict
     return part(tensors, "net."), part(tensors, "objective."), metadata
 
 
-def part(tensors: Mapping[str, Tensor], prefix: str) -> dict[str, Tensor]:
+def part(tensors: Mapping[str, Tensor], prefix: str) -> Tensors:
     """The tensors whose names begin so, by the rest of their names."""
     return {name.removeprefix(prefix): tensor for name, tensor in tensors.items() if name.startswith(prefix)}
 
 
-def _prefixed(prefix: str, tensors: Mapping[str, Any]) -> dict[str, Tensor]:
+def _prefixed(prefix: str, tensors: Mapping[str, Any]) -> Tensors:
     return {f"{prefix}{name}": tensor for name, tensor in tensors.items()}
 
 
@@ -286,7 +276,7 @@ def read_curves(folder: Path) -> dict[str, Any] | None:
         return None
 
 
-def read_run(kind: type[Chosen], folder: Path) -> tuple[Chosen, dict[str, Tensor], dict[str, Tensor], dict[str, str]]:
+def read_run(kind: type[Chosen], folder: Path) -> tuple[Chosen, Tensors, Tensors, dict[str, str]]:
     """A finished run of one system: its configuration, and what `read_model` gives.
 
     Raises:
@@ -299,7 +289,7 @@ def read_run(kind: type[Chosen], folder: Path) -> tuple[Chosen, dict[str, Tensor
     return cfg, *parts
 
 
-def check_trained(cfg: Settings, about: Mapping[str, str], place: Path) -> None:
+def check_trained(cfg: Settings, about: Texts, place: Path) -> None:
     """Refuse a configuration that is not the one that trained a model.
 
     Args:

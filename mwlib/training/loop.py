@@ -13,8 +13,7 @@ from accelerate import Accelerator
 from accelerate.state import AcceleratorState
 from torch import Tensor, nn
 
-from mwlib.training.checkpoint import MovingAverage, State, read_checkpoint
-from mwlib.training.checkpoint import part as part_of
+from mwlib.training.checkpoint import MovingAverage, State, part, read_checkpoint
 from mwlib.training.config import TrainingConfig, learning_rate
 
 
@@ -152,7 +151,7 @@ def _start(
 ) -> tuple[Objective, State]:
     """The objective and everything that training changes, new or as a checkpoint left them."""
     saved, metadata = read_checkpoint(folder, key)
-    objective = make_objective(part_of(saved, "objective."))
+    objective = make_objective(part(saved, "objective."))
     objective.to(accelerator.device)
     network = objective.network.to(accelerator.device)
     optimiser = torch.optim.AdamW(network.parameters(), lr=settings.lr, weight_decay=settings.weight_decay, fused=True)

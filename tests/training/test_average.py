@@ -22,11 +22,11 @@ def test_it_is_a_copy_until_the_start_and_decays_after_it(generator):
     network = torch.nn.Linear(3, 2, dtype=torch.float64)
     average = MovingAverage(network, decay=0.9, start=3)
     seen = walk(network, average, range(1, 4), generator)
-    assert float(average.tensors()["weight"][0, 0]) == seen[2]
+    assert float(average.weights["weight"][0, 0]) == seen[2]
     expected = seen[2]
     for value in walk(network, average, range(4, 9), generator):
         expected = 0.9 * expected + 0.1 * value
-    torch.testing.assert_close(float(average.tensors()["weight"][0, 0]), expected, rtol=1e-14, atol=0)
+    torch.testing.assert_close(float(average.weights["weight"][0, 0]), expected, rtol=1e-14, atol=0)
 
 
 def test_what_it_gives_is_a_network_of_its_own_in_evaluation_mode(generator):
@@ -46,7 +46,8 @@ def test_it_goes_on_from_what_it_gave(generator):
     average = MovingAverage(network, 0.8, 1)
     walk(network, average, range(1, 5), generator)
     again = MovingAverage(network, 0.8, 1)
-    again.restore({name: tensor.clone() for name, tensor in average.tensors().items()})
+    for name, tensor in average.weights.items():
+        again.weights[name].copy_(tensor)
     walk(network, average, range(5, 6), generator)
     again.update(5)
-    assert all(torch.equal(a, b) for a, b in zip(average.weights, again.weights, strict=True))
+    assert all(torch.equal(a, b) for a, b in zip(average.weights.values(), again.weights.values(), strict=True))

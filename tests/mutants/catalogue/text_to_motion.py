@@ -63,7 +63,7 @@ MUTANTS = [
     ),
     *of(
         "text_to_motion/released.py", "text_to_motion/test_released.py",
-        ("the-average-left-alone", "for name in (code.averaged, code.plain)", "for name in (code.plain, code.averaged)"),
+        ("the-average-left-alone", "for name in code.weights", "for name in code.weights[::-1]"),
         ("any-kind-of-mdm", "if found.get(name, values[0]) not in values:", "if False:"),
         ("unknown-weights-passed-over", "        if begins is None:\n", "        if begins is None:\n            continue\n"),
         ("statistics-of-the-model-left-alone", "or not meta.is_dir():", "or meta.is_dir():"),

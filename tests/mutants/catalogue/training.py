@@ -57,7 +57,7 @@ MUTANTS = [
     *of(
         "training/checkpoint.py", "experiments/test_believed_runs.py",
         ("any-weights-are-the-models", "same = same and all(", "same = same or all("),
-        ("curves-are-not-mended", "if read_curves(folder) != json.loads(", "if False and json.loads("),
+        ("curves-are-not-mended", "or read_curves(folder) != json.loads(", "or False and json.loads("),
         ("any-hash-will-do", 'if (found := cfg.training_hash()) == (key := about.get("key")):',
          'if (found := cfg.training_hash()) and (key := about.get("key")):'),
         ("no-remedy", "remedy = again if", "remedy = '' if"),
