@@ -196,17 +196,13 @@ class Settings:
             found = cls().override(**{k: v for group in tree.values() for k, v in (group or {}).items()})
         except (TypeError, ValueError) as error:
             raise ValueError(f"{_place(source)}: {error}") from None
-        if absent := cls._absent(tree):
+        # Groups, or fields of groups that are there, which a file leaves out.
+        absent = [f"the group {group}" for group in cls.groups() if not tree.get(group)]
+        absent += [n for n, g in cls.owners().items() if tree.get(g) and n not in tree[g] and n not in cls.newer]
+        if absent:
             expected = "every setting, as the run wrote it (cut or edited since); changes to a preset are given by --set"
             raise ValueError(f"{_place(source)} lacks {', '.join(absent)}; expected {expected}")
         return found
-
-    @classmethod
-    def _absent(cls, tree: Mapping[str, Any]) -> list[str]:
-        """Groups, or fields of groups that are there, which a file leaves out."""
-        absent = [f"the group {group}" for group in cls.groups() if not tree.get(group)]
-        owners = cls.owners().items()
-        return absent + [n for n, g in owners if tree.get(g) and n not in tree[g] and n not in cls.newer]
 
 
 @cache
@@ -221,10 +217,8 @@ LARGEST_YAML = 250_000  # bytes of a file, which are read in seconds; own choice
 class Written(dict[Any, Any]):
     """A mapping read from YAML that knows in which line it begins, and which line each key stands in."""
 
-    def __init__(self, tree: Mapping[Any, Any] = types.MappingProxyType({}), line: int = 0) -> None:
-        super().__init__(tree)
-        self.line = line
-        self.lines: dict[Any, int] = {}
+    line = 0  # not known
+    lines: Mapping[Any, int] = types.MappingProxyType({})
 
 
 class _TwiceError(yaml.YAMLError):
@@ -246,10 +240,11 @@ class _Loader(yaml.SafeLoader):
 
 
 def _written(loader: yaml.SafeLoader, node: yaml.MappingNode) -> Iterator[Written]:
-    found = Written(line=node.start_mark.line + 1)
+    found = Written()
+    found.line = node.start_mark.line + 1
     yield found  # so that an alias inside it may name it
     found.update(loader.construct_mapping(node))
-    found.lines |= {loader.construct_object(key, deep=True): key.start_mark.line + 1 for key, _ in node.value}
+    found.lines = {loader.construct_object(key, deep=True): key.start_mark.line + 1 for key, _ in node.value}
 
 
 _Loader.add_constructor("tag:yaml.org,2002:map", _written)

@@ -17,6 +17,7 @@ from mwlib.experiments.sampling import model_of
 from mwlib.inbetweening import lafan1
 from mwlib.inbetweening.bridge import Bridge
 from mwlib.inbetweening.lafan1 import ALL_CLIPS, ALL_WINDOWS, LENGTHS, TOLERANCE, Benchmark
+from mwlib.settings import whole
 from mwlib.version import __version__
 
 MEASURED = "measured here"
@@ -68,8 +69,7 @@ def lafan1_benchmark(
 
 def _models(words: Sequence[str], samples: int) -> dict[str, dict[str, Bridge]]:
     """The models that are asked for, by name and run, on a GPU where there is one; refused before anything is measured."""
-    if samples < 1:
-        raise ValueError(f"samples is {samples}; expected at least 1")
+    whole("samples", samples, 1)
     found: dict[str, dict[str, Bridge]] = {}
     for word in words:
         name, given, run = ("", "", word) if Path(word).exists() else word.rpartition("=")

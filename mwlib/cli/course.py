@@ -15,6 +15,7 @@ from mwlib import paths
 from mwlib.cli import options
 from mwlib.cli.options import Repeated
 from mwlib.course import notebooks as chapters
+from mwlib.experiments.grids import row_parameters
 from mwlib.version import __version__
 
 
@@ -174,12 +175,13 @@ def run_experiment(row: int, seed: int, *, timeout: float = chapters.TIMEOUT, **
         seed: of the sampling, and of the training where each row has its own.
         timeout: seconds for one cell, then the kernel is killed (default: 86400, a day).
     """
-    from mwlib.course.execute import NotDone, run_experiment
+    from mwlib.course.execute import NotDone, run_notebook
 
     _prepare()
     try:
         chosen = options.choice_of(**choice_of)
-        print(run_experiment(chosen.grid, row, seed, chosen.preset, chosen.changes, chosen.out, timeout))
+        values = row_parameters(chosen.grid, row, seed, chosen.preset, chosen.changes)
+        print(run_notebook(chapters.EXPERIMENT, chosen.out, values, timeout))
     except (NotDone, LookupError) as error:
         print(error, file=sys.stderr)
         return 1

@@ -4,8 +4,7 @@ import io
 import json
 import re
 import sys
-import textwrap
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Literal
 
@@ -21,7 +20,7 @@ from mwlib.data.collections import acknowledgement
 from mwlib.data.formats.bvh_writing import write_bvh
 from mwlib.data.formats.glb_writing import write_glb
 from mwlib.experiments import exported, sampling
-from mwlib.experiments.results import of_older_code
+from mwlib.experiments.results import of_older_code, rendered
 from mwlib.files import write_atomic, write_together
 from mwlib.networks.text import words_of
 from mwlib.plots.loops import FILM, FORMATS
@@ -236,7 +235,7 @@ def generate(
         raise ValueError("expected either sentences or --words, which lists what the model knows")
     model = sampling.model_of(run, TextToMotion, "text_to_motion")
     if words:
-        print("\n".join(_known(model, run)))
+        print(_known(model, run), end="")
         return
     found = sampling.generate(texts, seconds, samples, seed, model, progress=sys.stderr.isatty(), fused=not plain)
     for text, read in zip(texts, sampling.understood(model, texts), strict=True):
@@ -246,26 +245,14 @@ def generate(
     _write({f"{n:02d}_{stem}": motion for n, (stem, motion) in enumerate(zip(stems, found, strict=True), 1)}, out, format)
 
 
-def _known(model: TextToMotion, run: str) -> Iterator[str]:
+def _known(model: TextToMotion, run: str) -> str:
     """Lines that say what a model understands."""
-    if model.cfg.data.data == "people":
-        yield f"{run} has learnt {len(RECIPES)} actions of synthetic people, such as"
-        yield from (f"  {action}: {sentence}" for action, sentence in examples().items())
-        yield f"{run} reads at most two of them in a sentence, no denial, and other forms: walk, walking, walked as walks, and"
-        others = ", ".join(f"{typed} as {said}" for typed, said in (PERSONS | SYNONYMS).items() if said not in ("", typed))
-        yield from textwrap.wrap(others, 100, initial_indent="  ", subsequent_indent="  ")
-    else:
-        yield f"{run} has learnt from the captions of {model.cfg.data.data}."
-    if words := model.net.text.vocabulary:
-        yield f"{run} knows {len(words)} words:"
-        yield from textwrap.wrap(", ".join(words), 100, initial_indent="  ", subsequent_indent="  ")
-    else:
-        yield f"It reads any word (text={model.cfg.model.text})."
+    told = {"recipes": RECIPES, "examples": examples(), "forms": PERSONS | SYNONYMS, "words": model.net.text.vocabulary}
+    return rendered("cli/known.txt.jinja", run=run, data=model.cfg.data.data, text=model.cfg.model.text, **told)
 
 
 def _predictor(run: Path, samples: int) -> Predictor:
-    if samples < 1:
-        raise ValueError(f"samples is {samples}; expected at least 1")
+    whole("samples", samples, 1)
     return sampling.model_of(run, Predictor, "prediction")
 
 

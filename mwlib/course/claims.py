@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from mwlib.experiments.page import SIGNS, Claim, stored_claims
-from mwlib.experiments.results import result_of
+from mwlib.experiments.results import rendered, result_of
 from mwlib.plots.tables import results_table
 
 EMBEDDED = "embedded people"
@@ -76,18 +76,14 @@ def named(builds: Sequence[Path]) -> dict[str, Path]:
 
 def fates(builds: dict[str, dict[str, Chapter]]) -> list[dict[str, str]]:
     """What became of each chapter in each build, a row a chapter: "ok", "ok, in part" if something was left out, "refused" ..."""
-    names = dict.fromkeys(name for chapters in builds.values() for name in chapters)
-    return [{"chapter": name} | {build: _fate(chapters[name]) for build, chapters in builds.items()} for name in names]
+    return [
+        {"chapter": name} | {build: of[name].status + ", in part" * bool(of[name].left_out) for build, of in builds.items()}
+        for name in _names(builds)
+    ]
 
 
-def _fate(chapter: Chapter) -> str:
-    return chapter.status + ", in part" * bool(chapter.left_out)
-
-
-def not_done(chapters: dict[str, Chapter]) -> list[str]:
-    """A line for each chapter that did not get to its end, or left something out."""
-    lines = [f"{name}: {c.status}{': ' * bool(c.reason)}{c.reason}" for name, c in chapters.items() if c.status != "ok"]
-    return lines + [f"{name}: left out: {sentence}" for name, c in chapters.items() for sentence in c.left_out]
+def _names(builds: dict[str, dict[str, Chapter]]) -> list[str]:
+    return [*dict.fromkeys(name for chapters in builds.values() for name in chapters)]
 
 
 def report(builds: dict[str, dict[str, Chapter]], whole: bool = False) -> str:
@@ -97,22 +93,16 @@ def report(builds: dict[str, dict[str, Chapter]], whole: bool = False) -> str:
         builds: name -> chapters.
         whole: all claims; else those that do not hold in one of the builds.
     """
-    parts = ["## What became of the chapters", repr(results_table(fates(builds)))] if len(builds) > 1 else []
-    for name, chapters in builds.items():
-        done = sum(chapter.status == "ok" for chapter in chapters.values())
-        lines = [f"{done} of {len(chapters)} chapters got to their end. {summed_up(chapters)}".strip()]
-        parts.append("\n".join([f"## {name}", "", *lines, *(f"* {line}" for line in not_done(chapters))]))
     rows = []
-    for chapter in dict.fromkeys(name for chapters in builds.values() for name in chapters):
-        of = {name: chapters[chapter].claims for name, chapters in builds.items() if chapter in chapters}
-        embedded = stored_claims(chapter)
-        for sentence in dict.fromkeys([*embedded, *(sentence for claims in of.values() for sentence in claims)]):
-            made = {EMBEDDED: embedded.get(sentence), **{name: claims.get(sentence) for name, claims in of.items()}}
+    for chapter in _names(builds):
+        of = {EMBEDDED: stored_claims(chapter)}
+        of |= {name: chapters[chapter].claims for name, chapters in builds.items() if chapter in chapters}
+        for sentence in dict.fromkeys(sentence for claims in of.values() for sentence in claims):
+            made = {name: claims.get(sentence) for name, claims in of.items()}
             if whole or any(claim is not None and not claim.holds for claim in made.values()):
                 rows.append(_row(chapter, sentence, made))
-    if rows:
-        parts += [f"## {'The claims' if whole else 'Claims that do not hold everywhere'}", repr(results_table(rows))]
-    return "\n\n".join(parts) + "\n"
+    told = {"fates": results_table(fates(builds)) if len(builds) > 1 else "", "rows": results_table(rows) if rows else ""}
+    return rendered("course/claims.md.jinja", builds=builds, whole=whole, summed_up=summed_up, **told)
 
 
 def tree(builds: dict[str, dict[str, Chapter]]) -> dict[str, Any]:

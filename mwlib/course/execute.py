@@ -22,10 +22,9 @@ from nbformat import NotebookNode
 from papermill.exceptions import PapermillExecutionError
 
 from mwlib.course.notebooks import (  # isort: skip
-    EXPERIMENT, FILES, FOLDED, TIMEOUT, WRONG, ParameterError, read_notebook, read_parameters, resolve, source_hash, tags,
+    FILES, FOLDED, TIMEOUT, WRONG, ParameterError, read_notebook, read_parameters, resolve, source_hash, tags,
 )  # fmt: skip
 from mwlib.experiments import results
-from mwlib.experiments.grids import Grid, row_parameters
 from mwlib.files import write_atomic, write_together
 from mwlib.hashing import digest, file_hash, package_hash
 from mwlib.paths import course_folder, home
@@ -282,30 +281,6 @@ def surroundings() -> str:
 def print_settings() -> dict[str, str]:
     """What was said about pictures for print, in this process and in the kernels that it starts."""
     return {name: said for name in (COLUMN, FONT) if (said := os.environ.get(name))}
-
-
-def run_experiment(
-    grid: Grid, row: int, seed: int, preset: str, given: Mapping[str, Any], out: Path, timeout: float = TIMEOUT
-) -> Path:
-    """Run one row of a grid at one seed, as a run of the notebook `experiment.ipynb`.
-
-    Args:
-        grid: the grid.
-        row: number of the row, from 0.
-        seed: of the sampling, and of the training where the grid's rows train.
-        preset: what the row changes.
-        given: settings that somebody changed in the preset on purpose.
-        out, timeout: as for `run_notebook`.
-
-    Returns:
-        The folder.
-
-    Raises:
-        LookupError: there is no such row.
-        ValueError: rows of the grid differ in a given setting.
-        NotDone: as for `run_notebook`.
-    """
-    return run_notebook(EXPERIMENT, out, row_parameters(grid, row, seed, preset, given), timeout)
 
 
 def _forget(folder: Path, notebook: str) -> None:

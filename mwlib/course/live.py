@@ -70,12 +70,8 @@ def write_data(folder: Path, root: Path) -> None:
         "clips": placed_clips(load_motions("synthetic"), KEYED) + real.pop("clips"),
     }  # fmt: skip
     found = {
-        "people": [synthetic, real],
-        "clips": clips,
-        "filters": filters(),
-        "schedules": schedules(),
-        "players": empty_players(),
-    }
+        "people": [synthetic, real], "clips": clips, "filters": filters(), "schedules": schedules(), "players": empty_players(),
+    }  # fmt: skip
     for name, content in found.items():
         write_atomic(folder / f"{name}.json", json.dumps(content, separators=(",", ":")))
 
@@ -100,11 +96,8 @@ def observed_windows(run: str, motions: Sequence[Motion], starts: Mapping[str, i
         if start + frames > len(motion):
             raise ValueError(f"{name} has {len(motion)} frames; expected at least {start + frames} for its window")
         part = motion.cut(start, start + frames)
-        x = np.round(part.root_relative() / MILLIMETRE).astype("<i2")
         azimuth = camera(part.positions[model.representation.history - 1], part.skeleton)
-        windows.append(
-            {"clip": name, "action": motion.action, "azimuth": azimuth, "data": base64.b64encode(x.tobytes()).decode()}
-        )
+        windows.append({"azimuth": azimuth, **_written(part, part.root_relative())})
     said = " ".join(acknowledgement(model.cfg.data.data).values())
     return {"model": run, "acknowledgement": said, "history": model.representation.history, "windows": windows}
 
@@ -129,9 +122,15 @@ def placed_clips(motions: Sequence[Motion], parts: Mapping[str, tuple[int, int]]
     bodies, named, found = keyed().space.bodies, {motion.name: motion for motion in motions}, []
     for name, (first, end) in parts.items():
         (motion,) = bodies.prepare([named[name]])
-        x = np.round(motion.cut(first, min(end, len(motion))).positions / MILLIMETRE).astype("<i2")
-        found.append({"clip": name, "action": motion.action, "data": base64.b64encode(x.tobytes()).decode()})
+        part = motion.cut(first, end)
+        found.append(_written(part, part.positions))
     return found
+
+
+def _written(motion: Motion, places: np.ndarray) -> dict[str, str]:
+    """A motion's name and action, and places in whole millimetres."""
+    x = np.round(places / MILLIMETRE).astype("<i2")
+    return {"clip": motion.name, "action": motion.action, "data": base64.b64encode(x.tobytes()).decode()}
 
 
 def filters() -> dict[str, dict[str, list[float]]]:

@@ -10,6 +10,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from mwlib.experiments.grids import HYPHENED, LIST, WORDS, Place, check_fields, one_of
 from mwlib.files import write_atomic
 from mwlib.hashing import sha256
 from mwlib.paths import course_folder
@@ -271,8 +272,11 @@ def _listing(offered: Mapping[str, Parameter]) -> str:
 
 MANIFEST = ROOT / "figures" / "manifest.yaml"
 FILES = {"figure": ("png", "pdf", "csv", "txt", "json"), "table": ("csv", "json")}
-STATUS = ("made", "planned")
-TEXTS = ("id", "kind", "caption", "notebook", "stem", "data", "status")
+# What a row of the manifest holds, see `check_fields`.
+NEEDED = {"id", "kind", "caption", "notebook", "stem", "data", "status"}
+FIELDS = dict.fromkeys([*NEEDED], WORDS) | {"id": HYPHENED, "kind": one_of(FILES), "status": one_of(("made", "planned"))}
+FIELDS |= {"files": LIST, "committed": LIST}
+FIELDS["paper"] = "'system' and 'item'", lambda value: isinstance(value, dict) and {*value} in (set(), {"system", "item"})
 
 
 @dataclass(frozen=True)
@@ -315,7 +319,7 @@ def read_manifest(path: Path = MANIFEST) -> list[Exhibit]:
     rows = tree.get("exhibits", []) if isinstance(tree, dict) else None
     if not isinstance(rows, list) or not all(isinstance(row, dict) for row in rows):
         raise ValueError(f"{path} holds {str(tree)[:40]!r}; expected exhibits: a list of mappings")
-    problems = [f"row {number} ({row.get('id', '?')}): {text}" for number, row in enumerate(rows, 1) for text in _problems(row)]
+    problems = [text for number, row in enumerate(rows, 1) for text in _problems(path, number, row)]
     for name, keys in (("id", ["id"]), ("notebook and stem", ["notebook", "stem"])):
         values = [tuple(row.get(key) for key in keys) for row in rows]
         problems += [f"{value}: the same {name} twice" for value in sorted(set(values), key=str) if values.count(value) > 1]
@@ -324,20 +328,13 @@ def read_manifest(path: Path = MANIFEST) -> list[Exhibit]:
     return [Exhibit(**{**row, **{key: tuple(row.get(key, ())) for key in ("files", "committed")}}) for row in rows]
 
 
-def _problems(row: dict[str, Any]) -> Iterator[str]:
-    for name in TEXTS:
-        if not isinstance(row.get(name), str) or not row[name].strip():
-            yield f"{name} is {row.get(name)!r}; expected a text"
-            return
-    if unknown := set(row) - {*TEXTS, "files", "paper", "committed"}:
-        yield f"unknown fields {sorted(unknown)}"
-    if not re.fullmatch(r"[a-z0-9]+(-[a-z0-9]+)*", row["id"]):
-        yield "the id is not of lower-case words joined by hyphens"
-    if row["status"] not in STATUS:
-        yield f"status is {row['status']!r}; expected one of {', '.join(STATUS)}"
-    if row["kind"] not in FILES:
-        yield f"kind is {row['kind']!r}; expected one of {', '.join(FILES)}"
-    elif missing := set(FILES[row["kind"]]) - set(row.get("files", ())):
-        yield f"files lack {sorted(missing)}: a {row['kind']} consists of {', '.join(FILES[row['kind']])}"
-    if set(row.get("paper", {})) not in (set(), {"system", "item"}):
-        yield f"paper is {row['paper']!r}; expected 'system' and 'item'"
+def _problems(path: Path, number: int, row: dict[str, Any]) -> Iterator[str]:
+    where = Place(path, f"row {number} ({row.get('id', '?')})")
+    try:
+        check_fields(where, row, NEEDED, FIELDS)
+    except ValueError as error:
+        yield str(error)
+    else:
+        if missing := {*FILES[row["kind"]]} - {*row.get("files", ())}:
+            expected = f"a {row['kind']} consists of {', '.join(FILES[row['kind']])}"
+            yield f"{where.of(row, 'files')}: files lack {sorted(missing)}: {expected}"

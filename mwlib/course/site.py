@@ -18,6 +18,7 @@ from nbformat import NotebookNode
 from mwlib.course.exhibits import committed_page, exhibit_pages
 from mwlib.course.learner import COPIES, badges, launched_copy, learner_copy, repository, source_of
 from mwlib.course.notebooks import CHAPTER, FOLDED, WRONG, chapter_number, exhibits_kept, tags
+from mwlib.experiments.results import rendered
 from mwlib.files import sweep, write_atomic
 
 TEXTS = ("REPRODUCTION.md", "RESULTS.md", "CONTRIBUTING.md", "notebooks/glossary.md")
@@ -33,41 +34,7 @@ PLAYED = {
 EXAMPLES = {"howto/curves_system.py": "tests/experiments/curves_system.py"}  # shown on a page, and tested where it lies
 PROMPTS = {"solution": "solution", "guard": "check of the numbers above"}
 ANCHOR = re.compile(r'^(#+) <a id="([\w-]+)"></a>', re.M)
-LIBRARY = """The library
-===========
-
-``import mwlib as mw`` gives the names that notebooks and scripts start from. Below them, the rooms, with a page for each module.
-
-{example}
-
-Public names
-------------
-
-.. autosummary::
-   :nosignatures:
-
-   {public}
-
-Rooms
------
-
-.. autosummary::
-   :toctree:
-   :recursive:
-
-   {rooms}
-"""
 CHAPTERS = "{chapters}\n"  # stands in docs/chapters.md for the cards
-CARD = """````{{container}} chapter
-[![{alt}]({picture})](notebooks/{stem}.ipynb)
-
-**[{title}](notebooks/{stem}.ipynb)**
-
-{about}
-
-{badges}
-````
-"""
 TAUGHT = r"^\| \[{stem}\]\([^)]*\) \| (.*?) \|"  # in README's table of the course
 FOLDER_LINK = re.compile(r"\]\((\.\./)?figures/cmu/?\)")
 FOLDER_PAGE = r"](\1figures/cmu/index.md)"
@@ -123,8 +90,7 @@ def library_page() -> str:
     public = [getattr(package, name) for name in package.__all__ if not name.startswith("_")]
     places = [thing.__name__ if ismodule(thing) else f"{thing.__module__}.{thing.__qualname__}" for thing in public]
     rooms = [f"mwlib.{found.name}" for found in iter_modules(package.__path__) if not found.name.startswith("_")]
-    lines = {"public": [f"~{place}" for place in places], "rooms": rooms}
-    return LIBRARY.format(example=getdoc(package), **{name: "\n   ".join(words) for name, words in lines.items()})
+    return rendered("course/library.rst.jinja", example=getdoc(package), public=places, rooms=rooms)
 
 
 def chapter_cards(notebooks: Mapping[str, Mapping[str, Any]], readme: str, address: str) -> str:
@@ -135,16 +101,14 @@ def chapter_cards(notebooks: Mapping[str, Mapping[str, Any]], readme: str, addre
         readme: with the table of the course.
         address: of the repository, or empty.
     """
-    cards = []
+    chapters = []
     for stem, tree in notebooks.items():
         pictures = ((name, out) for name, out in exhibits_kept(tree) if "image/png" in out["data"])
         taught = re.search(TAUGHT.format(stem=stem), readme, re.MULTILINE)
         if taught and (first := next(pictures, None)):
             title = "".join(tree["cells"][0]["source"]).splitlines()[0].lstrip("# ")
-            shown = {"alt": first[1]["metadata"]["image/png"]["alt"], "picture": f"exhibits/{first[0]}.png", "stem": stem}
-            opens = badges(address, f"{stem}.ipynb")
-            cards.append(CARD.format(**shown, title=title, about=taught[1], badges=opens and f"Open in {opens}"))
-    return "\n".join(cards)
+            chapters.append((stem, title, taught[1], first[0], first[1]["metadata"]["image/png"]["alt"]))
+    return rendered("course/chapters.md.jinja", chapters=chapters, badges_of=lambda name: badges(address, name))
 
 
 def site_text(text: str) -> str:

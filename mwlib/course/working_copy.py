@@ -5,6 +5,7 @@ from importlib.metadata import PackageNotFoundError, distribution, requires
 from pathlib import Path
 from typing import NamedTuple
 
+from mwlib.experiments.results import rendered
 from mwlib.files import write_atomic
 from mwlib.paths import carried, installed
 
@@ -69,21 +70,5 @@ def _is_there(package: str) -> bool:
 
 def told(folder: Path, done: LaidOut, version: str) -> str:
     """What was done, and what a reader can do next, for the terminal."""
-    lines = [f"{folder.resolve()}: {len(done.written)} files written"]
-    if done.kept:
-        lines.append(f"{len(done.kept)} files were there already and are kept as they are")
-    if done.changed:
-        lines.append(f"of these, not as in mwlib {version}: {', '.join(name.as_posix() for name in done.changed)}")
-        lines.append("(to get one as it is there, rename yours and say this again)")
-    return "\n".join([*lines, "", "Next:", *(f"  {command:<58} # {what}" for command, what in _next(folder))])
-
-
-def _next(folder: Path) -> list[tuple[str, str]]:
-    place = f'"{folder}"' if " " in str(folder) else str(folder)
-    return [
-        (f"cd {place}", "the commands below find the course there"),
-        *([(missing, "what the course needs beside the library")] if (missing := to_install("notebooks")) else []),
-        ("jupyter lab notebooks/00_start_here.ipynb", "the course, step by step"),
-        ("mwlib run-notebook 03 --set preset=laptop_paper", "one notebook with other parameters"),
-        ("snakemake --cores 2 --config preset=tiny data=synthetic", "every notebook, figure and table"),
-    ]
+    missing = to_install("notebooks")
+    return rendered("course/working_copy.md.jinja", folder=folder, done=done, version=version, missing=missing).rstrip()

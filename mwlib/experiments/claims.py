@@ -6,13 +6,12 @@ import re
 from collections import Counter
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
-from importlib import resources
 from pathlib import Path
 from statistics import NormalDist
 from typing import Any
 
-from mwlib.experiments.grids import expect_fields, read_grids
-from mwlib.experiments.results import committed_folder, read_table
+from mwlib.experiments.grids import HYPHENED, LIST, NUMBER, WORDS, Place, check_fields, read_grids
+from mwlib.experiments.results import committed_folder, read_table, rendered
 from mwlib.paths import course_folder
 from mwlib.plots.tables import significant
 from mwlib.settings import read_yaml
@@ -39,7 +38,7 @@ class Tables:
     """
 
     def __init__(self, folder: Path | None = None):
-        self.folder = committed_folder() if folder is None else Path(folder)
+        self.folder = folder or committed_folder()
         self._rows: dict[str, dict[str, dict[str, str]]] = {}
 
     def file(self, name: str, suffix: str = ".csv") -> Path:
@@ -85,8 +84,10 @@ class Tables:
 
     def printed(self, name: str, row: str, column: str) -> str:
         """What a reference in a sentence becomes: three digits, with the spread if the column ends in "± sd" or "± se"."""
-        names, pair = _columns(column)
-        texts = [self.text(name, row, each) for each in (names if pair else names[-1:])]
+        found = COLUMN.fullmatch(column)
+        assert found is not None  # .*? matches anything
+        names = [found["name"], *([found["name"] + SPREADS[found["of"]]] if found["of"] else [])]
+        texts = [self.text(name, row, each) for each in (names if found["pair"] else names[-1:])]
         return " ± ".join(
             text if text.isdigit() else significant(float(text), digits) for text, digits in zip(texts, (3, 2), strict=False)
         )
@@ -117,34 +118,9 @@ class Tables:
             raise ValueError(f"{text!r} has a brace without a reference; expected {{table|row|column}}")
         return " ".join(full.split())
 
-    def link(self, name: str) -> str:
-        """A link to a table."""
-        file = self.file(name)
-        return f"[{name}.csv](figures/{file.parent.name}/{file.name})"
-
-    def provenance(self, name: str) -> str:
-        """Data, windows, seeds and preset of a table; one made with a grid's has windows and seeds of the grid's."""
-        about = self.about(name)
-        rows = self.rows(MADE_WITH.sub("", name)).values()
-        windows = {row["windows"] for row in rows if row.get("windows")} or {str(about.get("windows", "?"))}
-        seeds = max((int(row["seeds"]) for row in rows if row.get("seeds")), default=1)
-        share = about.get("budget_share") or 1.0
-        parts = [
-            f"{about.get('data') or 'cmu/asfamc'}",
-            f"{' or '.join(sorted(windows))} windows",
-            f"{seeds} seed{'s' if seeds > 1 else ''} of {about.get('seeds_of') or 'sampling'}",
-            f"preset `{about.get('preset') or 'cmu_paper'}`",
-            *([f"{share:g} of the preset's training steps"] if share != 1 else []),
-            f"mwlib {about['mwlib']}",
-        ]
-        return f"{self.link(name)}: {', '.join(parts)}"
-
-
-def _columns(column: str) -> tuple[list[str], bool]:
-    """A column and that of its spread, if one is named; and whether both are meant."""
-    found = COLUMN.fullmatch(column)
-    assert found is not None  # .*? matches anything
-    return [found["name"], *([found["name"] + SPREADS[found["of"]]] if found["of"] else [])], bool(found["pair"])
+    def behind(self, name: str) -> list[dict[str, str]]:
+        """The lines of a grid's own table, of which one that was made with it has windows and seeds."""
+        return [*self.rows(MADE_WITH.sub("", name)).values()]
 
 
 @dataclass(frozen=True)
@@ -318,7 +294,13 @@ class Finding:
         return self.verdict.partition(":")[0].strip()
 
 
+# What a claim of the file may hold, see `check_fields`.
 OWN = {"id", "theme", "title", "paper", "claim", "done", "because"}
+CLAIM = dict.fromkeys([*OWN, "verdict", "proxy"], WORDS) | {"id": HYPHENED, "measured": LIST, "shown": LIST}
+SHOWN = dict.fromkeys(["notebook", "section", "prints"], WORDS)
+ROW_OR_NUMBER = "a row or a number", lambda value: WORDS[1](value) or NUMBER[1](value)
+COMPARISON = {"lower": WORDS, "higher": WORDS, "than": ROW_OR_NUMBER, "times": NUMBER}
+COMPARISON["in"] = "a column, or several", lambda value: WORDS[1](value) or LIST[1](value)
 
 
 def claims_file() -> Path:
@@ -334,60 +316,48 @@ def read_claims(path: Path | None = None) -> list[Claim]:
         ValueError: something lacks a field, has an unknown one or one twice, a verdict is none, or a claim has no evidence; the
             message names file and claim, what was found and what was expected.
     """
-    path = claims_file() if path is None else Path(path)
+    path = path or claims_file()
     tree = read_yaml(path)
     if not isinstance(tree, dict) or not isinstance(tree.get("claims"), list):
         raise ValueError(f"{path} holds {str(tree)[:40]!r}; expected a mapping with a list under 'claims'")
     found = []
     for number, body in enumerate(tree["claims"], 1):
         name = body.get("id", f"number {number}") if isinstance(body, dict) else f"number {number}"
-        found.append(_claim(f"{path}: claim {name}", body))
+        found.append(_claim(Place(path, f"claim {name}").of(body), body))
     if twice := [name for name, times in Counter(claim.id for claim in found).items() if times > 1]:
         raise ValueError(f"{path}: two claims have the id {twice[0]!r}; expected different ones")
     return found
 
 
-def _claim(where: str, body: Any) -> Claim:
-    _expect_texts(where, body, OWN, {"verdict", "measured", "proxy", "shown"})
-    if not re.fullmatch(r"[a-z0-9]+(-[a-z0-9]+)*", body["id"]):
-        raise ValueError(f"{where}: the id is {body['id']!r}; expected lower-case words with hyphens")
-    for place in body.get("shown", []):
-        _expect_texts(f"{where}, shown", place, {"notebook", "section"}, {"prints"})
+def _claim(where: Place, body: Any) -> Claim:
+    check_fields(where, body, OWN, CLAIM)
+    shown = body.get("shown", [])
+    for place in shown:
+        check_fields(where.of(body, words="shown"), place, {"notebook", "section"}, SHOWN)
     said = body.get("verdict", "")
     kind, _, reason = said.partition(":")
     if "verdict" in body and (kind.strip() not in KINDS or (kind.strip() in WITH_A_REASON and not reason.strip())):
         raise ValueError(
             f"{where}: the verdict is {said!r}; expected one of {', '.join(KINDS)}, the last two with a reason after a colon"
         )
-    measured = tuple(each for entry in body.get("measured", []) for each in _comparisons(f"{where}, measured", entry))
-    if not measured and (not said or (kind.strip() != "not tested" and not body.get("shown"))):
+    measured = tuple(each for entry in body.get("measured", []) for each in _comparisons(where.of(body, words="measured"), entry))
+    if not measured and (not said or (kind.strip() != "not tested" and not shown)):
         raise ValueError(
             f"{where} has no evidence; expected comparisons under 'measured', or a verdict and a place under 'shown'"
         )
-    texts = {name: " ".join(body[name].split()) for name in OWN | ({"verdict", "proxy"} & {*body})}
-    return Claim(**texts, measured=measured, shown=tuple(Shown(**place) for place in body.get("shown", [])))
+    texts = {name: " ".join(text.split()) for name, text in body.items() if name not in ("measured", "shown")}
+    return Claim(**texts, measured=measured, shown=tuple(Shown(**place) for place in shown))
 
 
-def _comparisons(where: str, entry: Any) -> list[Comparison]:
+def _comparisons(where: Place, entry: Any) -> list[Comparison]:
     """Comparisons of one entry: `{lower: table|row, than: row, in: [columns], times: 1}`, or `higher`."""
-    expect_fields(where, entry, {"than", "in"}, {"lower", "higher", "times"})
+    check_fields(where, entry, {"than", "in"}, COMPARISON)
     sides = [name for name in ("lower", "higher") if name in entry]
-    if len(sides) != 1 or "|" not in str(entry[sides[0]]):
+    if len(sides) != 1 or "|" not in entry[sides[0]]:
         raise ValueError(f"{where} has {entry}; expected one of lower and higher, with table|row")
-    if type(entry["than"]) not in (str, int, float) or type(entry.get("times", 1)) not in (int, float):
-        raise ValueError(
-            f"{where}: than is {entry['than']!r}, times {entry.get('times')!r}; expected a row or a number, and a number"
-        )
     columns = entry["in"] if isinstance(entry["in"], list) else [entry["in"]]
     sign = 1 if sides[0] == "higher" else -1
     return [Comparison(entry[sides[0]], entry["than"], column, sign, entry.get("times", 1.0)) for column in columns]
-
-
-def _expect_texts(where: str, found: Any, needed: set[str], allowed: set[str]) -> None:
-    expect_fields(where, found, needed, allowed)
-    for name in {*found} - {"measured", "shown"}:
-        if not isinstance(found[name], str) or not found[name].strip():
-            raise ValueError(f"{where}: {name} is {found[name]!r}; expected a text")
 
 
 def decide(where: str, claim: Claim, tables: Tables) -> Finding:
@@ -427,8 +397,7 @@ def findings(file: Path | None = None, tables: Tables | None = None, notebooks: 
         FileNotFoundError, ValueError: a file is missing, a verdict does not follow from its comparisons, or a notebook lacks a
             heading or an output; the message names the file and the claim.
     """
-    file, tables = claims_file() if file is None else file, Tables() if tables is None else tables
-    notebooks = course_folder() / "notebooks" if notebooks is None else notebooks
+    file, tables, notebooks = file or claims_file(), tables or Tables(), notebooks or course_folder() / "notebooks"
     found = []
     for claim in read_claims(file):
         for place in claim.shown:
@@ -450,19 +419,21 @@ def reproduction(file: Path | None = None, tables: Tables | None = None, noteboo
     Args:
         file, tables, notebooks: as for `findings`, which raises the same. The file's `conclusions` open the page.
     """
-    from jinja2 import StrictUndefined, Template  # comes with the notebooks' packages
-
-    file, tables = claims_file() if file is None else file, Tables() if tables is None else tables
+    file, tables = file or claims_file(), tables or Tables()
     found = findings(file, tables, notebooks)
     counts = Counter(finding.kind for finding in found)
     errors = [abs(outcome.score) for finding in found for outcome in finding.outcomes if outcome.error]
-    corrected = NormalDist().inv_cdf(1 - 0.05 / 2 / max(len(errors), 1))  # Bonferroni
-    names = sorted({name for finding in found if finding.because for name in finding.claim.tables})
-    text = resources.files("mwlib.experiments").joinpath("reproduction.md.jinja").read_text(encoding="utf-8")
-    page = Template(text, trim_blocks=True, lstrip_blocks=True, undefined=StrictUndefined)
-    told = {"findings": found, "names": names, "scores": errors, "corrected": corrected, "beyond": BEYOND, "tables": tables}
-    told["conclusions"] = [tables.filled(sentence) for sentence in read_yaml(file).get("conclusions", [])]
-    return page.render(counts={kind: counts[kind] for kind in KINDS}, **told).rstrip() + "\n"
+    return rendered(
+        "experiments/reproduction.md.jinja",
+        findings=found,
+        names=sorted({name for finding in found if finding.because for name in finding.claim.tables}),
+        scores=errors,
+        corrected=NormalDist().inv_cdf(1 - 0.05 / 2 / max(len(errors), 1)),  # Bonferroni
+        beyond=BEYOND,
+        tables=tables,
+        conclusions=[tables.filled(sentence) for sentence in read_yaml(file).get("conclusions", [])],
+        counts={kind: counts[kind] for kind in KINDS},
+    )
 
 
 def look(notebooks: Path, place: Shown, claim: str) -> None:

@@ -6,7 +6,6 @@ import importlib
 import json
 import logging
 import warnings
-from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -35,15 +34,24 @@ NEEDED = ("onnx", "onnxscript")
 INSTALL = "install both with: pip install onnx onnxscript"
 OPSET = 18
 FREE = torch.export.Dim.DYNAMIC
-KINDS = "one of prediction, inbetweening or text_to_motion"
 
 
-class _OfCoefficients(nn.Module):
+class _Traceable(nn.Module):
+    """A network of tensors alone, inputs to follow it with, by name, and which of their axes are free."""
+
+    inputs: dict[str, Tensor]
+    free: tuple[dict[int, Any] | None, ...]
+
+
+class _OfCoefficients(_Traceable):
     """A network of prediction, its condition embedded inside; items with `told` 0 are not told it."""
 
     def __init__(self, model: Predictor) -> None:
         super().__init__()
         self.net = model.net
+        y = torch.zeros(2, *model.transform.shape)
+        self.inputs = {"y_t": y, "t": torch.tensor([1]), "condition": y[:1], "told": torch.ones(2)}
+        self.free = {0: FREE}, None, None, {0: FREE}
 
     def forward(
         self,
@@ -56,12 +64,18 @@ class _OfCoefficients(nn.Module):
         return self.net.evaluate(y_t, t, self.net.embed_condition(condition) * told[:, None])[0]
 
 
-class _OfSentences(nn.Module):
+class _OfSentences(_Traceable):
     """A denoiser of one sentence, its encoder inside, for motions of one length; items with `told` 0 are not told it."""
 
     def __init__(self, model: TextToMotion) -> None:
         super().__init__()
-        self.text, self.body = model.net.text, model.net.body
+        self.text, self.body, m = model.net.text, model.net.body, model.cfg.model
+        if not (isinstance(self.text, WordTransformer) and isinstance(self.body, MDM)):
+            raise ValueError(f"the model has network={m.network} and text={m.text}; expected network=mdm and text=words")
+        words = self.text.numbers([" ".join(self.text.vocabulary[:2])])
+        y = torch.zeros(2, model.lengths[0], model.layout.width)
+        self.inputs = {"y_t": y, "t": torch.tensor([1]), "words": words, "told": torch.ones(2)}
+        self.free = {0: FREE, 1: FREE}, None, {1: FREE}, {0: FREE}
 
     def forward(
         self, y_t: Float[Tensor, "B T D"], t: Int[Tensor, " 1"], words: Int[Tensor, "1 L"], told: Float[Tensor, " B"]
@@ -72,12 +86,20 @@ class _OfSentences(nn.Module):
         return self.body(y_t, t.expand(y_t.shape[0]), valid, said, told == 0)
 
 
-class _OfKeyframes(nn.Module):
+class _OfKeyframes(_Traceable):
     """A denoiser of motions of one length between the same keyframes, and the mean and the size of what it denoises."""
 
     def __init__(self, model: Bridge) -> None:
         super().__init__()
-        self.net = model.net
+        self.net, task = model.net, model.cfg.task
+        if not (isinstance(self.net, SizedNetwork) and isinstance(model.space, PositionSpace) and task.past == task.future == 2):
+            found = f"departure_scale={model.cfg.model.departure_scale} state={task.state} past={task.past} future={task.future}"
+            raise ValueError(f"the model has {found}; expected departure_scale=window state=positions past=2 future=2")
+        y = torch.zeros(2, *model.representation.transform(task.fewest).shape)
+        given = torch.zeros(1, len(y[0]), self.net.inner.net.enter.in_features - y.shape[-1])
+        ends = torch.zeros(1, self.net.state_dict()["log_factor.0.weight"].shape[1])
+        self.inputs = {"y_t": y, "t": torch.tensor([1]), "condition": given, "ends": ends}
+        self.free = {0: FREE, 1: FREE}, None, {1: FREE}, None
 
     def forward(
         self,
@@ -119,43 +141,18 @@ def export_onnx(model: TrainedModel, file: Path) -> list[Path]:
     """
     if file.suffix != ".onnx":
         raise ValueError(f"file is {str(file)!r}; expected a name that ends in .onnx")
-    module, inputs, free = _traceable(model)
-    network, about = _halved(_exported(module, inputs, free)), {**described(model), "inputs": [*inputs]}
-    said = json.dumps(about, separators=(",", ":"))
-    files = {file: network, file.with_suffix(".json"): said}
+    kind = next((kind for kind in KINDS if isinstance(model, kind)), None)
+    if kind is None:
+        raise ValueError(f"model is {shown(model)}; expected one of prediction, inbetweening or text_to_motion")
+    network, about = KINDS[kind]
+    traced = network(model)
+    said = {"alpha_bar": getattr(model, "alpha_bar", torch.zeros(0)).tolist()} | about(model) | {"inputs": [*traced.inputs]}
+    files = {file: _halved(_exported(traced, model.device)), file.with_suffix(".json"): json.dumps(said, separators=(",", ":"))}
     write_together(files)
     return [*files]
 
 
-def _traceable(model: TrainedModel) -> tuple[nn.Module, dict[str, Tensor], tuple[Any, ...]]:
-    """A module of tensors alone, inputs to follow it with, and which of their axes are free."""
-    device = model.device
-    t, told = torch.tensor([1], device=device), torch.ones(2, device=device)
-    if isinstance(model, Predictor):
-        y = torch.zeros(2, *model.transform.shape, device=device)
-        return _OfCoefficients(model), {"y_t": y, "t": t, "condition": y[:1], "told": told}, ({0: FREE}, None, None, {0: FREE})
-    if isinstance(model, Bridge):
-        task, what = model.cfg.task, f"departure_scale={model.cfg.model.departure_scale} state={model.cfg.task.state}"
-        if not (isinstance(model.net, SizedNetwork) and isinstance(model.space, PositionSpace) and task.past == task.future == 2):
-            found = f"{what} past={task.past} future={task.future}"
-            raise ValueError(f"the model has {found}; expected departure_scale=window state=positions past=2 future=2")
-        y = torch.zeros(2, *model.representation.transform(model.cfg.task.fewest).shape, device=device)
-        given = torch.zeros(1, len(y[0]), model.net.inner.net.enter.in_features - y.shape[-1], device=device)
-        ends = torch.zeros(1, model.net.state_dict()["log_factor.0.weight"].shape[1], device=device)
-        inputs = {"y_t": y, "t": t, "condition": given, "ends": ends}
-        return _OfKeyframes(model), inputs, ({0: FREE, 1: FREE}, None, {1: FREE}, None)
-    if not isinstance(model, TextToMotion):
-        raise ValueError(f"model is {shown(model)}; expected {KINDS}")
-    text, body, m = model.net.text, model.net.body, model.cfg.model
-    if not (isinstance(text, WordTransformer) and isinstance(body, MDM)):
-        raise ValueError(f"the model has network={m.network} and text={m.text}; expected network=mdm and text=words")
-    y = torch.zeros(2, model.lengths[0], model.layout.width, device=device)
-    words = text.numbers([" ".join(text.vocabulary[:2])]).to(device)
-    axes = {0: FREE, 1: FREE}, None, {1: FREE}, {0: FREE}
-    return _OfSentences(model), {"y_t": y, "t": t, "words": words, "told": told}, axes
-
-
-def _exported(module: nn.Module, inputs: Mapping[str, Tensor], free: tuple[Any, ...]) -> Any:
+def _exported(module: _Traceable, device: torch.device) -> Any:
     """The module as an ONNX model: of torch's exporter, without its talk."""
     for name in NEEDED:
         try:
@@ -168,13 +165,14 @@ def _exported(module: nn.Module, inputs: Mapping[str, Tensor], free: tuple[Any, 
     try:
         with warnings.catch_warnings(), torch.no_grad():
             warnings.simplefilter("ignore")  # on torch's own future
-            graph = torch.export.export(module.eval(), tuple(inputs.values()), dynamic_shapes=free, strict=True)
+            given = tuple(tensor.to(device) for tensor in module.inputs.values())
+            graph = torch.export.export(module.eval(), given, dynamic_shapes=module.free, strict=True)
             program = torch.onnx.export(
                 graph,
                 dynamo=True,
                 verbose=False,
                 opset_version=OPSET,
-                input_names=[*inputs],
+                input_names=[*module.inputs],
                 output_names=["output", "mean", "factor"][: len(graph.graph_signature.user_outputs)],
             )
     finally:
@@ -206,28 +204,11 @@ def _halved(network: Any) -> bytes:
     return network.SerializeToString()
 
 
-def described(model: TrainedModel) -> dict[str, Any]:
-    """What the sampling of an exported network needs besides, in JSON values.
-
-    Lists are rows of matrices. Of prediction: how histories become conditions and coefficients futures, if the transform is one
-    matrix along time; else `matrices` is null. Of in-betweening: the statistics of its `Representation`. Of sentences: words,
-    statistics of the features, how they become joints, and how a typed sentence is put into the words of the grammar, if the
-    model has learnt it.
-
-    Raises:
-        ValueError: a model of another system.
-    """
-    schedule = {"alpha_bar": getattr(model, "alpha_bar", torch.zeros(0)).tolist()}
-    if isinstance(model, Predictor):
-        return schedule | _of_prediction(model)
-    if isinstance(model, Bridge):
-        return schedule | _of_keyframes(model)
-    if isinstance(model, TextToMotion):
-        return schedule | _of_text(model)
-    raise ValueError(f"model is {shown(model)}; expected {KINDS}")
+# What the sampling of an exported network needs besides, in JSON values; lists are rows of matrices.
 
 
 def _of_prediction(model: Predictor) -> dict[str, Any]:
+    """How histories become conditions and coefficients futures, if the transform is one matrix along time; else no matrices."""
     seen, bodies, s = model.representation, model.bodies, model.sampling
     scales = {"mean": seen.motion.mean, "deviation": seen.motion.deviation}
     scales |= {"condition_mean": seen.condition.mean, "condition_deviation": seen.condition.deviation}
@@ -256,6 +237,7 @@ def _matrices(model: Predictor) -> dict[str, Any] | None:
 
 
 def _of_keyframes(model: Bridge) -> dict[str, Any]:
+    """The statistics of its `Representation`."""
     seen, bodies, s, task = model.representation, model.space.bodies, model.cfg.sampling, model.cfg.task
     learnt = {name: _numbers(tensor.numpy()) for name, tensor in seen.learnt().items() if name != "departure"}  # that is 1
     return {
@@ -268,6 +250,7 @@ def _of_keyframes(model: Bridge) -> dict[str, Any]:
 
 
 def _of_text(model: TextToMotion) -> dict[str, Any]:
+    """Words, statistics of the features, how they become joints, and how typed sentences are put into the grammar's words."""
     layout, s, words = model.layout, model.sampling, model.net.text.vocabulary
     return {
         "system": "text_to_motion", "fps": layout.fps, "metres_per_unit": layout.metres_per_unit, "lengths": [*model.lengths],
@@ -289,3 +272,10 @@ def of_skeleton(skeleton: Skeleton) -> dict[str, Any]:
 def _numbers(array: np.ndarray) -> list[Any]:
     """An array as numbers that float32 tells apart, in as few digits."""
     return json.loads(json.dumps(np.asarray(array, np.float32).astype(str).tolist()).replace('"', ""))
+
+
+KINDS: dict[type[TrainedModel], tuple[Any, Any]] = {  # -> what is traced of a model, and what its sampling needs besides
+    Predictor: (_OfCoefficients, _of_prediction),
+    Bridge: (_OfKeyframes, _of_keyframes),
+    TextToMotion: (_OfSentences, _of_text),
+}

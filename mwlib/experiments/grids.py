@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 from mwlib.hashing import code_behind
 from mwlib.paths import course_folder
-from mwlib.settings import Settings, Written, near, of_kind, read_tree, read_yaml, shown
+from mwlib.settings import Settings, Written, choice, near, of_kind, read_tree, read_yaml
 
 if TYPE_CHECKING:  # names of types alone: listing the systems waits for no torch
     from torch import Tensor
@@ -42,25 +42,13 @@ class System(Protocol):
     Config: type[Any]  # a subclass of Settings with a group `training: TrainingConfig` and a field `sampling_seed`
     METRICS: Mapping[str, Column]
 
-    @property
-    def load_data(self) -> Callable[[Any], Data]:
-        """Configuration -> data."""
-        ...
-
-    @property
-    def make_objective(self) -> Callable[[Any, Any, Mapping[str, Tensor]], Objective]:
-        """Configuration, data, what the objective had learnt before -> what is trained."""
-        ...
-
-    @property
-    def open_model(self) -> Callable[[Any, Mapping[str, Tensor], Mapping[str, Tensor], Mapping[str, str]], Any]:
-        """Configuration, weights, what the objective learnt, its texts -> the trained model."""
-        ...
-
-    @property
-    def evaluate(self) -> Callable[[Any, Callable[[], Any], Any, bool], dict[str, Any]]:
-        """Configuration, a function that gives the model, data, whether to show a bar -> "mean", "standard_error", "windows"."""
-        ...
+    load_data: Callable[[Any], Data]  # configuration -> data
+    # Configuration, data, what the objective had learnt before -> what is trained.
+    make_objective: Callable[[Any, Any, Mapping[str, Tensor]], Objective]
+    # Configuration, weights, what the objective learnt, its texts -> the trained model.
+    open_model: Callable[[Any, Mapping[str, Tensor], Mapping[str, Tensor], Mapping[str, str]], Any]
+    # Configuration, a function that gives the model, data, whether to show a bar -> "mean", "standard_error", "windows".
+    evaluate: Callable[[Any, Callable[[], Any], Any, bool], dict[str, Any]]
 
 
 MODULES = {
@@ -79,12 +67,7 @@ def register(system: Any) -> None:
     Raises:
         ValueError: the name is taken by another system, or something that `System` asks for is missing.
     """
-    missing = [
-        name
-        for name in ("Config", "METRICS", "load_data", "make_objective", "open_model", "evaluate")
-        if not hasattr(system, name)
-    ]
-    if missing:
+    if missing := [name for name in System.__annotations__ if not hasattr(system, name)]:
         raise ValueError(f"{system} has no {', '.join(missing)}; expected all that System asks for")
     name = system.Config.system
     if name in MODULES or _REGISTERED.get(name, system) is not system:
@@ -98,14 +81,9 @@ def system(name: str) -> System:
     Raises:
         ValueError: there is none; the message lists those there are.
     """
-    if not isinstance(name, str):
-        raise ValueError(f"system is {shown(name)}; expected one of {', '.join([*MODULES, *_REGISTERED])}")
-    if name in MODULES:
-        return importlib.import_module(MODULES[name])  # pyright: ignore[reportReturnType]  (checked by a test)
-    if name not in _REGISTERED:
-        known = [*MODULES, *_REGISTERED]
-        raise ValueError(f"system is {name!r}; expected one of {', '.join(known)}{near(name, known)}")
-    return _REGISTERED[name]
+    choice("system", name, [*MODULES, *_REGISTERED])
+    found: Any = importlib.import_module(MODULES[name]) if name in MODULES else _REGISTERED[name]
+    return found
 
 
 def system_of(cfg: Settings) -> System:
@@ -231,15 +209,15 @@ def read_grids(path: Path | None = None) -> dict[str, Grid]:
             what it must not; two rows share a name or all settings; budgets do not rise; the paper's number is of no metric of
             the system; or a change, of a row or a budget, is not a valid setting. The message names file, line and place.
     """
-    path = grids_file() if path is None else Path(path)
+    path = path or grids_file()
     tree = read_yaml(path)
     for name in tree if isinstance(tree, Written) else ():
         if name != "grids" and not str(name).startswith("x-"):
-            place = _Place(path, "the top").of(tree, name)
+            place = Place(path, "the top").of(tree, name)
             raise ValueError(f"{place} has {name!r}; expected grids, or x- and any name{near(name, ['grids'])}")
     if not isinstance(tree, Written) or not isinstance(tree.get("grids"), Written):
         raise ValueError(f"{path} holds {str(tree)[:40]!r}; expected a mapping with grids by id")
-    return {name: _grid(_Place(path, str(name)).of(tree["grids"], name), name, body) for name, body in tree["grids"].items()}
+    return {name: _grid(Place(path, str(name)).of(tree["grids"], name), name, body) for name, body in tree["grids"].items()}
 
 
 def read_grid(name: str, path: Path | None = None) -> Grid:
@@ -254,7 +232,7 @@ def read_grid(name: str, path: Path | None = None) -> Grid:
     return known[name]
 
 
-class _Place(NamedTuple):
+class Place(NamedTuple):
     """Where something stands: what messages begin with."""
 
     file: Path
@@ -264,11 +242,11 @@ class _Place(NamedTuple):
     def __str__(self) -> str:
         return f"{self.file}{f', line {self.line}' if self.line else ''}: {self.words}"
 
-    def of(self, found: Any, name: object = None, words: str = "") -> _Place:
+    def of(self, found: Any, name: object = None, words: str = "") -> Place:
         """A part: the line of a key, or else where the mapping begins; words are added after a comma."""
         found = found if isinstance(found, Written) else Written()
         line = found.lines.get(name) or found.line or self.line
-        return _Place(self.file, ", ".join(filter(None, (self.words, words))), line)
+        return Place(self.file, ", ".join(filter(None, (self.words, words))), line)
 
 
 def _is(*types: type) -> Callable[[Any], bool]:
@@ -285,9 +263,16 @@ def _is_line(text: str) -> bool:
     return text.isprintable() and text == text.strip() != ""
 
 
+def one_of(choices: Collection[str]) -> tuple[str, Callable[[Any], bool]]:
+    """A field that holds one of some texts, as `check_fields` takes it."""
+    return f"one of {', '.join(choices)}", lambda value: isinstance(value, str) and value in choices
+
+
 # What a field of the file may hold; the first entry of a pair is what a message calls it.
 MOST_SEEDS = 1000  # of a row: own choice, far more than anybody waits for
 MAPPING, LIST, TEXT = ("a mapping", _is(dict, type(None))), ("a list", _is(list)), ("a text", _is(str))
+WORDS = "a text", lambda value: isinstance(value, str) and value.strip() != ""
+HYPHENED = "lower-case words with hyphens", lambda value: bool(WORDS[1](value) and re.fullmatch(r"[a-z0-9]+(-[a-z0-9]+)*", value))
 TRUTH, NUMBER = ("true or false", _is(bool)), ("a finite number", _within(float("-inf"), int, float))
 POSITIVE = ("a number above 0, finite", _within(0, int, float))
 COUNT = (f"a whole number from 1 to {MOST_SEEDS}", lambda value: _within(0, int)(value) and value <= MOST_SEEDS)
@@ -299,10 +284,10 @@ ROW = {"name": NAMES, "set": MAPPING, "paper": MAPPING,
 BUDGET = {"until": POSITIVE, "seeds": COUNT, "share": POSITIVE, "set": MAPPING, "trains": TRUTH}
 
 
-def _grid(where: _Place, name: str, body: Any) -> Grid:
+def _grid(where: Place, name: str, body: Any) -> Grid:
     if not isinstance(name, str) or not NAME.fullmatch(name):
         raise ValueError(f"{where}: the id is {name!r}; expected lower-case letters, digits and underscores")
-    _check(where, body, {"title", "rows"}, GRID)
+    check_fields(where, body, {"title", "rows"}, GRID)
     try:
         kind = system(body.get("system", "prediction"))
     except ValueError as error:
@@ -327,17 +312,14 @@ def _grid(where: _Place, name: str, body: Any) -> Grid:
         name, body.get("system", "prediction"), body["title"], body.get("paper", ""), body.get("notebook", ""),
         bool(body.get("trains")), dict(base), tuple(rows), tuple(budgets), body.get("reference") or rows[0].name,
     )  # fmt: skip
-    if grid.reference not in {row.name for row in rows}:
-        known = [row.name for row in rows]
-        raise ValueError(
-            f"{where.of(body, 'reference')}: reference is {grid.reference!r}; "
-            f"expected the name of a row{near(grid.reference, known)}"
-        )
+    if grid.reference not in (known := [row.name for row in rows]):
+        found = f"reference is {grid.reference!r}; expected the name of a row{near(grid.reference, known)}"
+        raise ValueError(f"{where.of(body, 'reference')}: {found}")
     return grid
 
 
-def _row(where: _Place, row: Any, metrics: Collection[str]) -> Row:
-    _check(where, row, {"name"}, ROW)
+def _row(where: Place, row: Any, metrics: Collection[str]) -> Row:
+    check_fields(where, row, {"name"}, ROW)
     paper = row.get("paper") or {}
     for name, value in paper.items():
         if name not in metrics:
@@ -349,8 +331,8 @@ def _row(where: _Place, row: Any, metrics: Collection[str]) -> Row:
     return Row(str(row["name"]), dict(row.get("set") or {}), dict(paper), row.get("seeds"))
 
 
-def _budget(where: _Place, body: Any, before: Sequence[Budget]) -> Budget:
-    _check(where, body, {"until", "seeds"}, BUDGET)
+def _budget(where: Place, body: Any, before: Sequence[Budget]) -> Budget:
+    check_fields(where, body, {"until", "seeds"}, BUDGET)
     if before and body["until"] <= before[-1].until:
         raise ValueError(
             f"{where.of(body, 'until')}: until is {body['until']}; expected more than the {before[-1].until} of the one before"
@@ -358,7 +340,7 @@ def _budget(where: _Place, body: Any, before: Sequence[Budget]) -> Budget:
     return Budget(body["until"], body["seeds"], body.get("share", 1.0), dict(body.get("set") or {}), body.get("trains"))
 
 
-def _fit(where: _Place, plain: Settings, counted: Collection[str], *parts: Mapping[str, Any]) -> None:
+def _fit(where: Place, plain: Settings, counted: Collection[str], *parts: Mapping[str, Any]) -> None:
     """Refuse settings that the configuration does not take, the last of each name; the line is that of the one it names."""
     for part in parts:
         for name in part:
@@ -375,23 +357,23 @@ def _fit(where: _Place, plain: Settings, counted: Collection[str], *parts: Mappi
         raise ValueError(f"{where}: {error}") from None
 
 
-def expect_fields(where: object, found: Any, needed: set[str], allowed: set[str]) -> None:
-    """Refuse what was read from YAML if it is no mapping, lacks a field or has an unknown one.
+def check_fields(where: Place, found: Any, needed: set[str], fields: Mapping[str, tuple[str, Callable[[Any], bool]]]) -> None:
+    """Refuse what was read from YAML if it is no mapping, lacks a field, has an unknown one, or one that holds what it must not.
+
+    Args:
+        where: it stands.
+        found: what was read.
+        needed: names of the fields that it must have.
+        fields: all that it may have, by name: what may stand there, in words, and whether a value is such.
 
     Raises:
         ValueError: the message names the place, what was found and what was expected.
     """
-    if not isinstance(found, dict) or not needed <= {*found} <= needed | allowed:
-        known = needed | allowed
-        meant = [near(name, known) for name in found if name not in known] if isinstance(found, dict) else []
-        raise ValueError(f"{where} has {sorted(map(str, found)) if isinstance(found, dict) else found}; expected "
-                         f"{sorted(needed)}, and any of {sorted(allowed)}{''.join(meant[:1])}")  # fmt: skip
-
-
-def _check(where: _Place, found: Any, needed: set[str], fields: Mapping[str, tuple[str, Callable[[Any], bool]]]) -> None:
-    """Refuse what lacks a field, has an unknown one, or one that holds what it must not."""
     unknown = [name for name in found if name not in fields] if isinstance(found, dict) else []
-    expect_fields(where.of(found, unknown[0] if unknown else None), found, needed, {*fields} - needed)
+    if not isinstance(found, dict) or unknown or not needed <= {*found}:
+        meant = near(unknown[0], fields) if unknown else ""
+        raise ValueError(f"{where.of(found, *unknown[:1])} has {sorted(map(str, found)) if isinstance(found, dict) else found}; "
+                         f"expected {sorted(needed)}, and any of {sorted({*fields} - needed)}{meant}")  # fmt: skip
     for name, value in found.items():
         kind, fits = fields[name]
         if not fits(value):
@@ -416,9 +398,7 @@ def changes(grid: Grid, row: Row, cfg: Settings, given: Collection[str] = ()) ->
             f"{', '.join(clash)} is given, but the rows of {grid.id} differ in it; leave it out, or write a grid of your own"
         )
     budget = grid.budget(cfg)
-    shared = dict(budget.changes)
-    if budget.share != 1:
-        shared |= _shortened(cfg, budget.share)
+    shared = budget.changes | (_shortened(cfg, budget.share) if budget.share != 1 else {})
     shared = {name: value for name, value in (shared | grid.base).items() if name not in given}
     return shared | row.changes
 

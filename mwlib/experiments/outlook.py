@@ -3,6 +3,7 @@
 import warnings
 from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import Any
 
 from mwlib.body.motion import Motion
 from mwlib.data.captioned import CMU_FOLDER
@@ -35,25 +36,20 @@ def outlook(source: str | Path, motions: Sequence[Motion], fps: float | None = N
         cfg = prediction.Config().override(data=str(source), **rate)
         return _carried(motions, prediction.load_data(cfg, motions))
 
-    def between(state: str) -> Callable[[], str]:
-        """What in-betweening makes of them, to be asked for."""
-
-        def found() -> str:
-            """The same, now."""
-            cfg = inbetweening.Config().override(data=str(source), state=state, **rate)
-            split = inbetweening.load_data(cfg, motions)
-            space = make_space(split.train, state)
-            for motion in (m for part in split for m in part):
-                space.encode(motion)
-            return _carried(motions, split)
-
-        return found
+    def between(state: str) -> str:
+        """What in-betweening makes of them."""
+        cfg = inbetweening.Config().override(data=str(source), state=state, **rate)
+        split = inbetweening.load_data(cfg, motions)
+        space = make_space(split.train, state)
+        for motion in (m for part in split for m in part):
+            space.encode(motion)
+        return _carried(motions, split)
 
     lines = []
     if motions and (fps is not None or not _has_captions(source)):
         lines = [f"prediction: {_or_refused(predicted)}"]
-        lines += [f"in-betweening, {state}: {_or_refused(between(state))}" for state in ("positions", "rotations")]
-    return [*lines, f"text to motion: {_or_refused(lambda: _captioned(source))}"]
+        lines += [f"in-betweening, {state}: {_or_refused(between, state)}" for state in ("positions", "rotations")]
+    return [*lines, f"text to motion: {_or_refused(_captioned, source)}"]
 
 
 def _has_captions(source: str | Path) -> bool:
@@ -61,10 +57,10 @@ def _has_captions(source: str | Path) -> bool:
     return source != "synthetic" and is_captioned(find_source(source))
 
 
-def _or_refused(say: Callable[[], str]) -> str:
+def _or_refused(say: Callable[..., str], *given: Any) -> str:
     with warnings.catch_warnings(action="ignore"):  # the report has said it
         try:
-            return say()
+            return say(*given)
         except (ValueError, OSError) as error:
             return f"refused: {error}"
 

@@ -1,4 +1,4 @@
-"""Result files: what a run found and what that depends on, proof that it is whole, and the lock of whoever makes it."""
+"""Result files: what a run found and what that depends on, proof that it is whole, its lock, and pages about results."""
 
 import csv
 import json
@@ -99,6 +99,18 @@ def read_table(file: Path) -> list[dict[str, str]]:
     """
     with file.open(encoding="utf-8", newline="") as lines:
         return list(csv.DictReader(lines))
+
+
+@cache
+def _templates() -> Any:
+    from jinja2 import Environment, PackageLoader, StrictUndefined  # takes a while to import
+
+    return Environment(loader=PackageLoader("mwlib", ""), trim_blocks=True, lstrip_blocks=True, undefined=StrictUndefined)
+
+
+def rendered(template: str, **told: Any) -> str:
+    """A page made of a template of this package, `room/name.jinja`, and what it is told; it ends in one line end."""
+    return _templates().get_template(template).render(told).rstrip() + "\n"
 
 
 def parameters_hash(parameters: Mapping[str, Any]) -> str:

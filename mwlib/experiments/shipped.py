@@ -8,7 +8,7 @@ from typing import Any
 
 from mwlib.data.collections import acknowledgement
 from mwlib.experiments.grids import system, system_of
-from mwlib.experiments.results import of_older_code, read_result
+from mwlib.experiments.results import of_older_code, read_result, rendered
 from mwlib.experiments.runs import get_model, get_result, get_run
 from mwlib.experiments.tables import details
 from mwlib.files import sweep, write_together
@@ -110,53 +110,20 @@ def ship(cfg: Settings, folder: Path, title: str, command: str, progress: bool =
 
 def card(title: str, command: str, cfg: Settings, metrics: Mapping[str, Any]) -> str:
     """What a reader must know of a model before using it, as Markdown."""
-    kind, (model, training, about) = system_of(cfg), (metrics[name] for name in ("model", "training", "about"))
-    others = {name: metrics[name] for name in ("truth",) if name in metrics}
-    of_windows = "fps" in cfg.owners()
-    items, rate = ("windows", f" at {cfg.get('fps'):g} Hz") if of_windows else ("clips", "")
-    rows = [
-        f"| {' | '.join([column.heading, *(_of(result, name, column.scale) for result in (model, *others.values()))])} |"
-        for name, column in {**kind.METRICS, **details(kind)}.items()
-        if name in model["mean"]
-    ]
-    sources = [cfg.get("data"), *(cfg.get("more_data") if "more_data" in cfg.owners() else ())]
-    named = " and ".join(f"`{source}`" for source in sources)
-    trained = (
-        f"Trained on {named}{rate}: {training['steps']} steps of {cfg.get('batch')} {items}, seed {cfg.get('seed')}, "
-        f"{training['seconds']:.0f} s on {training['machine']['device']}. Weights are kept in half precision."
+    kind = system_of(cfg)
+    return rendered(
+        "experiments/card.md.jinja",
+        title=title,
+        command=command,
+        places=(CONFIG, METRICS),
+        cfg={name: cfg.get(name) for name in cfg.owners()},
+        columns={**kind.METRICS, **details(kind)},
+        found={name: metrics[name] for name in ("model", "truth") if name in metrics},
+        training=metrics["training"],
+        about=metrics["about"],
+        more=getattr(kind, "more_of_card")(metrics["more"]) if metrics.get("more") else [],  # noqa: B009
+        owners=acknowledgement(cfg.get("data")).values(),
     )
-    sampled = f"sampling seed {cfg.get('sampling_seed')}, "
-    if "ddim_steps" in cfg.owners():
-        sampled = f"{cfg.get('samples')} samples, {cfg.get('ddim_steps')} denoising steps, {sampled}"
-    measured = (
-        f"Measured on {model['windows']} {items} of the test people: {sampled}{about['measured on']['device']}."
-        + (" Metres, unless a line says otherwise." if of_windows else "")
-        + (f" The true futures of similar histories have an APD of {apd:.3g}." if (apd := model.get("multimodal_apd")) else "")
-    )
-    again = (
-        f"`{command}` makes it again, on another machine up to the rounding of its arithmetic. All settings are in `{CONFIG}`, "
-        f"standard errors over clips in `{METRICS}`."
-    )
-    heads = ["metric", "model", *others]
-    table = "\n".join([f"| {' | '.join(heads)} |", f"|---|{'---:|' * (len(heads) - 1)}", *rows])
-    more = getattr(kind, "more_of_card")(metrics["more"]) if metrics.get("more") else []  # noqa: B009
-    parts = [f"# {title}", trained, *_people(cfg), measured, table, *more, again, *acknowledgement(cfg.get("data")).values()]
-    return "\n\n".join(parts) + "\n"
-
-
-def _people(cfg: Settings) -> list[str]:
-    """Who is held out, where the configuration says it; collections with captions have their own parts."""
-    if "test_subjects" not in cfg.owners():
-        return []
-    test, validation, train = (", ".join(cfg.get(f"{part}_subjects")) for part in ("test", "validation", "train"))
-    return [
-        f"Test people: {test or 'the last quarter'}; for validation: {validation or 'nobody'}; trained on "
-        f"{train or 'everybody else'}."
-    ]
-
-
-def _of(result: Mapping[str, Any], name: str, scale: float) -> str:
-    return f"{scale * result['mean'][name]:.3g}" if name in result["mean"] else "–"
 
 
 def _kept(result: Mapping[str, Any]) -> dict[str, Any]:

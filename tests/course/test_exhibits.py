@@ -51,7 +51,7 @@ def test_what_the_course_keeps_is_what_the_manifest_promises():
         ([{**ROW, "files": ["png"]}], "row 1.*files lack"),
         ([{**ROW, "id": "Two Words"}], "row 1.*lower-case"),
         ([{**ROW, "paper": {"item": "Table 1"}}], "row 1.*expected 'system' and 'item'"),
-        ([{**ROW, "colour": "blue"}], "row 1.*unknown fields"),
+        ([{**ROW, "colour": "blue"}], "row 1.*has .*'colour'.*expected"),
         ([ROW, ROW], "the same id twice"),
         ([ROW, {**ROW, "id": "other"}], "the same notebook and stem twice"),
     ],

@@ -200,7 +200,7 @@ PLACE = {"notebook": "00_start_here", "section": "5 · Back, exactly"}
         ({"verdict": "slip in the paper"}, "the last two with a reason after a colon"),
         ({"because": None}, "because is None; expected a text"),
         ({"colour": "blue"}, r"has \['because', .*'colour'.*; expected \['because', "),
-        ({"id": "linear_apd"}, "the id is 'linear_apd'; expected lower-case words with hyphens"),
+        ({"id": "linear_apd"}, "id is 'linear_apd'; expected lower-case words with hyphens"),
         ({"shown": [{**PLACE, "section": "None"}]}, "points to the section 'None'; the notebook has 00 · Start here"),
         ({"shown": [{**PLACE, "notebook": "00_start"}]}, "00_start.ipynb is not there; the claim linear-apd points to it"),
         ({"shown": [{**PLACE, "prints": "x9"}]}, "no output says 'x9'; the claim linear-apd quotes it"),

@@ -52,7 +52,7 @@ MUTANTS = [
         ("a-card-before-its-model", "for name, content in files.items()}", "for name, content in reversed(files.items())}",
          "experiments/test_shipped.py::test_no_card_speaks_of_another_model"),
         ("shipped-with-what-a-kill-left", "    sweep(folder)\n", ""),
-        ("shipped-without-its-owners-words", ', *acknowledgement(cfg.get("data")).values()]', "]"),
+        ("shipped-without-its-owners-words", 'owners=acknowledgement(cfg.get("data")).values()', "owners=()"),
     ),
     *of(
         "experiments/runs.py", "experiments/test_believed_runs.py::test_a_run_without_its_configuration_gets_it_back_as_it_was",
