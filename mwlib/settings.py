@@ -310,8 +310,8 @@ def _place(source: str | Path) -> str:
     return str(source) if isinstance(source, Path) else "the configuration"
 
 
-def parse_changes(words: str | Sequence[str]) -> dict[str, Any]:
-    """``name=value`` words, one by one or in a text, values in YAML, as changes to a configuration.
+def parse_changes(words: Sequence[str]) -> dict[str, Any]:
+    """``name=value`` words, values in YAML, as changes to a configuration.
 
     >>> parse_changes(["wavelet=haar", "lr=1e-3", "test_subjects=[S9, S11]"])
     {'wavelet': 'haar', 'lr': '1e-3', 'test_subjects': ['S9', 'S11']}
@@ -322,7 +322,7 @@ def parse_changes(words: str | Sequence[str]) -> dict[str, Any]:
         ValueError: a word has no equals sign, its name was given before, or its value is not YAML.
     """
     changes = {}
-    for word in words.split() if isinstance(words, str) else words:
+    for word in words:
         name, equals, value = word.partition("=")
         if not equals:
             raise ValueError(f"{word!r} is not a change; expected name=value, e.g. wavelet=haar")

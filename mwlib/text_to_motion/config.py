@@ -9,43 +9,46 @@ from mwlib.data.captioned import CaptionsConfig
 from mwlib.diffusion.process import Steps, check_indices
 from mwlib.networks.matching import UNIT
 from mwlib.networks.unet1d import check_channels
-from mwlib.settings import Advanced, BelowOne, Count, Natural, NotNegative, Settings, Share, parse_changes
+from mwlib.settings import Advanced, BelowOne, Count, Natural, NotNegative, Settings, Share
 from mwlib.text_to_motion.losses import Band, Norm, Semantic, Stage
 from mwlib.training.config import TrainingConfig
 
 CLIP = "clip-vit-base-patch32"  # folder, here or under MWLIB_DATA
 # Both as published: CLIP, padding that the network sees, and the collection's own Mean.npy and Std.npy.
-_PUBLISHED = parse_changes("data=HumanML3D text=clip mask_frames=false statistics=files") | {"clip_folder": CLIP}
-_MDM = _PUBLISHED | parse_changes("lr=1e-4 lr_schedule=constant weight_decay=0 train_steps=600000 ema=0 ema_start=0")
-_STABLEMOFUSION = _PUBLISHED | parse_changes("""
-    network=unet schedule=linear steps=1000 normalisation=stablemofusion sampler=sde_dpm sampling_steps=10 lr=2e-4
-    weight_decay=0.01 lr_schedule=multistep lr_gamma=0.9 train_steps=50000 ema=0.999787 ema_start=0 clip_gradient=1
-    lr_milestones=[5000,10000,15000,20000,25000,30000,35000,40000,45000]
-""")
+_PUBLISHED: dict[str, Any] = dict(
+    data="HumanML3D", text="clip", clip_folder=CLIP, mask_frames=False, statistics="files",
+)  # fmt: skip
+_MDM: dict[str, Any] = _PUBLISHED | dict(
+    lr=1e-4, lr_schedule="constant", weight_decay=0.0, train_steps=600_000, ema=0.0, ema_start=0,
+)  # fmt: skip
+_STABLEMOFUSION: dict[str, Any] = _PUBLISHED | dict(
+    network="unet", schedule="linear", steps=1000, normalisation="stablemofusion", sampler="sde_dpm", sampling_steps=10,
+    lr=2e-4, weight_decay=0.01, lr_schedule="multistep", lr_gamma=0.9, lr_milestones=tuple(range(5000, 50_000, 5000)),
+    train_steps=50_000, ema=0.999787, ema_start=0, clip_gradient=1.0,
+)  # fmt: skip
 # Own choice, for two cores: four frames make a token, the learning rate falls along a cosine, and root and contacts weigh more,
 # as in StableMoFusion: of 263 numbers four say where a body goes. So weighed, they show through a hundred times their power of
 # noise: under the cosine schedule steps and ways are settled within five of 50 levels, under the linear one within twenty.
-_TEACHING = parse_changes("""
-    data=people longest=120 normalisation=stablemofusion schedule=linear width=192 layers=4 heads=4 feedforward=512
-    text_width=128 text_layers=1 dropout=0 attention_dropout=0 frames_per_token=4 lr=1e-3 lr_schedule=cosine warmup=100
-    weight_decay=0.01 ema=0.995 ema_start=200
-""")
+_TEACHING: dict[str, Any] = dict(
+    data="people", longest=120, normalisation="stablemofusion", schedule="linear", width=192, layers=4, heads=4,
+    feedforward=512, text_width=128, text_layers=1, dropout=0.0, attention_dropout=0.0, frames_per_token=4, lr=1e-3,
+    lr_schedule="cosine", warmup=100, weight_decay=0.01,
+    ema=0.995, ema_start=200,
+)  # fmt: skip
 
 PRESETS: dict[str, dict[str, Any]] = {
     # A minute on two cores; synthetic people.
-    "tiny": _TEACHING
-    | parse_changes("""
-        clips=600 width=64 layers=2 feedforward=256 text_width=64 train_steps=400 batch=32 lr=2e-3 ema=0.99 ema_start=50
-        checkpoint_every=200 test_clips=96 repeated=8 repeats=4 pool=16
-    """),
+    "tiny": _TEACHING | dict(
+        clips=600, width=64, layers=2, feedforward=256, text_width=64, train_steps=400, batch=32, lr=2e-3, ema=0.99, ema_start=50,
+        checkpoint_every=200, test_clips=96, repeated=8, repeats=4, pool=16,
+    ),
     # Half an hour on one core; synthetic people.
-    "laptop": _TEACHING | parse_changes("train_steps=8000 batch=64 checkpoint_every=500"),
+    "laptop": _TEACHING | dict(train_steps=8000, batch=64, checkpoint_every=500),
     # The CMU clips at hand with their captions: far too few for more than a demonstration.
-    "cmu": _TEACHING
-    | parse_changes("""
-        data=cmu longest=196 dropout=0.1 train_steps=4000 batch=64 checkpoint_every=500 pool=16 evaluator=cmu_evaluator
-        critic=cmu_critic
-    """),
+    "cmu": _TEACHING | dict(
+        data="cmu", longest=196, dropout=0.1, train_steps=4000, batch=64, checkpoint_every=500, pool=16,
+        evaluator="cmu_evaluator", critic="cmu_critic",
+    ),
     # MDM as first published, of 50 noising steps, for a folder of HumanML3D or KIT-ML and a GPU. It reads sentences by CLIP from
     # clip_folder (--set text=words does without), lets frames see the padding, scales by Mean.npy and Std.npy, averages no
     # weights. Its later code hides the padding and averages (--set mask_frames=true --set ema=0.9999). Own choice: batches of
@@ -54,7 +57,7 @@ PRESETS: dict[str, dict[str, Any]] = {
     # StableMoFusion as published, in the same sense. It averages the weights every 32 steps with a decay of 0.9932; here they
     # are averaged at every step, with its 32nd root. Own choice: batches of like lengths, and sampling in float32.
     "stablemofusion": _STABLEMOFUSION,
-}
+}  # fmt: skip
 # One name builds the figures of all systems; where the others have big data, so has this one.
 PRESETS |= {"laptop_paper": PRESETS["laptop"], "cmu_paper": PRESETS["cmu"], "h36m": PRESETS["mdm"], "humaneva": PRESETS["mdm"]}
 
