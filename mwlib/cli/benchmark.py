@@ -34,8 +34,9 @@ def lafan1_benchmark(
     Harvey et al. (2020) do: L2Q, L2P and NPSS of transitions of 5, 15, 30 and 45 frames. Published numbers stand beside. With
     all 77 files, which give 2232 windows, it says whether the published digits are met (exit status 1 if not); with fewer,
     that numbers cannot be compared. A trained model (--model) is given up to ten frames of the past and the frame after the
-    transition. It gets two rows: the mean of the errors of single samples, and the errors of the samples' average. The preset
-    lafan1_official trains one.
+    transition. It gets three rows: the mean of the errors of single samples, the errors of the samples' average, and those of
+    what its network of the mean says, or of the curve that it departs from where it has none. The preset lafan1_official trains
+    one.
 
     Args:
         data: folder of the BVH files, here or under MWLIB_DATA.

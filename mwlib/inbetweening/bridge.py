@@ -115,16 +115,25 @@ class Bridge(TrainedModel):
             found.append(self.finite(self._sample(x[part].to(self.device), mask.to(self.device), noise)).cpu())
         return torch.cat(found)
 
-    def _sample(self, x: Float[Tensor, "n T C"], mask: Bool[Tensor, " T"], noise: WindowNoise) -> Float[Tensor, "n S T C"]:
+    @torch.inference_mode()
+    def mean(self, x: Float[Tensor, "N T C"]) -> Float[Tensor, "N T C"]:
+        """What the network of the mean says, without diffusion, one motion a window, see `sample`. Without one the curve."""
+        mask = given(x.shape[-2], self.cfg.task.past, self.cfg.task.future)
+        self.check(x.shape[-2], mask)
+        return self.finite(self._sample(x.to(self.device), mask.to(self.device), None))[:, 0].cpu()
+
+    def _sample(self, x: Float[Tensor, "n T C"], mask: Bool[Tensor, " T"], noise: WindowNoise | None) -> Float[Tensor, "n S T C"]:
         task, settings = self.cfg.task, self.cfg.sampling
         whole, (before, x, after) = x, parted(x, task.past, task.future)
         inner = mask[task.past - 1 :][: x.shape[-2]]
         line = self.representation.interpolation(x, before, inner, after)
         room, tf = self.representation.room(x, before, after), self.representation.transform(x.shape[-2])
-        target = self.representation.modelled(torch.where(inner[:, None], x, line), line, room)
-        indices = ddim_indices(self.cfg.diffusion.steps, settings.ddim_steps, settings.spacing)
-        warm, denoise = tempered(noise, settings.temperature), self._denoise(line, before, inner, after)
-        z = keyframed(denoise, tf, target[:, None], inner, self.alpha_bar, indices, warm, self.cfg.imposing)
+        z = torch.zeros_like(line)[:, None]
+        if noise is not None:
+            target = self.representation.modelled(torch.where(inner[:, None], x, line), line, room)
+            indices = ddim_indices(self.cfg.diffusion.steps, settings.ddim_steps, settings.spacing)
+            warm, denoise = tempered(noise, settings.temperature), self._denoise(line, before, inner, after)
+            z = keyframed(denoise, tf, target[:, None], inner, self.alpha_bar, indices, warm, self.cfg.imposing)
         if isinstance(self.net, SizedNetwork):
             ends, usual = self.representation.ends(line, before, after), self.representation.usual(x.shape[-2]).to(z)
             factor, mean = self.net.factor_of_samples(ends, tf.shape[0]), self.net.mean(ends, tf.shape[0])

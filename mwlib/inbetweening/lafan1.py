@@ -254,8 +254,8 @@ def model_table(
         progress: show bars on stderr.
 
     Returns:
-        Rows as of `table`, two for each length: the mean of the errors of single samples, and the errors of the samples'
-        average (of the states, which are made rotations again).
+        Rows as of `table`, three for each length: the mean of the errors of single samples; the errors of the samples' average
+        (of the states, which are made rotations again); and those of `Bridge.mean`.
 
     Raises:
         ValueError: the model does not fit the benchmark, see `check_model`, its clips had another rig, or no length.
@@ -268,15 +268,17 @@ def model_table(
     if not fitting:
         least = task.shortest or task.between
         raise ValueError(f"the model is for {least} to {task.between} frames between; expected some of {[*lengths]}")
-    rows: dict[str, list[dict[str, Any]]] = {f"{name}, single samples": [], f"{name}, average of {count}": []}
+    names = "single samples", f"average of {count}", "its mean" if bridge.cfg.model.mean_width else "its curve"
+    rows: dict[str, list[dict[str, Any]]] = {f"{name}, {what}": [] for what in names}
     for n in lengths:
-        errors: list[Mapping[str, float | None]] = [dict.fromkeys(TOLERANCE)] * 2
+        errors: list[Mapping[str, float | None]] = [dict.fromkeys(TOLERANCE)] * len(rows)
         if n in fitting:
             seen = _hidden(benchmark.windows, n).x[:, PAST - task.past :].float()
             x = bridge.sample(seen, None, count, seed, progress=progress)
-            errors = [score(benchmark, _given(benchmark, each), n) for each in (x, x.mean(1, keepdim=True))]
-        for (method, of), found in zip(rows.items(), errors, strict=True):
-            of.append({"method": method, "N": n, "windows": len(benchmark), **found})
+            found = x, x.mean(1, keepdim=True), bridge.mean(seen)[:, None]
+            errors = [score(benchmark, _given(benchmark, each), n) for each in found]
+        for (method, of), of_it in zip(rows.items(), errors, strict=True):
+            of.append({"method": method, "N": n, "windows": len(benchmark), **of_it})
     return [row for of in rows.values() for row in of]
 
 

@@ -17,7 +17,7 @@ from mwlib.data.formats.humanml import HUMANML3D, KIT, FeatureLayout
 from mwlib.data.normalisation import Statistics
 from mwlib.data.untrusted import SMALL_TEXT, MotionFormatError, read_text
 from mwlib.networks.matching import checkpoint
-from mwlib.settings import parse_changes, shown
+from mwlib.settings import shown
 from mwlib.text_to_motion.config import CLIP, Config
 from mwlib.text_to_motion.model import TextDenoiser, TextToMotion
 from mwlib.text_to_motion.objective import published_statistics
@@ -63,10 +63,11 @@ MDM = Code(
     ("model_avg", "model"),
     ("clip_model.", "sequence_pos_encoder.", "embed_timestep.sequence_pos_encoder."),
     "the models that https://github.com/GuyTevet/motion-diffusion-model links",
-    parse_changes("""
-        arch=[trans_enc] text_encoder_type=[clip] unconstrained=[false] sigma_small=[true] dataset=[humanml,kit]
-        noise_schedule=[cosine,linear] emb_policy=[add] pred_len=[0] context_len=[0] multi_target_cond=[false]
-    """),
+    {
+        "arch": ["trans_enc"], "text_encoder_type": ["clip"], "unconstrained": [False], "sigma_small": [True],
+        "dataset": ["humanml", "kit"], "noise_schedule": ["cosine", "linear"], "emb_policy": ["add"], "pred_len": [0],
+        "context_len": [0], "multi_target_cond": [False],
+    },
     _names("""
         input_process.poseEmbedding. enter.
         embed_timestep.time_embed. time.
@@ -75,7 +76,7 @@ MDM = Code(
         output_process.poseFinal. leave.
     """),
     {},
-)
+)  # fmt: skip
 STABLEMOFUSION = Code(
     "StableMoFusion's U-Net",
     "../opt.txt",
@@ -83,10 +84,10 @@ STABLEMOFUSION = Code(
     ("model_ema", "encoder"),
     ("clip_model.", "unet.time_mlp.0."),
     "the models that https://github.com/h-y1heng/StableMoFusion links",
-    parse_changes("""
-        dataset_name=[t2m,humanml,kit] prediction_type=[sample] beta_schedule=[linear] diffusion_steps=[1000] no_adagn=[false]
-        no_eff=[false] text_latent_dim=[256] time_dim=[512]
-    """),
+    {
+        "dataset_name": ["t2m", "humanml", "kit"], "prediction_type": ["sample"], "beta_schedule": ["linear"],
+        "diffusion_steps": [1000], "no_adagn": [False], "no_eff": [False], "text_latent_dim": [256], "time_dim": [512],
+    },
     _names(r"""
         embed_text. text.
         textTransEncoder.layers. text_encoder.stack.layers.
@@ -111,7 +112,7 @@ STABLEMOFUSION = Code(
         conv1d.residual_conv. convolutions.shortcut.
         cross_attn.cross_attention. attention.
     """),
-)
+)  # fmt: skip
 LEVELS = 4  # of StableMoFusion's U-Net, whatever its widths: its program pads frames to a multiple of 16
 CODES = {".pt": MDM, ".tar": STABLEMOFUSION}  # by the ending of the weights' file
 

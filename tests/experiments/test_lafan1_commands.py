@@ -105,7 +105,13 @@ def test_a_trained_model_gets_its_rows(folder, run, tmp_path, capsys):
     assert main([*given, "--out", str(tmp_path)]) == 0
     told = " ".join(capsys.readouterr().out.split())
     rows = [row for row in rows_of(tmp_path / "benchmark_model.csv") if row["source"] == benchmark.MEASURED]
-    names = ["zero velocity", "interpolation", f"{run.name}, single samples", f"{run.name}, average of 2"]
+    names = [
+        "zero velocity",
+        "interpolation",
+        f"{run.name}, single samples",
+        f"{run.name}, average of 2",
+        f"{run.name}, its curve",
+    ]
     assert [row["method"] for row in rows] == [name for name in names for _ in range(4)]
     for row, metric, digits in ((rows[9], "L2P", 4), (rows[14], "L2Q", 3)):
         assert f"| {float(row[metric]):.{digits}f} |" in told
@@ -128,7 +134,7 @@ def test_runs_of_one_name_are_averaged(folder, run, tmp_path):
     alone = [[*given, str(tmp_path / f"{i}"), "--model", f"one={path}"] for i, path in enumerate((run, other))]
     both = [*given, str(tmp_path / "both"), "--model", f"one={run}", "--model", f"one={other}"]
     assert [main(words) for words in (*alone, both)] == [0, 0, 0]
-    first, second, together = (rows_of(tmp_path / name / "benchmark_model.csv")[8:16] for name in ("0", "1", "both"))
+    first, second, together = (rows_of(tmp_path / name / "benchmark_model.csv")[8:20] for name in ("0", "1", "both"))
     assert first != second
     for a, b, mean in zip(first, second, together, strict=True):
         assert mean["method"] == a["method"] == b["method"] and mean["trainings"] == "2"

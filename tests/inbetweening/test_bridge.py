@@ -76,6 +76,11 @@ def test_samples_depart_from_the_mean():
     expected = bridge.representation.states(bridge.representation.transform(8).inverse(tokens), line, room) - line
     torch.testing.assert_close(more[:, 0], expected[:, 1:-1], atol=1e-4, rtol=1e-3)
     assert expected.abs().max() > 1e-3
+    curve = bridge.mean(x)
+    torch.testing.assert_close(curve[:, 2:-2], line[:, 1:-1], atol=1e-6, rtol=0)
+    bridge.net.mean_of = mean
+    torch.testing.assert_close((bridge.mean(x) - curve)[:, 2:-2], expected[:, 1:-1], atol=1e-5, rtol=0)
+    assert torch.equal(curve[:, [0, 1, -2, -1]], x[:, [0, 1, -2, -1]])
 
 
 def test_what_is_fine_is_no_larger_than_usual_in_samples():

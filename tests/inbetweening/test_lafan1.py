@@ -387,14 +387,15 @@ def test_a_model_that_knows_the_windows_makes_no_error(benchmark, motions, past,
         return whole[:, None, :frames].expand(-1, samples, -1, -1)
 
     monkeypatch.setattr(made, "sample", knows)
+    monkeypatch.setattr(made, "mean", lambda x: knows(x, None, 1, None, False)[:, 0])
     for row in model_table(made, benchmark, "mine", samples=3, lengths=(5, 45)):
         assert row["windows"] == 4 and max(row["L2Q"], row["L2P"], row["NPSS"]) < 2e-5, row
 
 
 def test_rows_are_single_samples_and_their_average(benchmark, bridge):
     rows = model_table(bridge, benchmark, "mine", samples=3, seed=5)
-    names = ["mine, single samples"] * 4 + ["mine, average of 3"] * 4
-    assert [(row["method"], row["N"]) for row in rows] == [*zip(names, [*LENGTHS, *LENGTHS], strict=True)]
+    names = ["mine, single samples"] * 4 + ["mine, average of 3"] * 4 + ["mine, its curve"] * 4
+    assert [(row["method"], row["N"]) for row in rows] == [*zip(names, [*LENGTHS] * 3, strict=True)]
     x = bridge.sample(benchmark.windows.x[:, :26].float(), None, 3, 5)
     each = [score(benchmark, lambda seen, ids, i=i: x[ids, i : i + 1], 15) for i in range(3)]
     for name in TOLERANCE:
@@ -408,7 +409,7 @@ def test_rows_are_single_samples_and_their_average(benchmark, bridge):
 def test_lengths_that_it_was_not_trained_for_stay_empty(benchmark, motions):
     short = bridge_of(motions, between=20)
     rows = model_table(short, benchmark, "mine", samples=1)
-    assert [row["L2P"] is None for row in rows] == [False, False, True, True] * 2
+    assert [row["L2P"] is None for row in rows] == [False, False, True, True] * 3
     with pytest.raises(ValueError, match=r"the model is for 5 to 20 frames between; expected some of \[30, 45\]"):
         model_table(short, benchmark, "mine", lengths=[30, 45])
 
