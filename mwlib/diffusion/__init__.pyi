@@ -1,5 +1,4 @@
 from .conditioning import (
-    KeyframeConfig,
     Mask,
     classifier_free,
     history_completion,
@@ -11,8 +10,8 @@ from .conditioning import (
     reconstruction_guided,
     with_keyframes,
 )  # fmt: skip
+from .config import DiffusionConfig, KeyframeConfig
 from .process import (
-    DiffusionConfig,
     alpha_bar,
     check_indices,
     ddim_indices,

@@ -3,33 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
-from typing import Literal
 
 import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
+from mwlib.diffusion.config import KeyframeConfig
 from mwlib.diffusion.process import noised, y0_hat_of
 from mwlib.diffusion.samplers import AfterStep, Denoise, Draw, OnEstimate, Schedule, Step, ddim
-from mwlib.settings import Count, NotNegative, choice
+from mwlib.settings import choice
 from mwlib.transforms import Transform
 from mwlib.transforms.linear import Coefficients, Motions
 
 # True or 1 where a target holds, in between a mixture; over frames alone it is of every channel.
 Mask = Bool[Tensor, "T C"] | Float[Tensor, "T C"] | Bool[Tensor, " T"] | Float[Tensor, " T"]
-
-
-@dataclass(frozen=True)
-class KeyframeConfig:
-    """How a sampler is made to meet keyframes. The defaults are FreqDiffusionBridge's, as far as the paper tells."""
-
-    # "replacement": noisy keyframes in every y_t; "paste": clean ones in every clean estimate; "none": the gradient alone
-    scheme: Literal["replacement", "paste", "none"] = "replacement"
-    keyframe_noise: Literal["fresh", "fixed"] = "fresh"  # of "replacement": drawn at every step, or once
-    eta: NotNegative = 0.0  # share of the posterior deviation that DDIM draws anew
-    repeats: Count = 1  # RePaint's r, how often each step is taken
-    reconstruction_weight: NotNegative = 0.0  # w of the gradient that draws the clean estimate to the keyframes
 
 
 def weights(mask: Mask, like: Tensor) -> Float[Tensor, "T C"] | Float[Tensor, "T 1"]:

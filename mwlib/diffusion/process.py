@@ -1,12 +1,8 @@
-"""The forward process and its settings: noise schedules, and the three things that a network may predict."""
+"""The forward process: noise schedules, and the three things that a network may predict."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Annotated, Literal
-
 import torch
-from annotated_types import Interval
 from jaxtyping import Float
 from torch import Tensor
 
@@ -14,16 +10,6 @@ from mwlib.settings import choice, whole
 from mwlib.transforms.linear import Coefficients
 
 Level = Tensor | float  # alpha_bar of the items
-Steps = Annotated[int, Interval(ge=1, le=100_000)]  # of noising; own choice: far more than any paper's
-
-
-@dataclass(frozen=True)
-class DiffusionConfig:
-    """The forward process and what the network predicts."""
-
-    schedule: Literal["linear", "cosine", "sigmoid", "sqrt"] = "cosine"  # of the noise, see `alpha_bar`
-    steps: Steps = 1000  # M, noising steps
-    prediction: Literal["eps", "y0", "v"] = "eps"  # what the network says: noise, clean coefficients, or both mixed
 
 
 def _sigmoid(u: Tensor) -> Tensor:

@@ -209,7 +209,7 @@ def read_grids(path: Path | None = None) -> dict[str, Grid]:
             what it must not; two rows share a name or all settings; budgets do not rise; the paper's number is of no metric of
             the system; or a change, of a row or a budget, is not a valid setting. The message names file, line and place.
     """
-    path = path or grids_file()
+    path = Path(path or grids_file())
     tree = read_yaml(path)
     for name in tree if isinstance(tree, Written) else ():
         if name != "grids" and not str(name).startswith("x-"):

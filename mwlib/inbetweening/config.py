@@ -7,8 +7,8 @@ from typing import Any, ClassVar, Literal, Self
 
 from mwlib.data.collections import NAMED_SOURCES
 from mwlib.data.sources import SourceConfig
-from mwlib.diffusion.conditioning import KeyframeConfig
-from mwlib.diffusion.process import DiffusionConfig, check_indices
+from mwlib.diffusion.config import DiffusionConfig, KeyframeConfig
+from mwlib.diffusion.process import check_indices
 from mwlib.inbetweening.losses import Diversity, Smoothness
 from mwlib.settings import Advanced, BelowOne, Count, Natural, NotNegative, Positive, Settings
 from mwlib.training.config import TrainingConfig

@@ -7,7 +7,8 @@ import pywt
 
 from mwlib.data.collections import NAMED_SOURCES
 from mwlib.data.sources import SourceConfig
-from mwlib.diffusion.process import DiffusionConfig, check_indices
+from mwlib.diffusion.config import DiffusionConfig
+from mwlib.diffusion.process import check_indices
 from mwlib.networks.layers import Precision
 from mwlib.settings import Advanced, BelowOne, Count, Natural, NotNegative, OneOf, Positive, Settings, Share
 from mwlib.training.config import TrainingConfig

@@ -196,9 +196,14 @@ class Predictor(TrainedModel):
         Raises:
             ValueError: the history does not fit the model, window_ids do not fit the histories, or no sample is asked for.
         """
-        s, (samples, seed) = self.sampling, self.asked(samples, seed)
+        samples, seed = self.asked(samples, seed)
         x = histories(x_history, self.bodies, self.representation.history).to(self.device, torch.float32)
-        noise = self.noise(seed, identities(window_ids, len(x)), samples)
+        yield from self._steps(x, self.noise(seed, identities(window_ids, len(x)), samples), after_step, on_y0_hat)
+
+    def _steps(
+        self, x: Observed, noise: WindowNoise, after_step: AfterStep | None = None, on_y0_hat: OnEstimate | None = None
+    ) -> Iterator[Step]:
+        s = self.sampling
         denoise = guided(
             self.branches(x), self.alpha_bar, weight=s.guidance_weight, form=s.guidance_form, tabg=self.tabg(), draw=noise
         )
@@ -232,7 +237,7 @@ class Predictor(TrainedModel):
         size = self.chunk(samples) if chunk is None else whole("chunk", chunk, 1)
         for part in chunks(len(x_history), size, progress):
             x = x_history[part].to(self.device, torch.float32)
-            for step in self.steps(x, samples, seed, window_ids=ids[part], **imposed(part, x)):
+            for step in self._steps(x, self.noise(seed, ids[part], samples), **imposed(part, x)):
                 last = step
             yield last.y, x
 

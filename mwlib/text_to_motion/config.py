@@ -6,7 +6,8 @@ from typing import Annotated, Any, ClassVar, Literal, Self
 from annotated_types import Ge
 
 from mwlib.data.captioned import CaptionsConfig
-from mwlib.diffusion.process import Steps, check_indices
+from mwlib.diffusion.config import Steps
+from mwlib.diffusion.process import check_indices
 from mwlib.networks.matching import UNIT
 from mwlib.networks.unet1d import check_channels
 from mwlib.settings import Advanced, BelowOne, Count, Natural, NotNegative, Settings, Share

@@ -30,7 +30,7 @@ MUTANTS = [
         ("bones-of-the-tested-body", "space.offsets(train[0]).expand_as", "space.offsets(test[0]).expand_as"),
         ("sees-what-is-to-be-found", "x[:, PAST:-1] = x[:, PAST - 1 : PAST]", "pass"),
         ("scores-the-past-too", "[:, :, PAST - 1 :], part.x)", ", part.x)"),
-        ("average-is-the-first-sample", "(x, x.mean(1, keepdim=True))", "(x, x[:, :1])"),
+        ("average-is-the-first-sample", "x, x.mean(1, keepdim=True), bridge", "x, x[:, :1], bridge"),
         ("slerp-everywhere", "NEAR = 0.01", "NEAR = 0.0"),
         ("slerp-the-long-way", "torch.where(dot < 0, -b, b)", "b"),
         ("any-digits-will-do", "<= TOLERANCE[name]", "<= 9 * TOLERANCE[name]"),
@@ -173,7 +173,7 @@ MUTANTS = [
         ("ends-of-no-numbers", 'check_finite("end", end)', 'str("end")'),
         ("the-end-of-any-size", 'zip(("start", "end"), (first, *last), strict=False)', '[("start", first)]'),
         ("fractions-as-frames", 'None if frames is None else whole("frames", frames, 1, MOST_FRAMES)', "frames"),
-        ("inbetweens-of-no-numbers", "self.finite(self._sample(", "torch.Tensor.clone(self._sample("),
+        ("inbetweens-of-no-numbers", "self.finite(self._sample(x[part]", "torch.Tensor.clone(self._sample(x[part]"),
     ),
     *of(
         "inbetweening/system.py",
