@@ -48,11 +48,12 @@ def test_the_network_is_torchs(exported):
                     torch.randn(1, 2 + t // 2, 158, generator=generator),
                 )
                 ends = torch.randn(1, 207, generator=generator)
+                ends[:, -1] = torch.tensor(y.shape[1] + 2.0).log()  # frames from keyframe to keyframe
                 expected, condition = (
                     model.net(y, t, given.expand(5, -1, -1)),
                     {"condition": given.numpy(), "ends": ends.numpy()},
                 )
-                beside = [part(ends, y.shape[1]).numpy() for part in (model.net.mean, model.net.factor)]
+                beside = [part(ends, y.shape[1]).numpy() for part in (model.net.mean, model.net.factor_of_samples)]
             else:
                 y, text = (
                     torch.randn(5, 40 + 2 * t // 4 * 4, 263, generator=generator),
