@@ -402,6 +402,9 @@ def test_rows_are_single_samples_and_their_average(benchmark, bridge):
         assert rows[1][name] == pytest.approx(sum(found[name] for found in each) / 3, rel=1e-5)
     middle = score(benchmark, lambda seen, ids: x[ids].mean(1, keepdim=True), 15)
     assert {name: rows[5][name] for name in TOLERANCE} == pytest.approx(middle, rel=1e-5)
+    said = bridge.mean(benchmark.windows.x[:, :26].float())
+    alone = score(benchmark, lambda seen, ids: said[ids, None], 15)
+    assert {name: rows[9][name] for name in TOLERANCE} == pytest.approx(alone, rel=1e-5)
     assert all(0.01 < row["L2P"] < 100 for row in rows) and rows[5]["L2P"] < rows[1]["L2P"]
     assert model_table(bridge, benchmark, "mine", samples=3, seed=6, lengths=[15])[0]["L2P"] != rows[1]["L2P"]
 

@@ -31,6 +31,7 @@ MUTANTS = [
         ("sees-what-is-to-be-found", "x[:, PAST:-1] = x[:, PAST - 1 : PAST]", "pass"),
         ("scores-the-past-too", "[:, :, PAST - 1 :], part.x)", ", part.x)"),
         ("average-is-the-first-sample", "x, x.mean(1, keepdim=True), bridge", "x, x[:, :1], bridge"),
+        ("its-mean-is-a-sample", "bridge.mean(seen)[:, None]", "x[:, :1]"),
         ("slerp-everywhere", "NEAR = 0.01", "NEAR = 0.0"),
         ("slerp-the-long-way", "torch.where(dot < 0, -b, b)", "b"),
         ("any-digits-will-do", "<= TOLERANCE[name]", "<= 9 * TOLERANCE[name]"),
