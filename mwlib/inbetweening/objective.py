@@ -176,8 +176,8 @@ class SizedNetwork(WienerNetwork):
         return self.log_factor(ends)[:, :rows, None].clamp(-LARGEST, LARGEST).exp()
 
     def factor_of_samples(self, ends: Float[Tensor, "B entering"], rows: int) -> Float[Tensor, "B rows 1"]:
-        """`factor`, but for tokens above `FINE` at most 1: most of what is so fine is noise of the recording, which does not
-        grow with the movement, and for people faster than those in training the network says that it does.
+        """`factor`, but for tokens above `FINE` at most 1: for people faster than those in training the network says that what
+        is so fine grows with the movement, and it hardly does.
 
         Source: Winter, Biomechanics and Motor Control of Human Movement, filters gait at 6 Hz; own choice: the bound.
         """
