@@ -61,11 +61,13 @@ async function sample(four, T, { samples, temperature, steps }, noise, told = ()
   const condition = { condition: ["float32", window.condition, [1, shape[0], window.condition.length / shape[0]]], ends: ["float32", window.ends, [1, window.ends.length]] };
   const denoise = network.denoiser(model, shape, condition, 1);
   const said = { mean: await network.said("mean", shape, condition), factor: await network.said("factor", shape, condition) };
-  const first = Float64Array.from((noise ?? gaussian(seed, samples * shape[0] * C))(), (value) => temperature * value);
+  const one = shape[0] * C, noises = (noise ?? gaussian(seed, samples * one))(), first = new Float64Array((samples + 1) * one); // the last of zeros
+  first.set(noises.map((value) => temperature * value));
   let last, count = 0;
   const indices = ddimIndices(alphaBar.length, steps ?? sampling.steps, sampling.spacing);
   for await (last of ddim(denoise, first, alphaBar, indices)) told(++count / indices.length);
-  const motions = model.motions(last.y, said, window), floor = floorOf(four.map((state) => jointsOf(state, C)), model.skeleton);
+  const silent = last.y.subarray(samples * one), centred = last.y.slice(0, samples * one).map((value, i) => value - silent[i % one]);
+  const motions = model.motions(sampling.centred ? centred : last.y.subarray(0, samples * one), said, window), floor = floorOf(four.map((state) => jointsOf(state, C)), model.skeleton);
   const joints = motions.map((motion) => standing(jointsOf(motion, C), floor, model.skeleton, model.fps));
   return { motions, joints, seconds: (performance.now() - began) / 1000 };
 }

@@ -36,7 +36,8 @@ async function sample({ model: name, x, history }, { samples, steps, guidance, t
   const condition = { condition: ["float32", model.condition(seen), [1, rows, columns]] };
   const denoise = network.denoiser(model, model.shape, condition, guidance, sampling.form);
   // double precision: where sampling begins, 1 / sqrt(alpha_bar) multiplies rounding by thousands
-  const start = Float64Array.from((noise ?? gaussian(seed, samples * rows * columns))(), (value) => temperature * value);
+  const one = rows * columns, noises = (noise ?? gaussian(seed, samples * one))();
+  const start = Float64Array.from(noises, (value, i) => temperature * sampling.spread[Math.floor(i / one)] * value);
   let last, count = 0;
   for await (last of ddim(denoise, start, alphaBar, ddimIndices(alphaBar.length, steps, sampling.spacing))) told(++count / steps);
   const futures = model.futures(last.y, seen);

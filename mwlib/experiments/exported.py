@@ -22,7 +22,7 @@ from mwlib.inbetweening.representation import LEAST
 from mwlib.inbetweening.space import PositionSpace
 from mwlib.networks.mdm import MDM
 from mwlib.networks.text import EncodedText, WordTransformer
-from mwlib.prediction.predictor import Predictor
+from mwlib.prediction.predictor import Predictor, temperatures
 from mwlib.prediction.representation import Continuation
 from mwlib.settings import shown
 from mwlib.synthetic.sentences_typed import tables
@@ -34,6 +34,7 @@ NEEDED = ("onnx", "onnxscript")
 INSTALL = "install both with: pip install onnx onnxscript"
 OPSET = 18
 FREE = torch.export.Dim.DYNAMIC
+DRAWN = 50  # futures at most, of which the file beside a network says how wide they are drawn
 
 
 class _Traceable(nn.Module):
@@ -219,6 +220,7 @@ def _of_prediction(model: Predictor) -> dict[str, Any]:
         "sampling": {
             "steps": s.ddim_steps, "spacing": s.spacing, "temperature": s.temperature, "guidance": s.guidance_weight,
             "form": s.guidance_form, "decoding": s.decoding, "bones": s.bones,
+            "spread": temperatures(DRAWN, 1.0, s.temperature_spread).tolist(),
         },
         "matrices": _matrices(model), "scales": {name: _numbers(scale) for name, scale in scales.items()},
     }  # fmt: skip
@@ -244,7 +246,8 @@ def _of_keyframes(model: Bridge) -> dict[str, Any]:
         "system": "inbetweening", "prediction": model.cfg.diffusion.prediction, "fps": bodies.fps, "up": bodies.up,
         "skeleton": of_skeleton(bodies.skeleton), "frames": task.gap, "between": [task.shortest, task.between],
         "coast": model.cfg.model.coast, "least_room": LEAST, "rows": model.cfg.model.rows,
-        "sampling": {"steps": s.ddim_steps, "spacing": s.spacing, "temperature": s.temperature, "bones": s.bones},
+        "sampling": {"steps": s.ddim_steps, "spacing": s.spacing, "temperature": s.temperature, "bones": s.bones}
+        | {"centred": model.cfg.model.mean_width > 0},
         **learnt,
     }  # fmt: skip
 

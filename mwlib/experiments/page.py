@@ -222,7 +222,6 @@ class Page:
         stem: str | None = None,
         columns: Sequence[str] | None = None,
         *,
-        better: Mapping[str, str] | None = None,
         data: Sequence[Row] | None = None,
         provenance: Mapping[str, object] | None = None,
     ) -> None:
@@ -232,7 +231,6 @@ class Page:
             rows: column -> value, as `mwlib.plots.results_table` takes them.
             stem: as for `show`.
             columns: the columns to show, in order; None shows all. The CSV has all in any case.
-            better: column -> "lower" or "higher", for the columns whose best value is set in bold.
             data: rows for the CSV where they are others than those shown.
             provenance: as for `show`.
 
@@ -244,7 +242,7 @@ class Page:
         from IPython.display import display  # at hand in every notebook; the library itself does without
 
         self._open(f"the table {stem or ''!r}")
-        shown = results_table(rows, columns, better=better)
+        shown = results_table(rows, columns)
         if stem is not None:
             kept = rows if data is None else data
             about = self._admit("table", stem, kept, provenance)

@@ -128,12 +128,14 @@ class Bridge(TrainedModel):
         inner = mask[task.past - 1 :][: x.shape[-2]]
         line = self.representation.interpolation(x, before, inner, after)
         room, tf = self.representation.room(x, before, after), self.representation.transform(x.shape[-2])
-        z = torch.zeros_like(line)[:, None]
+        z, is_centred = torch.zeros_like(line)[:, None], self.cfg.model.mean_width > 0
         if noise is not None:
             target = self.representation.modelled(torch.where(inner[:, None], x, line), line, room)
             indices = ddim_indices(self.cfg.diffusion.steps, settings.ddim_steps, settings.spacing)
             warm, denoise = tempered(noise, settings.temperature), self._denoise(line, before, inner, after)
+            warm = with_silence(warm) if is_centred else warm
             z = keyframed(denoise, tf, target[:, None], inner, self.alpha_bar, indices, warm, self.cfg.imposing)
+            z = z[:, :-1] - z[:, -1:] if is_centred else z
         if isinstance(self.net, SizedNetwork):
             ends, usual = self.representation.ends(line, before, after), self.representation.usual(x.shape[-2]).to(z)
             factor, mean = self.net.factor_of_samples(ends, tf.shape[0]), self.net.mean(ends, tf.shape[0])
@@ -179,6 +181,15 @@ def tempered(noise: Callable[[], Tensor], temperature: float) -> Callable[[], Te
     """Noise whose first draw, the start of sampling, has another deviation."""
     draws = count()
     return lambda: noise() * (temperature if next(draws) == 0 else 1.0)
+
+
+def with_silence(noise: Callable[[], Tensor]) -> Callable[[], Tensor]:
+    """Noise of one more sample, which is 0: where a network says the mean, what comes of it is taken from the other samples.
+
+    Own choice: what is diffused has mean 0 then, and what a denoiser makes of no noise is learnt from people in training. On
+    people it never saw that adds error.
+    """
+    return lambda: torch.nn.functional.pad(noise(), (0, 0, 0, 0, 0, 1))
 
 
 def filled(

@@ -30,7 +30,6 @@ from .chapters.guidance import (
     attention_vectors,
     claimed_and_measured,
     controlled_poses,
-    noised_rows,
     row_support,
 )  # fmt: skip
 from .chapters.metrics import metric_picture
@@ -71,7 +70,7 @@ __all__ = [
     "claimed_and_measured", "controlled_poses", "coupling_bars", "curves", "ddim_path",
     "density_map", "dots", "emerging_way", "end_poses", "energy_bars", "energy_by_coefficient", "error_by_size", "filmstrip",
     "filters", "free_overview", "histograms", "imposed_steps", "kept_power", "keyframe_samples", "known_share", "loop",
-    "loss_curves", "matrix", "metric_picture", "noised_rows", "noising", "overlay_futures", "overview", "padding_modes",
+    "loss_curves", "matrix", "metric_picture", "noising", "overlay_futures", "overview", "padding_modes",
     "parallel_snr", "particles", "passages", "player", "pose_grid", "predicted_curves", "projection_change",
     "recovery_by_coefficient", "responses", "results_table", "row_support", "same_spectrum", "sampling_paths", "save",
     "save_table", "schedules", "show", "signal_and_coefficients", "significant", "small_multiples",

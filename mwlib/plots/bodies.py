@@ -141,26 +141,19 @@ class Board:
 
     def draw(
         self, row: int, column: int, points: Float[np.ndarray, "n joints 2"], kind: str, alpha: float = 1.0, width: float = 1.8
-    ) -> list[Artist]:
+    ) -> None:
         """Stand n bodies on one place."""
-        return self._cut(row, column, draw_bodies(self.ax, points + self._at(row, column), self.skeleton, kind, alpha, width))
+        x, y = column * self.spacing, -row * self.height
+        corner = (x - self.spacing / 2, y + self.top - self.height)
+        place = Rectangle(corner, self.spacing, self.height, transform=self.ax.transData)
+        for artist in draw_bodies(self.ax, points + (x, y), self.skeleton, kind, alpha, width):
+            artist.set_clip_path(place)
 
     def lift(self, inches: float) -> None:
         """Make so much room below the bodies."""
         (wide, high), place = self.fig.get_size_inches(), self.ax.get_position()
         self.fig.set_size_inches(wide, high + inches)
         self.ax.set_position((place.x0, inches / (high + inches), place.width, place.height * high / (high + inches)))
-
-    def _at(self, row: int, column: int) -> np.ndarray:
-        return np.array([column * self.spacing, -row * self.height])
-
-    def _cut(self, row: int, column: int, artists: list[Artist]) -> list[Artist]:
-        x, y = self._at(row, column)
-        corner = (x - self.spacing / 2, y + self.top - self.height)
-        place = Rectangle(corner, self.spacing, self.height, transform=self.ax.transData)
-        for artist in artists:
-            artist.set_clip_path(place)
-        return artists
 
 
 def _extent(motions: Sequence[np.ndarray]) -> tuple[float, float, float]:
@@ -201,7 +194,10 @@ def storyboard(
     Raises:
         ValueError: a motion does not fit the skeleton.
     """
-    flat, total = _flat(rows, skeleton, azimuth)
+    bodies = {name: poses(motion, skeleton) for name, motion in named(rows).items()}
+    view = camera(next(iter(bodies.values()))[0], skeleton, azimuth)
+    flat = {name: project(motion, view) for name, motion in bodies.items()}
+    total = max(map(len, flat.values()))
     frames = _spread(frames, history, total) if isinstance(frames, int) else [frame % total for frame in frames]
     times = [seconds_text(frame, history, fps) for frame in frames]
     board = Board(skeleton, list(flat.values()), list(flat), times, sum(frame < history for frame in frames))
@@ -219,10 +215,9 @@ def overlay_futures(
     skeleton: Skeleton,
     *,
     fps: float,
-    truth: Float[Array, "F ..."] | None = None,
-    last: AnyMotion | None = None,
+    truth: Float[Array, "F ..."],
+    last: AnyMotion,
     frames: Sequence[int] = (-1,),
-    azimuth: float | None = None,
 ) -> Panel:
     """All sampled futures at a few moments, thin and translucent, the true pose on top in black.
 
@@ -232,26 +227,19 @@ def overlay_futures(
         truth: the true future, (F, C) or (F, J+1, 3).
         last: the last observed pose, (C,) or (J+1, 3), drawn first, in grey.
         frames: future frames to show, counted from 0; negative ones count from the end.
-        azimuth: of the camera, degrees; None looks at the body from its front right.
 
     Raises:
         ValueError: a motion does not fit the skeleton.
     """
-    bodies = {"last": last, "truth": truth, "futures": futures}
-    bodies = {name: poses(motion, skeleton) for name, motion in bodies.items() if motion is not None}
-    first = next(iter(bodies.values())).reshape(-1, len(skeleton), 3)[0]
-    flat = {name: project(motion, camera(first, skeleton, azimuth)) for name, motion in bodies.items()}
-    frames = [frame % len(futures[0]) for frame in frames]
-    times = ["0.00 s"] * ("last" in flat) + [f"+{(frame + 1) / fps:.2f} s" for frame in frames]
-    sure = [points.reshape(-1, 2) for name, points in flat.items() if name != "futures"]
-    motions = [flat["futures"], *([np.concatenate(sure)] if sure else [])]
-    board = Board(skeleton, motions, [""], times, len(times) - len(frames))
-    if "last" in flat:
-        board.draw(0, 0, flat["last"][None], "observed")
-    for column, frame in enumerate(frames, start=len(times) - len(frames)):
-        board.draw(0, column, flat["futures"][:, frame], "predicted", max(0.15, 1 / len(futures)), 1.5)
-        if "truth" in flat:
-            board.draw(0, column, flat["truth"][None, frame], "truth", width=2.4)
+    view = camera(poses(last, skeleton), skeleton)
+    seen, true, drawn = (project(poses(motion, skeleton), view) for motion in (last, truth, futures))
+    frames = [frame % len(true) for frame in frames]
+    times = ["0.00 s", *(f"+{(frame + 1) / fps:.2f} s" for frame in frames)]
+    board = Board(skeleton, [drawn, np.concatenate([seen[None], true])], [""], times, observed=1)
+    board.draw(0, 0, seen[None], "observed")
+    for column, frame in enumerate(frames, start=1):
+        board.draw(0, column, drawn[:, frame], "predicted", max(0.15, 1 / len(drawn)), 1.5)
+        board.draw(0, column, true[None, frame], "truth", width=2.4)
     return board.fig, board.ax
 
 
@@ -279,40 +267,26 @@ def end_poses(windows: Mapping[str, tuple[Float[Array, "S F ..."], Float[Array, 
 
 
 @style()
-def pose_grid(
-    futures: Mapping[tuple[str, str], Float[Array, "S F ..."]],
-    skeleton: Skeleton,
-    *,
-    truth: AnyMotion | None = None,
-    frame: int = -1,
-) -> Panel:
-    """One moment of several predictions, one place for each pair of settings; the true pose on top in black.
+def pose_grid(futures: Mapping[tuple[str, str], Float[Array, "S F ..."]], skeleton: Skeleton, *, truth: AnyMotion) -> Panel:
+    """The last frame of several predictions, one place for each pair of settings; the true pose on top in black.
 
     Args:
         futures: (row label, column title) -> samples.
         truth: (F, C) or (F, J+1, 3).
-        frame: which future frame.
     """
     labels = list(dict.fromkeys(row for row, _ in futures))
     titles = list(dict.fromkeys(column for _, column in futures))
-    first = truth if truth is not None else array(next(iter(futures.values())))[0]
-    view = camera(poses(first, skeleton)[frame], skeleton)
-    flat = {place: project(poses(motion, skeleton)[:, frame], view) for place, motion in futures.items()}
-    true = [] if truth is None else [project(poses(truth, skeleton)[frame], view)[None]]
-    board = Board(skeleton, [*flat.values(), *true], labels, titles)
+    last = poses(truth, skeleton)[-1]
+    view = camera(last, skeleton)
+    flat = {place: project(poses(motion, skeleton)[:, -1], view) for place, motion in futures.items()}
+    true = project(last, view)[None]
+    board = Board(skeleton, [*flat.values(), true], labels, titles)
     for (row, column), points in flat.items():
         place = labels.index(row), titles.index(column)
         alpha, width = (0.6, 1.1) if len(points) > 1 else (1.0, 1.8)  # a single body is not to vanish under the true one
         board.draw(*place, points, "predicted", alpha=alpha, width=width)
-        for points in true:
-            board.draw(*place, points, "truth", width=1.1)
+        board.draw(*place, true, "truth", width=1.1)
     return board.fig, board.ax
-
-
-def _flat(rows, skeleton: Skeleton, azimuth: float | None) -> tuple[dict[str, np.ndarray], int]:
-    bodies = {name: poses(motion, skeleton) for name, motion in named(rows).items()}
-    view = camera(next(iter(bodies.values()))[0], skeleton, azimuth)
-    return {name: project(motion, view) for name, motion in bodies.items()}, max(map(len, bodies.values()))
 
 
 def body_kind(name: str, frame: int, history: int) -> str:

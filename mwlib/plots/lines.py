@@ -13,8 +13,8 @@ from matplotlib.axis import Axis
 from matplotlib.ticker import FuncFormatter, NullFormatter
 
 from mwlib.plots.look import (  # isort: skip
-    AFTER_TRUTH, BAND_NAMES, CYCLE, FAINT, INK, LOOKS, MANY_LOOKS, OBSERVED, TRUTH, WIDTH, Array, Curves, Look, Panel, Panels,
-    array, bar_look, canvas, colourbar, legend, limit, outer, panel, signed, style,
+    AFTER_TRUTH, BAND_NAMES, CYCLE, FAINT, HATCHES, INK, LOOKS, MANY_LOOKS, OBSERVED, PREDICTED, TRUTH, WIDTH, Array, Curves,
+    Look, Panel, Panels, array, canvas, colourbar, legend, limit, outer, panel, rule, signed, style,
 )  # fmt: skip
 from mwlib.plots.tables import significant
 
@@ -27,7 +27,6 @@ def draw(
     looks: Sequence[Look] = LOOKS,
     start: int = 0,
     marks: Mapping[str, int | np.ndarray] | None = None,
-    dot: float = 5,
     what: str = "rows",
     **common: Any,
 ) -> None:
@@ -38,7 +37,6 @@ def draw(
         x: places; None counts from `start`.
         looks: of one row after the other.
         marks: name -> numbers of the values that get a dot.
-        dot: size of a dot, points.
         what: what an error calls the rows.
         common: what all lines have in common.
 
@@ -54,7 +52,7 @@ def draw(
         ax.plot(places, values, **{"label": name, **look, **common})
         if name in marks:
             marked = np.atleast_1d(marks[name])
-            ax.plot(places[marked], values[marked], "o", color=look["color"], markersize=dot)
+            ax.plot(places[marked], values[marked], "o", color=look["color"])
 
 
 @style()
@@ -65,7 +63,6 @@ def curves(
     xlabel: str,
     ylabel: str,
     log: str = "",
-    height: float = 3.0,
     **options: Any,
 ) -> Panel:
     """Several functions of one variable, told apart by colour and dashes.
@@ -75,13 +72,12 @@ def curves(
         x: where; None counts from 0.
         xlabel, ylabel: what, and its unit.
         log: axes with a logarithmic scale: "", "x", "y" or "xy".
-        height: of the picture, inches.
         options: as `draw` takes them: `marks` for dots on lines, `start` of the count, ...
 
     Raises:
         ValueError: there are more lines than can be told apart.
     """
-    fig, ax = panel(height)
+    fig, ax = panel(3.0)
     looks = [{"color": INK} if name == "truth" else look for name, look in zip(lines, MANY_LOOKS, strict=False)]
     draw(ax, lines, x, looks=looks, **options)
     ax.set(xlabel=xlabel, ylabel=ylabel, xscale="log" if "x" in log else "linear", yscale="log" if "y" in log else "linear")
@@ -105,7 +101,7 @@ def small_multiples(panels: Mapping[str, Curves], x: Sequence[float] | None = No
     fig, axes = canvas(1, len(panels), height=3.0, sharex=True)
     for ax, (title, lines) in zip(axes[0], panels.items(), strict=True):
         draw(ax, lines, x, looks=MANY_LOOKS)
-        ax.axhline(0, color=OBSERVED, linewidth=0.8)
+        rule(ax)
         ax.set_title(title)
         ax.grid(axis="y")
     outer(axes, xlabel, ylabel)
@@ -114,62 +110,39 @@ def small_multiples(panels: Mapping[str, Curves], x: Sequence[float] | None = No
 
 
 @style()
-def trajectories(
-    truth: Float[Array, " T"],
-    futures: Mapping[str, Float[Array, "_ F"]] | Float[Array, "S F"],
-    *,
-    fps: float,
-    ylabel: str = "position (m)",
-    fan: bool = True,
-) -> Panel:
-    """One coordinate over time: observed grey, truth black dashed, many futures as a fan or as thin lines.
+def trajectories(truth: Float[Array, " T"], futures: Float[Array, "S F"], *, fps: float, ylabel: str = "position (m)") -> Panel:
+    """One coordinate over time: observed grey, truth black dashed, of many futures their median and the middle 50 and 90 %.
 
     Args:
         truth: observed and true future frames, T = H + F.
-        futures: (S, F) samples, or name of a method -> (S, F).
+        futures: S samples.
         fps: frames per second; time 0 is the last observed frame.
         ylabel: what the coordinate is.
-        fan: median and the middle 50 and 90 % of the samples; False draws every sample.
     """
-    futures = dict(futures) if isinstance(futures, Mapping) else {"predicted": futures}
-    truth = array(truth)
-    history = len(truth) - next(iter(futures.values())).shape[1]
+    truth, futures = array(truth), array(futures)
+    history = len(truth) - futures.shape[1]
     time = (np.arange(len(truth)) - (history - 1)) / fps
     fig, ax = panel(3.0)
-    for (name, samples), look in zip(futures.items(), LOOKS, strict=False):
-        (_fan if fan else _threads)(ax, time[history:], array(samples), name, look)
+    for share in (0.9, 0.5) if len(futures) > 1 else ():
+        low, high = np.quantile(futures, [(1 - share) / 2, (1 + share) / 2], axis=0)
+        ax.fill_between(time[history:], low, high, color=PREDICTED, alpha=0.2, linewidth=0)
+    ax.plot(time[history:], np.median(futures, axis=0), color=PREDICTED, label="predicted")
     ax.plot(time[:history], truth[:history], color=OBSERVED, linewidth=2.4, label="observed")
     ax.plot(time[history - 1 :], truth[history - 1 :], color=TRUTH, linestyle=(0, (3, 1)), label="truth")
     ax.axvline(0, color=OBSERVED, linewidth=0.8)
-    shades = "; shaded: the middle 50 and 90 % of the samples" if fan else ""
-    ax.set(xlabel=f"time (s){shades}", ylabel=ylabel, xlim=(time[0], time[-1]))
-    for handle in legend(ax, 4 if len(futures) < 3 else 3).legend_handles:
-        if handle is not None:
-            handle.set_alpha(1)
+    ax.set(xlabel="time (s); shaded: the middle 50 and 90 % of the samples", ylabel=ylabel, xlim=(time[0], time[-1]))
+    legend(ax, 4)
     return fig, ax
 
 
-def _fan(ax: Axes, time: np.ndarray, samples: np.ndarray, name: str, look: Look) -> None:
-    for share in (0.9, 0.5) if len(samples) > 1 else ():
-        low, high = np.quantile(samples, [(1 - share) / 2, (1 + share) / 2], axis=0)
-        ax.fill_between(time, low, high, color=look["color"], alpha=0.2, linewidth=0)
-    ax.plot(time, np.median(samples, axis=0), label=name, **look)
-
-
-def _threads(ax: Axes, time: np.ndarray, samples: np.ndarray, name: str, look: Look) -> None:
-    first, *_ = ax.plot(time, samples.T, linewidth=1.5, alpha=max(0.25, 1 / len(samples)), **look)
-    first.set_label(name)
-
-
 @style()
-def predicted_curves(rows: Mapping[str, Curves], *, fps: float, history: int, unit: str = "m") -> Panels:
+def predicted_curves(rows: Mapping[str, Curves], *, fps: float, history: int) -> Panels:
     """One coordinate and its velocity, a row per window: the truth, and what each method predicts of it.
 
     Args:
-        rows: title -> name -> values; "truth" has T frames, every prediction the last T-H of them.
+        rows: title -> name -> metres; "truth" has T frames, every prediction the last T-H of them.
         fps: frames per second.
         history: observed frames H; time 0 is the last of them.
-        unit: of the values.
     """
     fig, axes = canvas(len(rows), 2, height=0.7 + 2.1 * len(rows), sharex=True)
     for (left, right), (title, lines) in zip(axes, rows.items(), strict=True):
@@ -180,8 +153,8 @@ def predicted_curves(rows: Mapping[str, Curves], *, fps: float, history: int, un
             ax.axvspan(seconds[0], 0, color=FAINT, linewidth=0, zorder=0)
             draw(ax, {"truth": change(truth)}, seconds, looks=[{"color": INK, "linewidth": 2.2}])
             draw(ax, {name: change(values) for name, values in lines.items()}, seconds, looks=AFTER_TRUTH)
-        left.set(title=title, ylabel=f"position ({unit})")
-        right.set_ylabel(f"velocity ({unit}/s)")
+        left.set(title=title, ylabel="position (m)")
+        right.set_ylabel("velocity (m/s)")
     for ax in axes[-1]:
         ax.set_xlabel("time (s); shaded: observed")
     legend(axes[0, 0], 4)
@@ -206,7 +179,8 @@ def bars(
     thick = room / len(series)
     for number, (name, lengths) in enumerate(series.items()):
         places = np.arange(len(lengths)) + (number - (len(series) - 1) / 2) * thick
-        (ax.bar if upright else ax.barh)(places, lengths, fill * thick, label=name, **bar_look(number))
+        look: Look = {"color": CYCLE[number % len(CYCLE)], "hatch": HATCHES[number % len(HATCHES)], "edgecolor": "white"}
+        (ax.bar if upright else ax.barh)(places, lengths, fill * thick, label=name, linewidth=0, **look)
         drawn += zip(places, lengths, strict=True)
     return drawn
 
@@ -231,14 +205,14 @@ def bars_per_action(values: Mapping[str, Mapping[str, float]], *, xlabel: str) -
 
 
 @style()
-def evidence(scores: Mapping[str, Sequence[float]], *, beyond: float = 2.0, edge: float = 12.0) -> Panel:
+def evidence(scores: Mapping[str, Sequence[float]], *, beyond: float = 2.0) -> Panel:
     """Strips of comparisons in units of their errors: as claimed to the right, the other way to the left, undecided in a band.
 
     Args:
         scores: name of a strip -> differences over their errors, positive as claimed.
         beyond: half the width of the band.
-        edge: marks that lie farther out are triangles there.
     """
+    edge = 12.0  # marks that lie farther out are triangles there
     fig, ax = panel(0.9 + 0.46 * len(scores))
     ax.axvspan(-beyond, beyond, color=FAINT, linewidth=0)
     for height, values in enumerate(scores.values()):
@@ -293,31 +267,27 @@ def matrix(
 
 
 @style()
-def subbands(
-    bands: Mapping[str, Float[Array, "rows columns"]], *, common: bool = False, share: float = 1.0, unit: str = "m"
-) -> Panels:
+def subbands(bands: Mapping[str, Float[Array, "rows columns"]], *, common: bool = False) -> Panels:
     """The four sub-bands of one motion: time runs downwards, channels to the right, as in the matrix of the coefficients.
 
     Args:
-        bands: "aa", "da", "ad", "dd" -> (K, D), time letter first, as `WaveletTransform.split` returns them.
+        bands: "aa", "da", "ad", "dd" -> (K, D) in metres, time letter first, as `WaveletTransform.split` returns them.
         common: one colour scale for all four, which shows how small some are; otherwise each has its own.
-        share: part of the coefficients that the colour scale holds; below 1 the largest, at the boundary, run off it.
-        unit: of the coefficients.
 
     Raises:
         KeyError: a band is missing.
     """
     values = {name: array(bands[name]) for name in ("aa", "ad", "da", "dd")}
     fig, axes = canvas(2, 2, height=4.2, sharex=True, sharey=True)
-    edges = {name: float(np.quantile(np.abs(band), share)) or limit(band) for name, band in values.items()}
+    edge = max(map(limit, values.values())) if common else None
     for ax, (name, band) in zip(axes.flat, values.items(), strict=True):
-        image = signed(ax, band, max(edges.values()) if common else edges[name])
+        image = signed(ax, band, edge)
         ax.set_title(re.sub(r" \(\w+\)", "", BAND_NAMES[name]) if common else BAND_NAMES[name])
         ax.spines[:].set_visible(True)
         if not common:
-            colourbar(image, ax, unit, cut=share < 1)
+            colourbar(image, ax, "m")
     if common:
-        colourbar(image, list(axes.flat), unit, cut=share < 1)
+        colourbar(image, list(axes.flat), "m")
     outer(axes, "column d (coordinates)", "row k (time)")
     return fig, axes
 
@@ -345,7 +315,7 @@ def energy_bars(energies: Mapping[str, float] | Mapping[str, Mapping[str, float]
 
 
 @style()
-def projection_change(analysis: Float[Array, "rows T"], synthesis: Float[Array, "T rows"], *, title: str = "") -> Panels:
+def projection_change(analysis: Float[Array, "rows T"], synthesis: Float[Array, "T rows"], *, title: str) -> Panels:
     """Which coefficients change when they go to the motion and back: P = analysis · synthesis, against the identity.
 
     A bar is the Euclidean length of a row of P - I.
@@ -366,5 +336,5 @@ def projection_change(analysis: Float[Array, "rows T"], synthesis: Float[Array, 
         ax.plot(np.flatnonzero(~changed[rows]), np.zeros((~changed[rows]).sum()), "|", color=INK, markersize=4)
         ax.set(title=f"{name}: {changed[rows].sum()} of {half} rows change", ylabel="‖row of P − I‖")
     axes[1, 0].set_xlabel("row k (time); a tick marks a row that stays as it is")
-    fig.suptitle(f"{title}: {changed.sum()} of {len(change)} rows change" if title else "", x=0.01, ha="left")
+    fig.suptitle(f"{title}: {changed.sum()} of {len(change)} rows change", x=0.01, ha="left")
     return fig, axes[:, 0]

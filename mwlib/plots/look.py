@@ -18,7 +18,6 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.image import AxesImage
 from matplotlib.layout_engine import ConstrainedLayoutEngine
-from matplotlib.legend import Legend
 
 # Own choice: the hues of petroff10, with the lightness of each spread evenly from 23 to 61 (CIE L*), so that the six survive
 # greyscale printing and the common colour-vision deficiencies, and all keep 3:1 contrast with white.
@@ -70,12 +69,6 @@ def use_style() -> None:
     mpl_style.use(["default", STYLE])
 
 
-def bar_look(number: int) -> dict[str, Any]:
-    """Colour and hatch of the bars of a series."""
-    look = {"edgecolor": "white", "linewidth": 0}
-    return {"color": CYCLE[number % len(CYCLE)], "hatch": HATCHES[number % len(HATCHES)], **look}
-
-
 Array = np.ndarray | torch.Tensor
 Panel = tuple[Figure, Axes]
 Panels = tuple[Figure, np.ndarray]  # of axes
@@ -94,7 +87,7 @@ def panel(height: float, width: float = WIDTH) -> Panel:
     return figure, axes[0, 0]
 
 
-def tiled(count: int, columns: int = 3, *, frame: float, each: float, width: float = WIDTH, shared: bool = True) -> Panels:
+def tiled(count: int, columns: int = 3, *, frame: float, each: float, shared: bool = True) -> Panels:
     """A figure with so many axes, at most so many in a row; places that are left over stay empty.
 
     Args:
@@ -103,7 +96,7 @@ def tiled(count: int, columns: int = 3, *, frame: float, each: float, width: flo
     """
     columns = min(columns, count)
     rows = -(-count // columns)
-    figure, axes = canvas(rows, columns, height=frame + each * rows, sharex=shared, sharey=shared, width=width)
+    figure, axes = canvas(rows, columns, height=frame + each * rows, sharex=shared, sharey=shared)
     for ax in axes.flat[count:]:
         ax.set_visible(False)
     return figure, axes
@@ -119,10 +112,10 @@ def outer(axes: np.ndarray, xlabel: str = "", ylabel: str = "") -> None:
         ax.set_ylabel(ylabel)
 
 
-def legend(ax: Axes, columns: int = 3, place: str = "outside upper left") -> Legend:
+def legend(ax: Axes, columns: int = 3, place: str = "outside upper left") -> None:
     """What the lines of one axes mean, outside of all axes."""
     figure: Any = ax.get_figure()
-    return figure.legend(*ax.get_legend_handles_labels(), loc=place, ncols=columns)
+    figure.legend(*ax.get_legend_handles_labels(), loc=place, ncols=columns)
 
 
 def rule(ax: Axes, height: float = 0, **look: Any) -> None:

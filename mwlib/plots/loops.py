@@ -10,7 +10,7 @@ import tempfile
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, NamedTuple, Self
+from typing import Any, NamedTuple
 
 import numpy as np
 from jaxtyping import Float, Num
@@ -201,21 +201,16 @@ class Loop:
 
     Attributes:
         alt: the alternative text.
-        milliseconds: how long each picture stays.
+        milliseconds: how long each picture stays; the last one stays a second.
+
+    Raises:
+        ValueError: the alternative text is empty.
     """
 
-    def __init__(self, pictures: Sequence[Image.Image], milliseconds: Sequence[int], alt: str) -> None:
-        self._pictures, self.milliseconds, self.alt = [*pictures], [*milliseconds], alt
-
-    @classmethod
-    def of_figures(cls, figures: Iterable[Figure], milliseconds: int, alt: str) -> Self:
-        """Figures of one size as pictures of one palette; the last one stays a second.
-
-        Raises:
-            ValueError: the alternative text is empty.
-        """
-        alt, pictures = described(alt), _same_palette([_photographed(figure) for figure in figures])
-        return cls(pictures, [milliseconds] * (len(pictures) - 1) + [round(1000 * REST)], alt)
+    def __init__(self, pictures: Iterable[Image.Image], milliseconds: int, alt: str) -> None:
+        self.alt = described(alt)
+        self._pictures = _same_palette([*pictures])
+        self.milliseconds = [milliseconds] * (len(self._pictures) - 1) + [round(1000 * REST)]
 
     def __len__(self) -> int:
         return len(self._pictures)
@@ -326,14 +321,12 @@ def loop_of(
     Raises:
         ValueError: as `loop`.
     """
-    alt = described(alt)
     if not pictures_per_second > 0:
         raise ValueError(f"pictures_per_second is {pictures_per_second}; expected a positive number")
     step = max(1, round(shown.fps / pictures_per_second))
     frames = [*range((shown.frames - 1) % step, shown.frames, step)]  # the last frame is among them
-    milliseconds = [round(1000 * step / shown.fps)] * (len(frames) - 1) + [round(1000 * REST)]
     while True:
-        made = Loop(_same_palette([*_drawn(shown, frames, history, azimuth, width)]), milliseconds, alt)
+        made = Loop(_drawn(shown, frames, history, azimuth, width), round(1000 * step / shown.fps), alt)
         size = len(made.encoded())
         if size <= most_bytes:
             return made
@@ -410,7 +403,8 @@ def _timeline(fig: Figure, history: int, frames: int) -> tuple[Line2D, Text]:
     return line, text
 
 
-def _photographed(figure: Figure) -> Image.Image:
+def photographed(figure: Figure) -> Image.Image:
+    """A figure as a picture, in its own size and resolution."""
     surface = FigureCanvasAgg(figure)
     surface.draw()
     return Image.fromarray(np.asarray(surface.buffer_rgba())[..., :3].copy())

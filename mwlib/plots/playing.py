@@ -255,9 +255,8 @@ def _live() -> ShownAs:
 
 
 def _body(name: str, actor: Actor, shown: Film) -> dict[str, Any]:
-    size = _size(next(iter(shown.actors.values())))
     kind = "truth" if name == "truth" else "predicted"
-    return {"name": name, "kind": kind, "start": actor.start, **_drawn(actor.positions, actor.skeleton, size)}
+    return {"name": name, "kind": kind, "start": actor.start, **_drawn(actor.positions, actor.skeleton, _size(shown))}
 
 
 def _drawn(positions: Float[np.ndarray, "T joints 3"], skeleton: Skeleton, size: float) -> dict[str, Any]:
@@ -270,16 +269,17 @@ def _drawn(positions: Float[np.ndarray, "T joints 3"], skeleton: Skeleton, size:
     return {"parents": [*skeleton.parents], "sides": "".join(sides), "heads": heads, "size": size, "unit": unit, "data": data}
 
 
-def _size(actor: Actor) -> float:
-    """About the height of the body, metres, whichever way it lies."""
+def _size(shown: Film) -> float:
+    """About the height of the first body, metres, whichever way it lies."""
+    actor = next(iter(shown.actors.values()))
     return float(np.median(np.linalg.norm(np.ptp(actor.positions, axis=1), axis=-1)))
 
 
 def _ghosts(shown: Film, marks: Mapping[int, int], keyframes: object) -> list[dict[str, Any]]:
     """Poses at the keyframes, each with the numbers of the bodies that it belongs to."""
     found: dict[str, dict[str, Any]] = {}
+    size = _size(shown)
     for number, actor in enumerate(shown.actors.values()):
-        size = _size(next(iter(shown.actors.values())))
         for frame, given in marks.items():
             at = frame - actor.start
             if isinstance(keyframes, Mapping):

@@ -1,7 +1,7 @@
 """Tables of results, for a notebook's page and for a terminal."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from html import escape
 from numbers import Real
@@ -24,7 +24,7 @@ class Table:
     best: frozenset[tuple[int, int]] = frozenset()
 
     def __repr__(self) -> str:
-        cells = [self.header, *([self._marked(i, j, "**") for j in range(len(row))] for i, row in enumerate(self.rows))]
+        cells = [self.header, *self._marked("**", "**")]
         cells = [[cell.replace("|", "\\|") for cell in row] for row in cells]
         widths = [max(3, *map(len, column)) for column in zip(*cells, strict=True)]
         rule = ["-" * (width - 1) + (":" if right else "-") for width, right in zip(widths, self.numeric, strict=True)]
@@ -33,16 +33,17 @@ class Table:
     def _repr_html_(self) -> str:
         align = [f'style="text-align: {"right" if right else "left"}"' for right in self.numeric]
         head = "".join(f'<th scope="col" {a}>{escape(name)}</th>' for a, name in zip(align, self.header, strict=True))
-        lines = [
-            "".join(f"<td {a}>{self._marked(i, j, '<strong>', '</strong>')}</td>" for j, a in enumerate(align))
-            for i in range(len(self.rows))
-        ]
+        rows = self._marked("<strong>", "</strong>", escape)
+        lines = ["".join(f"<td {a}>{cell}</td>" for a, cell in zip(align, row, strict=True)) for row in rows]
         body = "\n".join(f"<tr>{line}</tr>" for line in lines)
         return f"<table>\n<thead><tr>{head}</tr></thead>\n<tbody>\n{body}\n</tbody>\n</table>"
 
-    def _marked(self, row: int, column: int, before: str, after: str | None = None) -> str:
-        cell = self.rows[row][column] if after is None else escape(self.rows[row][column])
-        return f"{before}{cell}{before if after is None else after}" if (row, column) in self.best else cell
+    def _marked(self, before: str, after: str, written: Callable[[str], str] = str) -> list[list[str]]:
+        """The rows, with marks around the best cells."""
+        return [
+            [f"{before}{written(cell)}{after}" if (i, j) in self.best else written(cell) for j, cell in enumerate(row)]
+            for i, row in enumerate(self.rows)
+        ]
 
     def _padded(self, line: Sequence[str], widths: Sequence[int]) -> list[str]:
         parts = zip(line, widths, self.numeric, strict=True)

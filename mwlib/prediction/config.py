@@ -151,6 +151,7 @@ class SamplingConfig:
     ddim_steps: Count = 100  # denoising steps
     spacing: Literal["leading", "trailing"] = "leading"  # of the retained diffusion indices, see ddim_indices
     temperature: Positive = 1.0  # deviation of the noise that sampling starts from
+    temperature_spread: NotNegative = 0.0  # deviation of its logarithm among the samples of a window: calm ones and lively ones
     eta: NotNegative = 0.0  # share of the posterior deviation that DDIM draws anew
     guidance_form: Literal["eq7", "alg1"] = "eq7"  # spelling of classifier-free guidance, see classifier_free
     guidance_weight: float = 0.3  # w of that spelling
@@ -195,7 +196,7 @@ class Config(Settings):
     system: ClassVar[str] = "prediction"
     presets = PRESETS
     renamed = RENAMED
-    newer = {"decoding": "inverse"}
+    newer = {"decoding": "inverse", "temperature_spread": 0.0}
     after_training: ClassVar[frozenset[str]] = frozenset(
         {"sampling", "evaluation", "test_stride", "test_windows", "checkpoint_every"}
     )

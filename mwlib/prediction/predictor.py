@@ -11,6 +11,8 @@ from typing import Any
 import numpy as np
 import torch
 from jaxtyping import Float
+from scipy.special import ndtri
+from scipy.stats.qmc import Halton
 from torch import Tensor
 
 from mwlib.body.following import on_rig
@@ -212,7 +214,9 @@ class Predictor(TrainedModel):
             "after_step": _in_turn([*self._after_steps(x, noise), after_step]),
         }
         samplers = {"ddim": partial(ddim, eta=s.eta, noise=noise), "dpmpp": dpm_solver, "eq6": posterior_mean}
-        yield from samplers[s.sampler](denoise, s.temperature * noise(), self.alpha_bar, self.indices(), **hooks)
+        first = noise()
+        first = first * temperatures(first.shape[1], s.temperature, s.temperature_spread).to(first)[:, None, None]
+        yield from samplers[s.sampler](denoise, first, self.alpha_bar, self.indices(), **hooks)
 
     def sampled(
         self,
@@ -310,6 +314,24 @@ class Predictor(TrainedModel):
             known = self.representation.modelled(pad_history(x_history, self.representation.frames), x_history)
             after.append(history_completion(self.transform, known[:, None], self.representation.history, noise))
         return after
+
+
+def temperatures(samples: int, temperature: float, spread: float) -> Float[Tensor, " S"]:
+    """Deviation of the noise that each sample starts from: log-normal, in the order of van der Corput's sequence.
+
+    Own choice: how widely a stranger's futures spread is not known, so that some samples hold the pose and some go far. A
+    sample's temperature does not depend on how many there are.
+
+    Args:
+        samples: S.
+        temperature: the median.
+        spread: deviation of the logarithm; 0: all are alike.
+
+    >>> temperatures(3, 1.0, 0.5)
+    tensor([1.0000, 0.7137, 1.4011], dtype=torch.float64)
+    """
+    shares = Halton(1, scramble=False).fast_forward(1).random(samples)[:, 0]  # the first is 0
+    return temperature * torch.from_numpy(np.exp(spread * ndtri(shares)))
 
 
 def _in_turn(functions: Sequence[Callable[..., Tensor] | None]) -> Callable[..., Tensor] | None:

@@ -83,6 +83,14 @@ def test_samples_depart_from_the_mean():
     assert torch.equal(curve[:, [0, 1, -2, -1]], x[:, [0, 1, -2, -1]])
 
 
+def test_without_noise_a_sample_is_the_mean_that_a_network_says():
+    """And where none says it, what the denoiser makes of no noise."""
+    bridge, other = (untrained(**WINDOW, mean_width=width).with_sampling(temperature=1e-7) for width in (8, 0))
+    x = windows_for(bridge).x[:3]
+    torch.testing.assert_close(bridge.sample(x), bridge.mean(x)[:, None].expand(-1, 2, -1, -1), atol=1e-5, rtol=1e-4)
+    assert (other.sample(x)[:, 0] - other.mean(x)).abs().max() > 1e-2
+
+
 def test_what_is_fine_is_no_larger_than_usual_in_samples():
     bridge = untrained(**WINDOW, bones="free")
     x, last = windows_for(bridge).x[:2], bridge.net.log_factor[-1]

@@ -18,18 +18,22 @@ DENSITY = np.exp(-((VALUES - 1) ** 2) / np.linspace(2, 0.2, 4)[:, None])
 NORMAL = (VALUES, np.exp(-(VALUES**2) / 2) / np.sqrt(2 * np.pi))
 
 
-def test_the_map_shows_the_density_and_colours_paths_by_their_end():
-    for parting, left in ((0.0, 2), (1.5, 3)):
-        _, ax = plots.density_map(TS, VALUES, DENSITY, paths=PATHS, ylabel="turn (rad)", parting=parting)
-        assert [line.get_color() for line in ax.lines] == [*plots.CYCLE[:1] * left, *plots.CYCLE[1:2] * (4 - left)]
-        assert len({str(line.get_linestyle()) for line in ax.lines}) == 2  # not by colour alone
+def test_the_map_shows_the_density():
+    _, ax = plots.density_map(TS, VALUES, DENSITY, ylabel="turn (rad)")
     np.testing.assert_allclose(ax.collections[0].get_array(), DENSITY.T)
     assert ax.get_xlim() == (30, 0)
 
 
+def test_paths_are_told_apart_by_their_end():
+    _, (ax, _) = plots.sampling_paths(TS, PATHS - 1.25)  # all begin below 0, and the last one ends above
+    lines = ax.lines[:4]
+    assert [line.get_color() for line in lines] == [*plots.CYCLE[:1] * 3, plots.CYCLE[1]]
+    assert len({str(line.get_linestyle()) for line in lines}) == 2  # not by colour alone
+
+
 def test_points_move_in_a_small_loop():
-    loop = plots.particles(TS, PATHS, VALUES, DENSITY, alt="Four points part under a bell.", milliseconds=50)
-    assert len(loop) == 4 and loop.milliseconds == [50, 50, 50, 1000] and loop.alt.startswith("Four points")
+    loop = plots.particles(TS, PATHS, VALUES, DENSITY, alt="Four points part under a bell.")
+    assert len(loop) == 4 and loop.milliseconds == [90, 90, 90, 1000] and loop.alt.startswith("Four points")
     assert len(loop.encoded()) < MOST_BYTES / 10 and loop.size[0] == 480
     with pytest.raises(ValueError, match="alternative text is empty"):
         plots.particles(TS, PATHS, VALUES, DENSITY, alt=" ")
@@ -38,7 +42,7 @@ def test_points_move_in_a_small_loop():
 def test_a_point_has_the_marker_of_the_side_on_which_it_ends():
     # the second begins on the right and ends on the left
     now, side = np.array([-0.5, 0.4, 0.9]), np.array([False, False, True])
-    fig = _moment(9, now, np.ones(2), values=np.array([-2.0, 2.0]), top=1.0, side=side, xlabel="y", width=480)
+    fig = _moment(9, now, np.ones(2), values=np.array([-2.0, 2.0]), top=1.0, side=side, xlabel="y")
     places = {line.get_marker(): line.get_xdata().tolist() for line in fig.axes[0].lines if line.get_marker() in "o^"}
     assert places == {"o": [-0.5, 0.4], "^": [0.9]}
 
@@ -48,7 +52,7 @@ def test_histogram_has_area_one_and_paths_end_at_the_samples(generator):
     _, (ax,) = plots.histograms({"noise": numbers}, density=NORMAL)
     heights, edges, _ = ax.patches[0].get_data()
     assert (heights * np.diff(edges)).sum() == pytest.approx(1, abs=0.01)
-    _, (left, _) = plots.sampling_paths([3, 0], torch.stack([numbers, 2 * numbers]), density=NORMAL, shown=5)
+    _, (left, _) = plots.sampling_paths([3, 0], torch.stack([numbers, 2 * numbers]), density=NORMAL)
     assert [line.get_ydata()[-1] for line in left.lines[:5]] == pytest.approx((2 * numbers[:5]).tolist())
     assert [line.get_color() for line in left.lines[:5]] == [plots.CYCLE[int(number > 0)] for number in numbers[:5]]
 

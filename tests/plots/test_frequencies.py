@@ -29,12 +29,12 @@ def test_energy_is_drawn_with_and_without_its_mean():
 
 
 def test_snr_curves_are_parallel_and_end_at_the_threshold():
-    fig, ax = plots.parallel_snr(POWER, A_BAR, [1, 4, 60], gamma=2.0)
+    fig, ax = plots.parallel_snr(POWER, A_BAR, [1, 4, 60])
     found = _curves(ax)
     assert found["k = 1"].get_ydata() - found["k = 4"].get_ydata() == pytest.approx(10 * np.log10(POWER[1] / POWER[4]))
-    assert found["SNR = 2"].get_ydata()[0] == pytest.approx(10 * np.log10(2))
+    assert found["SNR = 1"].get_ydata()[0] == 0
     dots = [line for line in ax.lines if line.get_marker() == "o"]
-    last = [int(np.flatnonzero(A_BAR * POWER[k] / (1 - A_BAR) >= 2)[-1]) for k in (1, 4, 60)]
+    last = [int(np.flatnonzero(A_BAR * POWER[k] / (1 - A_BAR) >= 1)[-1]) for k in (1, 4, 60)]
     assert [int(dot.get_xdata()[0]) for dot in dots] == last
     heights = [10 * np.log10(A_BAR[t] * POWER[k] / (1 - A_BAR[t])) for k, t in zip((1, 4, 60), last, strict=True)]
     assert [float(dot.get_ydata()[0]) for dot in dots] == pytest.approx(heights)

@@ -106,18 +106,6 @@ def test_numbers_of_an_axis_do_not_run_into_each_other(metrics, error):
         assert len(labels) == 3 and all(left.x1 + 2 < right.x0 for left, right in itertools.pairwise(labels))
 
 
-def test_noised_rows_marks_the_mask_in_every_panel(generator):
-    y = torch.randn(12, 30, generator=generator)
-    mask = torch.zeros(12, dtype=bool)
-    mask[2:5] = True
-    _, axes = plots.noised_rows({"before": y, "after": y * 2}, mask, history_rows=3, columns=20)
-    for ax in axes:
-        (marks,) = (line for line in ax.lines if line.get_marker() == "s")
-        assert marks.get_ydata().tolist() == [2, 3, 4]
-        assert ax.images[0].get_array().shape == (12, 20)
-    assert axes[0].images[0].get_clim() == axes[1].images[0].get_clim()
-
-
 def test_pose_grid_has_a_place_for_every_pair(generator):
     joints = len(H36M17)
     samples = torch.randn(2, 3, 3 * (joints - 1), generator=generator)

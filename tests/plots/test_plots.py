@@ -25,7 +25,7 @@ from mwlib.data.collections import SKELETONS
 from mwlib.diffusion.process import alpha_bar, ddim_indices
 from mwlib.diffusion.samplers import ddim
 from mwlib.plots.bodies import _spread, facing, poses, project
-from mwlib.plots.chapters.metrics import FUTURES, TRUTHS
+from mwlib.plots.chapters.metrics import FUTURES, TRUTHS, WORDS
 from mwlib.plots.look import INK, OBSERVED
 from mwlib.synthetic.motions import synthetic_motions
 from mwlib.transforms import WaveletTransform
@@ -42,6 +42,7 @@ ENERGIES = {name: float(band.square().sum()) for name, band in BANDS.items()}
 DENOISING = list(ddim(lambda y, t: torch.zeros_like(y), TF(X), SCHEDULE, ddim_indices(20, 5)))
 VALUES = {"wavelet": {"walk": 0.3, "sit": 0.5}, "zero velocity": {"walk": 0.9}}
 NORMAL = (np.linspace(-3, 3, 50), np.exp(-(np.linspace(-3, 3, 50) ** 2) / 2) / np.sqrt(2 * np.pi))
+SCENE = {"fps": FPS, "truth": X[HISTORY:], "last": X[HISTORY - 1]}
 STILL = {"truth": X, "sample": FUTURE[0]}
 
 PICTURES = {
@@ -49,18 +50,17 @@ PICTURES = {
     "filmstrip of a single frame": partial(plots.filmstrip, WALK.with_up("y").cut(0, 1)),
     "storyboard": partial(plots.storyboard, STILL, H36M17, fps=FPS, history=HISTORY),
     "storyboard of one motion in the world": partial(plots.storyboard, WALK.positions, H36M17, fps=FPS, frames=[0, 5, -1]),
-    "overlay_futures": partial(plots.overlay_futures, FUTURE, H36M17, fps=FPS, truth=X[HISTORY:], last=X[HISTORY - 1]),
-    "overlay_futures alone": partial(plots.overlay_futures, FUTURE.numpy(), H36M17, fps=FPS, frames=(3, -1)),
+    "overlay_futures": partial(plots.overlay_futures, FUTURE, H36M17, **SCENE),
+    "overlay_futures at two moments": partial(plots.overlay_futures, FUTURE.numpy(), H36M17, frames=(3, -1), **SCENE),
     "end_poses": partial(plots.end_poses, {"walk": (FUTURE, X[HISTORY:]), "again": (FUTURE[:2], X)}, H36M17),
     "trajectories": partial(plots.trajectories, X[:, 8], FUTURE[:, :, 8], fps=FPS),
-    "trajectories of two methods": partial(plots.trajectories, X[:, 8], {"a": FUTURE[:, :, 8], "b": FUTURE[:1, :, 8]}, fps=FPS),
-    "trajectories as lines": partial(plots.trajectories, X[:, 8], FUTURE[:, :, 8], fps=FPS, fan=False),
+    "trajectories of one sample": partial(plots.trajectories, X[:, 8], FUTURE[:1, :, 8], fps=FPS),
     "filters": partial(plots.filters, "bior2.8"),
     "signal_and_coefficients": partial(plots.signal_and_coefficients, X[:, 8], "bior2.8", fps=FPS),
     "padding_modes": partial(plots.padding_modes, X[:, 8], modes=("zero", "symmetric", "constant", "smooth")),
     "matrix": partial(plots.matrix, TF.analysis_time, split=16),
     "subbands": partial(plots.subbands, BANDS),
-    "subbands, common scale": partial(plots.subbands, BANDS, common=True, share=0.99),
+    "subbands, common scale": partial(plots.subbands, BANDS, common=True),
     "subbands of nothing": partial(plots.subbands, {name: 0 * band for name, band in BANDS.items()}),
     "energy_bars": partial(plots.energy_bars, ENERGIES),
     "energy_bars of two": partial(plots.energy_bars, {"haar": ENERGIES, "again": ENERGIES}),
@@ -72,15 +72,14 @@ PICTURES = {
     "ddim_path without truth": partial(plots.ddim_path, DENOISING, TF.inverse, H36M17, fps=FPS, count=3),
     "loss_curves": partial(plots.loss_curves, {"training": torch.linspace(1, 0.2, 120), "validation": [(50, 0.4), (100, 0.3)]}),
     "metric_picture": plots.metric_picture,
-    "metric_picture of one": partial(plots.metric_picture, "mmfde"),
     "curves": partial(plots.curves, {"a": SCHEDULE, "b": 1 - SCHEDULE}, xlabel="t", ylabel="share", log="y"),
     "small_multiples": partial(
         plots.small_multiples, {"here": {"a": [0, 1]}, "there": {"a": [2, 5]}}, xlabel="s", ylabel="change"
     ),
     "histograms": partial(plots.histograms, {"a": X, "b": X[:5]}, xlabel="position (m)"),
     "histograms and density": partial(plots.histograms, {"a": X}, density=NORMAL),
-    "density_map": partial(plots.density_map, [9, 5, 0], NORMAL[0], np.stack([NORMAL[1]] * 3), paths=X[:3, :20]),
-    "sampling_paths": partial(plots.sampling_paths, [9, 5, 0], X[:3, :20], density=NORMAL, shown=3),
+    "density_map": partial(plots.density_map, [9, 5, 0], NORMAL[0], np.stack([NORMAL[1]] * 3)),
+    "sampling_paths": partial(plots.sampling_paths, [9, 5, 0], X[:3, :20], density=NORMAL),
     "bars_per_action": partial(plots.bars_per_action, VALUES, xlabel="ADE (m)"),
 }
 
@@ -194,12 +193,13 @@ def test_energy_is_shown_as_shares():
 
 @pytest.mark.parametrize("name", ["apd", "ade", "fde", "mmade", "mmfde"])
 def test_metric_pictures_carry_the_metric_and_its_links(name):
-    fig, axes = plots.metric_picture(name)
+    _, axes = plots.metric_picture()
+    ax = axes[[*WORDS].index(name)]
     p, g = torch.as_tensor(FUTURES)[None], torch.as_tensor(TRUTHS)
     expected = {"apd": lambda: metrics.apd(p), "ade": lambda: metrics.ade(p, g[:1]), "fde": lambda: metrics.fde(p, g[:1])}
     value = float(expected.get(name, lambda: getattr(metrics, name)(p, [g]))())
-    assert axes[0].get_title(loc="left") == f"{name.upper()} = {plots.significant(value)} m"
-    lengths = np.linalg.norm(np.diff(axes[0].collections[0].get_segments(), axis=1)[:, 0], axis=-1)
+    assert ax.get_title(loc="left") == f"{name.upper()} = {plots.significant(value)} m"
+    lengths = np.linalg.norm(np.diff(ax.collections[0].get_segments(), axis=1)[:, 0], axis=-1)
     frames = FUTURES.shape[1]
     if name == "apd":
         assert np.linalg.norm(lengths.reshape(6, frames), axis=1).mean() == pytest.approx(value)

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import fields, replace
 
 import numpy as np
 import pytest
 import torch
+from scipy.stats import kstest, norm
 
 import mwlib as mw
 import mwlib.prediction.predictor as predictor_module
@@ -17,7 +19,7 @@ from mwlib.data.windows import Bodies, prepare, windows
 from mwlib.diffusion import Step, WindowNoise
 from mwlib.experiments import load_run
 from mwlib.prediction.config import SamplingConfig
-from mwlib.prediction.predictor import Predictor, predicted_motions
+from mwlib.prediction.predictor import Predictor, predicted_motions, temperatures
 from mwlib.synthetic import synthetic_motions
 from tests.body.sample import animators_motion, apart
 from tests.sample_settings import two_people, untrained
@@ -94,8 +96,16 @@ SETTINGS = {  # of each setting of the sampling another value than the preset's,
     "complete_history": (True, lambda seen, _: seen["after_step"] is not None),
     "precision": ("bf16", lambda seen, _: seen["branches"].precision),
     "temperature": (0.7, lambda seen, predictor: round(float((seen["start"] / predictor.noise(0, range(5), 3)()).mean()), 4)),
+    "temperature_spread": (0.3, lambda seen, predictor: spread_of(seen, predictor)),
     "sampling_seed": (4, lambda seen, predictor: torch.equal(seen["start"], predictor.noise(4, range(5), 3)()) and 4),
 }
+
+
+def spread_of(seen: dict, predictor: Predictor) -> float:
+    """Of the temperatures of three samples, the median's, that of a quarter and that of three quarters."""
+    median, quarter, three = (seen["start"] / predictor.noise(0, range(5), 3)()).mean((0, 2, 3)).tolist()
+    assert math.isclose(quarter * three, median**2, rel_tol=1e-5)
+    return round(math.log(three / quarter) / (norm.ppf(0.75) - norm.ppf(0.25)), 4)
 
 
 def bound_of(seen: dict, predictor: Predictor) -> float | None:
@@ -111,6 +121,16 @@ def test_every_setting_of_the_sampling_arrives(past, monkeypatch, name):
     predictor, (value, look) = untrained(), SETTINGS[name]
     assert look(spied(predictor, past, monkeypatch), predictor) != value, "the preset's own value would prove nothing"
     assert look(spied(predictor, past, monkeypatch, **{name: value}), predictor) == value
+
+
+def test_temperatures_are_log_normal_and_do_not_depend_on_how_many_there_are():
+    found = temperatures(255, 1.1, 0.3).log()
+    torch.testing.assert_close(
+        found[:6], math.log(1.1) + 0.3 * torch.tensor(norm.ppf([1 / 2, 1 / 4, 3 / 4, 1 / 8, 5 / 8, 3 / 8]))
+    )
+    assert torch.equal(temperatures(7, 1.1, 0.3), temperatures(255, 1.1, 0.3)[:7])
+    assert kstest(found.numpy(), "norm", (math.log(1.1), 0.3)).statistic < 0.01
+    assert torch.equal(temperatures(4, 1.1, 0.0), torch.full((4,), 1.1, dtype=torch.float64))
 
 
 def test_no_setting_of_the_sampling_is_left_out():

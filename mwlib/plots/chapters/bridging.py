@@ -17,6 +17,7 @@ from mwlib.plots.look import (  # isort: skip
     legend, outer, panel, style, tiled,
 )  # fmt: skip
 
+ENDS = [0, -1]  # where the keyframes are
 MARK = {"marker": "o", "color": TRUTH, "linestyle": "none", "zorder": 5}
 
 
@@ -24,74 +25,68 @@ MARK = {"marker": "o", "color": TRUTH, "linestyle": "none", "zorder": 5}
 def bridged_coordinate(
     truth: Float[Array, " T"],
     baselines: Curves,
-    samples: Float[Array, "S T"] | None = None,
+    samples: Float[Array, "S T"],
     *,
     fps: float,
-    keyframes: Sequence[int] = (0, -1),
     ylabel: str = "position (m)",
 ) -> Panel:
-    """One coordinate between keyframes: the truth, what fills it in without training, and samples that fan out.
+    """One coordinate between two keyframes, its ends: the truth, what fills it in without training, and samples that fan out.
 
     Args:
         truth: T values, keyframes among them.
         baselines: name -> T values, at most five.
         samples: S motions with the same keyframes.
         fps: frames per second; time 0 is the first frame.
-        keyframes: numbers of the given frames; -1 is the last.
         ylabel: what, and its unit.
 
     Raises:
-        ValueError: lengths differ, a keyframe is no frame, or there are more than five baselines.
+        ValueError: lengths differ, or there are more than five baselines.
     """
-    truth, given = array(truth), _given(len(truth), keyframes)
-    for name, values in {**baselines, **({} if samples is None else {"samples": samples})}.items():
+    truth = array(truth)
+    for name, values in {**baselines, "samples": samples}.items():
         if array(values).shape[-1] != len(truth):
             raise ValueError(f"{name}: {array(values).shape[-1]} frames; expected {len(truth)}, as the truth has")
     seconds = np.arange(len(truth)) / fps
     fig, ax = panel(3.3)
-    if samples is not None:
-        alpha = max(0.25, 1.2 / np.sqrt(len(samples)))
-        ax.plot(seconds, array(samples).T, color=PREDICTED, linewidth=1.5, alpha=min(alpha, 0.7))
-        ax.plot([], [], color=PREDICTED, label=f"{len(samples)} samples")
+    alpha = max(0.25, 1.2 / np.sqrt(len(samples)))
+    ax.plot(seconds, array(samples).T, color=PREDICTED, linewidth=1.5, alpha=min(alpha, 0.7))
+    ax.plot([], [], color=PREDICTED, label=f"{len(samples)} samples")
     draw(ax, baselines, seconds, looks=LOOKS[1:], what="baselines")
     ax.plot(seconds, truth, color=TRUTH, linewidth=2.4, label="truth")
-    ax.plot(seconds[given], truth[given], markersize=8, label="keyframe", clip_on=False, **MARK)
+    ax.plot(seconds[ENDS], truth[ENDS], markersize=8, label="keyframe", clip_on=False, **MARK)
     ax.set(xlabel="time (s)", ylabel=ylabel, xlim=(seconds[0], seconds[-1]))
     legend(ax)
     return fig, ax
 
 
 @style()
-def spectra(rows: Curves, *, fps: float, frames: int | None = None, unit: str = "m²") -> Panels:
-    """Mean power at each frequency but 0, the mean; with a row called "truth", beneath it the ratio of the others to it.
+def spectra(rows: Curves, *, fps: float, frames: int) -> Panels:
+    """Mean power at each frequency but 0, the mean; beneath it the ratio to that of the truth.
 
     Args:
-        rows: name -> power at the F frequencies of a real Fourier transform, 0 first.
+        rows: name -> power in m² at the F frequencies of a real Fourier transform, 0 first; one is called "truth".
         fps: frames per second.
-        frames: of the motions that were transformed; None: 2(F - 1).
-        unit: of the power.
+        frames: of the motions that were transformed.
 
     Raises:
         ValueError: the rows have different lengths, or these frames have other frequencies.
     """
-    powers = {name: array(power)[1:] for name, power in rows.items()}
-    count = _one_length({name: len(power) for name, power in rows.items()})
-    frames = 2 * (count - 1) if frames is None else frames
+    lengths = {name: len(power) for name, power in rows.items()}
+    if len({*lengths.values()}) != 1:
+        raise ValueError(f"lengths of the rows are {lengths}; expected one and the same, of at least one row")
+    powers, count = {name: array(power)[1:] for name, power in rows.items()}, lengths["truth"]
     if frames // 2 + 1 != count:
         raise ValueError(f"{frames} frames have {frames // 2 + 1} frequencies; expected {count}, as the rows have")
     hertz = np.arange(1, count) * fps / frames
-    compared = "truth" in powers and len(powers) > 1
-    ratios = {"height_ratios": (3, 2)[: 1 + compared]}
-    fig, axes = canvas(1 + compared, 1, height=2.8 + 1.5 * compared, sharex=True, gridspec_kw=ratios)
-    top, bottom = axes[0, 0], axes[-1, 0]
+    fig, axes = canvas(2, 1, height=4.3, sharex=True, gridspec_kw={"height_ratios": (3, 2)})
+    top, bottom = axes[:, 0]
     draw(top, powers, hertz, looks=_looks(rows))
-    top.set(yscale="log", ylabel=f"mean power ({unit})")
-    if compared:
-        truth = powers.pop("truth")
-        draw(bottom, {name: power / truth for name, power in powers.items()}, hertz, looks=_looks(powers), label=None)
-        bottom.axhline(1.0, color=TRUTH, linewidth=1.5)
-        bottom.set(yscale="log", ylabel="ratio to truth")
-        _ratio_axis(bottom)
+    top.set(yscale="log", ylabel="mean power (m²)")
+    truth = powers.pop("truth")
+    draw(bottom, {name: power / truth for name, power in powers.items()}, hertz, looks=_looks(powers), label=None)
+    bottom.axhline(1.0, color=TRUTH, linewidth=1.5)
+    bottom.set(yscale="log", ylabel="ratio to truth")
+    _ratio_axis(bottom)
     for ax in axes[:, 0]:
         ax.grid(axis="y")
     bottom.set(xlabel="frequency (Hz)", xlim=(0, hertz[-1]))
@@ -100,38 +95,30 @@ def spectra(rows: Curves, *, fps: float, frames: int | None = None, unit: str = 
 
 
 @style()
-def imposed_steps(
-    x: Float[Array, "steps T"],
-    levels: Sequence[float],
-    *,
-    keyframes: Sequence[int] = (0, -1),
-    fps: float,
-    ylabel: str = "position (m)",
-) -> Panels:
+def imposed_steps(x: Float[Array, "steps T"], levels: Sequence[float], *, fps: float, ylabel: str = "position (m)") -> Panels:
     """One coordinate at a few steps of sampling, noise falling: keyframes are noised as much as what lies between (Fig. 4).
 
-    Dots are the values that were imposed at this step, rings the clean keyframes.
+    The keyframes are the first and the last frame; dots are their values that were imposed at this step, rings the clean ones.
 
     Args:
         x: the coordinate over time at each step shown; the last is the sample, its keyframes are the clean ones.
         levels: deviation of the noise in each, sqrt(1 - alpha_bar).
-        keyframes: numbers of the given frames; -1 is the last.
         fps: frames per second.
         ylabel: what, and its unit.
 
     Raises:
-        ValueError: as many levels as steps are expected, falling, and keyframes that are frames.
+        ValueError: as many levels as steps are expected, falling.
     """
     x = array(x)
     if len(levels) != len(x) or list(levels) != sorted(levels, reverse=True):
         raise ValueError(f"levels are {[*levels]}; expected {len(x)}, one for each step, falling")
-    given, seconds = _given(x.shape[1], keyframes), np.arange(x.shape[1]) / fps
+    seconds = np.arange(x.shape[1]) / fps
     fig, axes = tiled(len(x), frame=0.8, each=1.75)
     rings = {"color": INK, "markerfacecolor": "none", "markersize": 10, "clip_on": False}
     for ax, values, level in zip(axes.flat, x, levels, strict=False):
         ax.plot(seconds, values, color=PREDICTED, linewidth=1.5, label="between")
-        ax.plot(seconds[given], values[given], "o", color=CYCLE[1], markersize=7, label="keyframe at this noise", clip_on=False)
-        ax.plot(seconds[given], x[-1, given], "o", label="clean keyframe", **rings)
+        ax.plot(seconds[ENDS], values[ENDS], "o", color=CYCLE[1], markersize=7, label="keyframe at this noise", clip_on=False)
+        ax.plot(seconds[ENDS], x[-1, ENDS], "o", label="clean keyframe", **rings)
         ax.set_title(f"noise {level:.2f}" if level else "clean")
     outer(axes, "time (s)", ylabel)
     legend(axes[0, 0])
@@ -180,17 +167,13 @@ def keyframe_samples(
     panels: Mapping[str, Float[Array, "S T"]],
     *,
     keyframes: Sequence[int],
-    ylabel: str = "coordinate",
-    lines: int = 12,
 ) -> Panels:
     """One panel per scheme: its samples over the true law, mean in black and bands of one and two deviations in grey.
 
     Args:
         mean, deviation: of the true law between the keyframes.
-        panels: name -> samples; the mean of all is dashed, the first `lines` are drawn thin.
+        panels: name -> samples; the mean of all is dashed, the first twelve are drawn thin.
         keyframes: frames that are given; the true law has deviation 0 there.
-        ylabel: what the coordinate is.
-        lines: how many of the samples to draw.
     """
     mean, deviation, at = array(mean), array(deviation), np.asarray(keyframes)
     frames = np.arange(len(mean))
@@ -200,7 +183,7 @@ def keyframe_samples(
         for times, shade in ((2, FAINT), (1, "#cfd3d8")):
             label = f"true law, ± {times} deviation{'s' * (times > 1)}"
             ax.fill_between(frames, mean - times * deviation, mean + times * deviation, color=shade, linewidth=0, label=label)
-        drawn = ax.plot(frames, samples[:lines].T, color=CYCLE[0], linewidth=0.8, alpha=0.55)
+        drawn = ax.plot(frames, samples[:12].T, color=CYCLE[0], linewidth=0.8, alpha=0.55)
         drawn[0].set_label("samples")
         ax.plot(frames, mean, color=TRUTH, linewidth=1.6, label="true mean")
         ax.plot(frames, samples.mean(0), color=CYCLE[1], linestyle=(0, (4, 1.2)), linewidth=2, label="mean of samples")
@@ -208,7 +191,7 @@ def keyframe_samples(
         ax.set(title=fill(name, 22), xlim=(frames[0] - 0.8, frames[-1] + 0.8))
     reach = 1.7 * float(np.max(np.abs(mean) + 2 * deviation))  # samples that diverge leave the picture
     axes[0, 0].set_ylim(-reach, reach)
-    outer(axes, "frame", ylabel)
+    outer(axes, "frame", "coordinate")
     legend(axes[0, 0])
     return fig, axes
 
@@ -225,15 +208,3 @@ def _ratio_axis(ax: Axes) -> None:
     ax.set_ylim(min(low, 0.4), max(high, 2.5))
     ax.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if high < 50 * low else (1.0,)))
     plain(ax.yaxis)
-
-
-def _given(frames: int, keyframes: Sequence[int]) -> np.ndarray:
-    if not keyframes or not all(-frames <= k < frames for k in keyframes):
-        raise ValueError(f"keyframes are {[*keyframes]}; expected one or more of {-frames} to {frames - 1}")
-    return np.unique(np.array(keyframes) % frames)
-
-
-def _one_length(lengths: Mapping[str, int]) -> int:
-    if len(set(lengths.values())) != 1:
-        raise ValueError(f"lengths of the rows are {dict(lengths)}; expected one and the same, of at least one row")
-    return next(iter(lengths.values()))

@@ -127,9 +127,9 @@ def _overview_training(ax: Axes, x: Array, y: Array, y_t: Array, skeleton: Skele
     moments = [(x[[0, history - 1]], "observed"), (x[[middle, -1]], "truth")]
     row_of_bodies(ax, "0.05 3.4 1.75 1.1", "motion $\\mathbf{x}$, $T\\times C$", moments, skeleton)
     box(ax, "2.05 3.7 0.6 0.5", "DWT")
-    image(ax, "2.95 3.4 0.95 1.1", "$\\mathbf{y}^{(0)}$, $K\\times4D$", array(y))
+    image(ax, "2.95 3.4 0.95 1.1", "$\\mathbf{y}^{(0)}$, $K\\times4D$", y)
     arrows(ax, "3.9 3.95 4.4 3.95", text="noise")
-    image(ax, "4.4 3.4 0.95 1.1", "$\\mathbf{y}^{(t)}$", array(y_t))
+    image(ax, "4.4 3.4 0.95 1.1", "$\\mathbf{y}^{(t)}$", y_t)
     box(ax, "5.6 3.62 0.75 0.66", "network\n$\\epsilon_\\theta$", CYCLE[0])
     words(ax, 5.97, 3.56, "learns to\nremove noise", va="top")
     arrows(ax, "1.8 3.95 2.05 3.95 | 2.65 3.95 2.95 3.95 | 5.36 3.95 5.6 3.95")
@@ -149,7 +149,7 @@ def _overview_prediction(ax: Axes, x: Array, y: Array, futures: Array, skeleton:
     box(ax, "2.45 1.5 0.95 0.8", "network\n$\\epsilon_\\theta$\n+ CFG, TABG", CYCLE[0])
     box(ax, "2.45 0.45 0.95 0.55", "DDIM step,\nWMSG", CYCLE[0])
     words(ax, 2.92, 0.18, "repeat, $t=M,\\dots,1$")
-    noise = np.random.default_rng(0).normal(size=array(y).shape)
+    noise = np.random.default_rng(0).normal(size=y.shape)
     image(ax, "1.1 0.25 0.8 0.75", "start: noise", noise)
     box(ax, "3.75 0.47 0.6 0.5", "iDWT")
     ends = [(futures[: min(4, len(futures)), -1], "predicted")]

@@ -26,7 +26,7 @@ from mwlib.plots.look import (  # isort: skip
     BAND_NAMES, CYCLE, FAINT, INK, LOOKS, TRUTH, WIDTH, Array, Curves, Panel, Panels, array, canvas, legend, panel, rule,
     signed, style,
 )  # fmt: skip
-from mwlib.plots.loops import Loop
+from mwlib.plots.loops import Loop, photographed
 from mwlib.plots.tables import significant
 from mwlib.transforms.linear import LinearTransform
 
@@ -35,21 +35,18 @@ DENSITY = {"color": INK, "linestyle": (0, (3, 1))}
 
 
 @style()
-def histograms(
-    samples: Mapping[str, Float[Array, " N"]], *, density: Density | None = None, bins: int = 80, xlabel: str = ""
-) -> Panels:
+def histograms(samples: Mapping[str, Float[Array, " N"]], *, density: Density | None = None, xlabel: str = "") -> Panels:
     """Where many numbers lie, one panel per name on common axes, each scaled to area 1.
 
     Args:
         samples: name -> numbers.
         density: a curve (values, density) to compare with, drawn in every panel; it also sets the range, widened by half,
             and the height: a spike is cut off.
-        bins: over the common range; numbers beyond it are not drawn.
     """
-    edges = np.linspace(*_range(list(samples.values()), density), bins + 1)
+    ends = _range(list(samples.values()), density)
     fig, axes = canvas(len(samples), 1, height=0.5 + 0.95 * len(samples), sharex=True, sharey=True)
     for ax, (name, values), colour in zip(axes[:, 0], samples.items(), CYCLE * len(samples), strict=False):
-        _stairs(ax, array(values).ravel(), edges, colour)
+        _stairs(ax, array(values).ravel(), ends, colour)
         if density is not None:
             ax.plot(*map(array, density), **DENSITY)
         ax.set(yticks=[], title=name)
@@ -65,29 +62,26 @@ def sampling_paths(
     paths: Float[Array, "steps N"],
     *,
     density: Density | None = None,
-    shown: int = 40,
     ylabel: str = "y",
-    parting: float = 0.0,
 ) -> Panels:
-    """How single numbers travel from noise (left) to samples (right), and where all of them end.
+    """How the first 40 numbers travel from noise (left) to samples (right), and where all of them end.
 
     Args:
         ts: diffusion index of each row of `paths`; noise first, falling.
-        paths: a column per sample.
+        paths: a column per sample; those that end above 0 are coloured otherwise, and dashed.
         density: (values, density) of the true distribution, drawn beside the end points.
-        shown: how many paths are drawn; the histogram counts all.
         ylabel: what, and its unit.
-        parting: paths that end above it are coloured otherwise, and dashed.
     """
     paths, times = array(paths), np.asarray(ts)
     low, high = _range([paths[0], paths[-1]], density)
     fig, axes = canvas(1, 2, height=3.2, sharey=True, gridspec_kw={"width_ratios": (4, 1)})
     left, right = axes[0]
-    _paths(left, times, paths[:, :shown], parting, alpha=0.5)
+    for path in paths[:, :40].T:
+        left.plot(times, path, alpha=0.5, linewidth=1.5, **LOOKS[int(path[-1] > 0)])
     left.set(xlim=(times[0], times[-1]), ylim=(low, high), xlabel="diffusion index t, falling", ylabel=ylabel)
     left.xaxis.set_major_locator(MaxNLocator(integer=True))
     rule(left, zorder=1)
-    _stairs(right, paths[-1], np.linspace(low, high, 81), CYCLE[0], orientation="horizontal")
+    _stairs(right, paths[-1], (low, high), CYCLE[0], orientation="horizontal")
     if density is not None:
         values, height = map(array, density)
         right.plot(height, values, label="truth", **DENSITY)
@@ -98,29 +92,18 @@ def sampling_paths(
 
 
 @style()
-def density_map(
-    ts: Sequence[int],
-    values: Float[Array, " V"],
-    density: Float[Array, "steps V"],
-    *,
-    paths: Float[Array, "steps N"] | None = None,
-    parting: float = 0.0,
-    ylabel: str = "y",
-) -> Panel:
-    """The density of one number at every diffusion index, dark where it is high, and paths that run through it.
+def density_map(ts: Sequence[int], values: Float[Array, " V"], density: Float[Array, "steps V"], *, ylabel: str = "y") -> Panel:
+    """The density of one number at every diffusion index, dark where it is high.
 
     Args:
-        ts: diffusion index of each row of `density` and `paths`; the first stands on the left.
+        ts: diffusion index of each row of `density`; the first stands on the left.
         values: where the density is given, rising.
         density: its values, a row per index.
-        paths: a column per particle; coloured and dashed by which side of `parting` they end on.
         ylabel: what, and its unit; the density has one over it.
     """
     times, heights = np.asarray(ts), array(values)
     fig, ax = panel(3.4)
     mesh = ax.pcolormesh(times, heights, array(density).T, cmap="Greys", norm=PowerNorm(0.5, vmin=0), shading="nearest")
-    if paths is not None:
-        _paths(ax, times, array(paths), parting)
     ax.set(xlim=(times[0], times[-1]), ylim=(heights[0], heights[-1]), xlabel="diffusion index t", ylabel=ylabel)
     fig.colorbar(mesh, label="density", ticks=[0, 0.1, 0.4, 1.0])
     return fig, ax
@@ -133,37 +116,32 @@ def particles(
     density: Float[Array, "steps V"],
     *,
     alt: str,
-    parting: float = 0.0,
     xlabel: str = "y",
-    milliseconds: int = 90,
-    width: int = 480,
 ) -> Loop:
     """Points that a sampler moves, each in a lane of its own, below the density that they should have at that moment.
 
     Args:
         ts: diffusion index of each row of `paths` and `density`.
-        paths: a column per point; coloured by which side of `parting` it ends on.
+        paths: a column per point; coloured by which side of 0 it ends on.
         values, density: as for `density_map`.
         alt: one or two sentences that say what the picture shows to someone who cannot see it.
         xlabel: what moves, and its unit.
-        milliseconds: how long each picture stays; the last one stays a second.
-        width: pixels.
 
     Raises:
         ValueError: the alternative text is empty.
     """
     places, curve = array(paths), array(density)
-    moment = partial(_moment, values=array(values), top=curve.max(), side=places[-1] > parting, xlabel=xlabel, width=width)
-    return Loop.of_figures(map(moment, ts, places, curve), milliseconds, alt)
+    moment = partial(_moment, values=array(values), top=curve.max(), side=places[-1] > 0, xlabel=xlabel)
+    return Loop(map(photographed, map(moment, ts, places, curve)), 90, alt)
 
 
 @style()
 def _moment(
-    t: int, now: np.ndarray, curve: np.ndarray, *, values: np.ndarray, top: float, side: np.ndarray, xlabel: str, width: int
+    t: int, now: np.ndarray, curve: np.ndarray, *, values: np.ndarray, top: float, side: np.ndarray, xlabel: str
 ) -> Figure:
     """One picture: the density above zero, the points in their lanes below, marked by the side on which they end."""
     fig, ax = panel(2.6)
-    fig.set_dpi(width / WIDTH)
+    fig.set_dpi(480 / WIDTH)  # 480 pixels wide
     ax.fill_between(values, curve, color=FAINT)
     ax.plot(values, curve, color=INK, linewidth=1.2)
     lanes = -top * (0.08 + np.arange(len(now)) / len(now))
@@ -226,9 +204,8 @@ def noising(
     *,
     generator: torch.Generator,
     channel: int = 0,
-    frame: int = -1,
 ) -> Panels:
-    """One motion under growing noise: the coefficients y_t, one coordinate of the motion it stands for, and one pose.
+    """One motion under growing noise: the coefficients y_t, one coordinate of the motion it stands for, and its last pose.
 
     Args:
         tf: wavelet transform with the four sub-bands of level 1.
@@ -236,7 +213,7 @@ def noising(
         alpha_bar: schedule.
         ts: diffusion indices, one column each; the same noise is drawn at all of them.
         generator: of the noise.
-        channel, frame: which coordinate and which pose to show.
+        channel: which coordinate to show.
     """
     clean = tf(x)
     eps = torch.randn(clean.shape, generator=generator, dtype=clean.dtype)
@@ -249,10 +226,10 @@ def noising(
         middle.plot(array(motion[:, channel]), color=CYCLE[0], linewidth=1.5, label="noised curve")
         middle.plot(array(x[:, channel]), color=TRUTH, linestyle=(0, (3, 1)), linewidth=1.5, label="clean curve")
         middle.set(xlabel="frame")
-        _pose(bottom, motion[frame], x[frame], skeleton)
+        _pose(bottom, motion[-1], x[-1], skeleton)
     _name_bands(axes[0], tf, clean)
     axes[1, 0].set_ylabel(f"{skeleton.joints[1 + channel // 3].replace('_', ' ')}, {'xyz'[channel % 3]} (m)")
-    axes[2, 0].set_ylabel(f"pose, frame {frame % len(x)}")
+    axes[2, 0].set_ylabel(f"pose, frame {len(x) - 1}")
     pose = [Line2D([], [], color=TRUTH, alpha=0.35, label="clean pose")]
     pose += [Line2D([], [], color=COLOURS["predicted"][2], linestyle=(0, (2.2, 0.9)), label="right limbs")]
     fig.legend(handles=[*axes[1, 0].lines, *pose], loc="outside upper left", ncols=4)
@@ -289,7 +266,7 @@ def ddim_path(
 
 
 @style()
-def loss_curves(curves: Mapping[str, Array | Sequence], *, ylabel: str = "loss") -> Panel:
+def loss_curves(curves: Mapping[str, Array | Sequence]) -> Panel:
     """Losses over the training steps, on a logarithmic axis.
 
     Args:
@@ -307,7 +284,7 @@ def loss_curves(curves: Mapping[str, Array | Sequence], *, ylabel: str = "loss")
             ax.plot(np.arange(len(curve)) + 1, curve, color=look["color"], alpha=0.25, linewidth=0.8)
         mean = np.convolve(curve, np.full(span, 1 / span), "valid")
         draw(ax, {name: mean}, start=1 + span // 2, looks=[look])
-    ax.set(xlabel="training step", ylabel=ylabel, yscale="log")
+    ax.set(xlabel="training step", ylabel="loss", yscale="log")
     ax.yaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
     plain(ax.yaxis)
     ax.legend()
@@ -323,16 +300,11 @@ def _range(samples: Sequence[Array], density: Density | None) -> tuple[float, fl
     return float(low - 0.05 * (high - low)), float(high + 0.05 * (high - low))
 
 
-def _stairs(ax: Axes, values: np.ndarray, edges: np.ndarray, colour: str, **look: Any) -> None:
-    """A histogram of area 1 over all values."""
+def _stairs(ax: Axes, values: np.ndarray, ends: tuple[float, float], colour: str, **look: Any) -> None:
+    """A histogram of area 1 over all values; those beyond the ends are not drawn."""
+    edges = np.linspace(*ends, 81)
     heights = np.histogram(values, edges)[0] / (len(values) * np.diff(edges))
     ax.stairs(heights, edges, fill=True, color=colour, alpha=0.75, **look)
-
-
-def _paths(ax: Axes, times: np.ndarray, paths: np.ndarray, parting: float, alpha: float = 1.0) -> None:
-    """A line for each column, coloured and dashed by the side on which it ends."""
-    for path in paths.T:
-        ax.plot(times, path, alpha=alpha, linewidth=1.5, **LOOKS[int(path[-1] > parting)])
 
 
 def _decibel(alpha_bar: np.ndarray) -> np.ndarray:

@@ -56,29 +56,28 @@ def energy_by_coefficient(rows: Curves, *, few: int = 10) -> Panels:
 
 
 @style()
-def parallel_snr(power: Float[Array, " K"], alpha_bar: Float[Array, " M"], ks: Sequence[int], *, gamma: float = 1.0) -> Panel:
+def parallel_snr(power: Float[Array, " K"], alpha_bar: Float[Array, " M"], ks: Sequence[int]) -> Panel:
     """Signal-to-noise ratio of a few coefficients over the diffusion index, in decibel: one curve, at several heights.
 
-    A dot marks where a coefficient goes under the threshold.
+    A dot marks where a coefficient goes under the threshold, a ratio of 1.
 
     Args:
         power: P_k.
         alpha_bar: (M,) schedule.
         ks: which coefficients; at most six.
-        gamma: the threshold.
 
     Raises:
         ValueError: more than six coefficients.
     """
-    curve, threshold, ratios, marks = array(alpha_bar), 10 * np.log10(gamma), {}, {}
+    curve, ratios, marks = array(alpha_bar), {}, {}
     for k in ks:
         ratio, label = 10 * np.log10(curve * array(power)[k] / (1 - curve)), f"k = {k}"
-        if len(above := np.flatnonzero(ratio >= threshold)):
+        if len(above := np.flatnonzero(ratio >= 0)):
             label += f", until t = {above[-1]}"
             marks[label] = above[-1]
         ratios[label] = ratio
     fig, ax = panel(3.3)
-    ax.axhline(threshold, color=INK, linewidth=1.0, label=f"SNR = {gamma:g}")
+    ax.axhline(0, color=INK, linewidth=1.0, label="SNR = 1")
     draw(ax, ratios, marks=marks, what="coefficients")
     ax.set(xlabel="diffusion index t", ylabel="signal to noise (dB)", xlim=(0, len(curve) - 1), ylim=(-60, 60))
     ax.grid(axis="y")

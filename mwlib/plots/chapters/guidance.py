@@ -15,7 +15,7 @@ from mwlib.body.skeleton import Skeleton
 from mwlib.plots.bodies import camera, draw_bodies, poses, project
 
 from mwlib.plots.look import (  # isort: skip
-    CYCLE, FAINT, INK, LOOKS, OBSERVED, Array, Panel, Panels, array, canvas, colourbar, legend, signed, style,
+    CYCLE, FAINT, INK, LOOKS, OBSERVED, Array, Panel, Panels, array, canvas, colourbar, legend, style, tiled,
 )  # fmt: skip
 
 NOTHING: Mapping[str, Any] = {}
@@ -53,20 +53,16 @@ def row_support(analysis: Float[Array, "rows T"], *, history: int, split: int) -
 
 
 @style()
-def attention_vectors(
-    attention: Float[Array, "rows rows"], *, history_rows: int, mask: Bool[Array, " rows"] | None = None, row: int | None = None
-) -> Panels:
-    """Attention vectors of all rows with their mean, and that of one row (the paper's Fig. 12a and b).
+def attention_vectors(attention: Float[Array, "rows rows"], *, history_rows: int, mask: Bool[Array, " rows"]) -> Panels:
+    """Attention vectors of all rows with their mean, and that of the middle one (the paper's Fig. 12a and b).
 
     Args:
         attention: rows ask, columns are looked at; each row sums to 1.
         history_rows: rows before this one see observed frames only; they are shaded.
         mask: rows that TABG noises, marked below the curves of the first panel.
-        row: which row the second panel shows; None = the middle one.
     """
     attention = array(attention)
     middle = len(attention) // 2
-    row = middle if row is None else row
     fig, axes = canvas(2, 1, height=4.6, sharex=True)
     upper, lower = axes[:, 0]
     for ax in (upper, lower):
@@ -77,14 +73,13 @@ def attention_vectors(
     upper.plot(attention.mean(0), color=CYCLE[1], linewidth=2.2, label="mean over the rows, $A_t/K$")
     upper.plot([], [], color=CYCLE[0], linewidth=0.9, label="each row")
     upper.set_ylim(0, 1.05 * float(attention.max()))
-    if mask is not None:
-        rows = np.flatnonzero(array(mask))
-        upper.plot(rows, np.zeros(len(rows)), "s", color=CYCLE[3], markersize=4, clip_on=False, label="rows that TABG noises")
-    lower.plot(attention[row], color=CYCLE[0])
-    lower.axvline(row, color=CYCLE[0], linewidth=0.9, linestyle=":")
+    rows = np.flatnonzero(array(mask))
+    upper.plot(rows, np.zeros(len(rows)), "s", color=CYCLE[3], markersize=4, clip_on=False, label="rows that TABG noises")
+    lower.plot(attention[middle], color=CYCLE[0])
+    lower.axvline(middle, color=CYCLE[0], linewidth=0.9, linestyle=":")
     lower.set_ylim(bottom=0)
     upper.set_title("(a) every row")
-    lower.set(title=f"(b) row {row}{', the middle one' * (row == middle)}", xlabel="row of coefficients")
+    lower.set(title=f"(b) row {middle}, the middle one", xlabel="row of coefficients")
     lower.xaxis.set_major_locator(MaxNLocator(integer=True))
     legend(upper)
     return fig, axes[:, 0]
@@ -177,37 +172,6 @@ def _map(ax: Axes, values: np.ndarray) -> AxesImage:
 
 
 @style()
-def noised_rows(
-    versions: Mapping[str, Float[Array, "rows columns"]],
-    mask: Bool[Array, " rows"],
-    *,
-    history_rows: int | None = None,
-    columns: int = 60,
-) -> Panels:
-    """Noisy coefficients, and versions of them with some rows noised once more; marks at the left show the mask.
-
-    Args:
-        versions: name -> coefficients; one colour scale for all, that of the first.
-        mask: rows that were noised once more.
-        history_rows: rows before this one see observed frames only: above the dashed line.
-        columns: how many of the columns to show, from the first.
-    """
-    rows, first = np.flatnonzero(array(mask)), array(next(iter(versions.values())))
-    edge = float(np.quantile(np.abs(first), 0.99))
-    fig, axes = canvas(1, len(versions), height=3.4, sharey=True)
-    for ax, (name, values) in zip(axes[0], versions.items(), strict=True):
-        image = signed(ax, array(values)[:, :columns], edge)
-        ax.plot(np.full(len(rows), -1.8), rows, "s", color=CYCLE[3], markersize=3.5, clip_on=False)
-        if history_rows is not None:
-            ax.axhline(history_rows - 0.5, color=INK, linewidth=1.2, linestyle="--")
-        ax.set(title=name, xlabel="column", xlim=(-3.2, min(columns, first.shape[1]) - 0.5))
-        ax.spines[:].set_visible(False)
-    axes[0, 0].set_ylabel("row of coefficients")
-    colourbar(image, list(axes[0]), "coefficient", cut=True)
-    return fig, axes[0]
-
-
-@style()
 def arrows(
     panels: Mapping[str, Mapping[str, tuple[Float[Array, " 2"], Float[Array, " 2"]]]],
     line: tuple[Float[Array, " 2"], Float[Array, " 2"]],
@@ -292,7 +256,7 @@ def controlled_poses(
     skeleton: Skeleton,
     *,
     truth: Float[Array, " C"],
-    last: Float[Array, " C"] | None = None,
+    last: Float[Array, " C"],
 ) -> Panels:
     """One panel per case: sampled poses laid over each other, the truth in black, prescribed joints as filled circles.
 
@@ -303,27 +267,20 @@ def controlled_poses(
     """
     view = camera(poses(truth, skeleton), skeleton)
     flat = {name: project(poses(pose, skeleton), view) for name, (pose, _) in cases.items()}
-    true = project(poses(truth, skeleton), view)
-    rows = -(-(len(cases) + (last is not None)) // 3)
-    fig, axes = canvas(rows, 3, height=2.4 * rows)
-    free = list(axes.flat)
-    for ax in free:
-        ax.set_axis_off()
-    drawn = [true, *[points.reshape(-1, 2) for points in flat.values()]]
-    if last is not None:
-        ax = free.pop(0)
-        before = project(poses(last, skeleton), view)
-        draw_bodies(ax, before[None], skeleton, "observed")
-        ax.set_title("last observed pose")
-        drawn.append(before)
-    everything = np.concatenate(drawn)
-    (left, low), (right, high) = everything.min(0) - 0.08, everything.max(0) + 0.12
-    for ax, (name, points) in zip(free, flat.items(), strict=False):
+    true, before = (project(poses(pose, skeleton), view) for pose in (truth, last))
+    fig, axes = tiled(1 + len(cases), frame=0, each=2.4, shared=False)
+    first, *others = axes.flat
+    draw_bodies(first, before[None], skeleton, "observed")
+    first.set_title("last observed pose")
+    for ax, (name, points) in zip(others, flat.items(), strict=False):
         draw_bodies(ax, points, skeleton, "predicted", max(0.2, 1 / len(points)), 1.5)
         draw_bodies(ax, true[None], skeleton, "truth", width=1.2)
         joints = 1 + np.flatnonzero(np.asarray(cases[name][1]).reshape(-1, 3).any(1))
         ax.plot(*true[joints].T, "o", color=CYCLE[3], markersize=6, zorder=5)
         ax.set_title(name.replace("_", " "))
+    everything = np.concatenate([true, before, *[points.reshape(-1, 2) for points in flat.values()]])
+    (left, low), (right, high) = everything.min(0) - 0.08, everything.max(0) + 0.12
     for ax in axes.flat:
+        ax.set_axis_off()
         ax.set(xlim=(left, right), ylim=(low, high), aspect="equal")
     return fig, axes

@@ -6,12 +6,11 @@ from itertools import combinations
 
 import numpy as np
 import torch
-from jaxtyping import Float
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 
 from mwlib.metrics import prediction as metrics
-from mwlib.plots.look import CYCLE, OBSERVED, PREDICTED, TRUTH, Array, Panels, array, legend, style, tiled
+from mwlib.plots.look import CYCLE, OBSERVED, PREDICTED, TRUTH, Panels, legend, style, tiled
 from mwlib.plots.tables import significant
 
 LINK = CYCLE[1]
@@ -32,46 +31,31 @@ def _bundle(angles: tuple[int, ...], bends: tuple[int, ...], reach: tuple[float,
     return steps.cumsum(axis=1)
 
 
+# The built-in example; of the truths, whose beginnings are alike, the first is the window's own.
 FUTURES = _bundle((44, 19, -36, -40), (14, -4, 76, -25), (0.85, 0.98, 1.16, 0.8))
 TRUTHS = _bundle((14, 42, -34), (-6, 25, -8), (1.05, 1.0, 1.0))
 PAST = np.stack([np.linspace(-0.55, 0, 6), -0.12 * np.linspace(1, 0, 6) ** 2], axis=-1)
 
 
 @style()
-def metric_picture(
-    *names: str, futures: Float[Array, "S F 2"] | None = None, truths: Float[Array, "M F 2"] | None = None
-) -> Panels:
-    """What APD, ADE, FDE, MMADE and MMFDE measure: the distances that enter are drawn in orange, the value is computed.
-
-    Args:
-        names: "apd", "ade", "fde", "mmade", "mmfde"; none = all five.
-        futures: sampled paths in the plane, metres; None draws a small built-in example.
-        truths: true paths whose beginnings are alike; the first is the window's own.
-
-    Raises:
-        ValueError: an unknown name.
-    """
-    names = names or tuple(WORDS)
-    if unknown := [name for name in names if name not in WORDS]:
-        raise ValueError(f"metric is {unknown[0]!r}; expected one of {', '.join(WORDS)}")
-    futures = FUTURES if futures is None else array(futures)
-    truths = TRUTHS if truths is None else array(truths)
-    columns = min(len(names), 2)
-    fig, axes = tiled(len(names), 2, frame=0.3, each=2.6, width=3.2 * columns)
-    for ax, name in zip(axes.flat, names, strict=False):
-        _picture(ax, name, futures, truths if name.startswith("mm") else truths[:1])
-    legend(axes.flat[len(names) - 1], 2 * columns, "outside lower left")
-    return fig, axes.ravel()[: len(names)]
+def metric_picture() -> Panels:
+    """What APD, ADE, FDE, MMADE and MMFDE measure: the distances that enter are drawn in orange, the value is computed."""
+    fig, axes = tiled(len(WORDS), 2, frame=0.3, each=2.6)
+    shown = axes.ravel()[: len(WORDS)]
+    for ax, name in zip(shown, WORDS, strict=True):
+        _picture(ax, name, TRUTHS if name.startswith("mm") else TRUTHS[:1])
+    legend(shown[-1], 4, "outside lower left")
+    return fig, shown
 
 
-def _picture(ax: Axes, name: str, futures: np.ndarray, truths: np.ndarray) -> None:
-    p, gs = torch.as_tensor(futures)[None], torch.as_tensor(truths)
+def _picture(ax: Axes, name: str, truths: np.ndarray) -> None:
+    p, gs = torch.as_tensor(FUTURES)[None], torch.as_tensor(truths)
     value = metrics.apd(p) if name == "apd" else getattr(metrics, name)(p, [gs] if name.startswith("mm") else gs)
-    links, used = _links(name, futures, truths)
+    links, used = _links(name, truths)
     ax.plot(*PAST.T, ".-", color=OBSERVED, label="observed")
-    for number, path in enumerate(sorted(range(len(futures)), key=lambda sample: sample not in used)):
+    for number, path in enumerate(sorted(range(len(FUTURES)), key=lambda sample: sample not in used)):
         alpha = 1.0 if path in used else 0.35
-        ax.plot(*futures[path].T, ".-", color=PREDICTED, alpha=alpha, label=None if number else "sample")
+        ax.plot(*FUTURES[path].T, ".-", color=PREDICTED, alpha=alpha, label=None if number else "sample")
     for number, path in enumerate(truths if name != "apd" else ()):
         ax.plot(*path.T, ".", color=TRUTH, linestyle=(0, (3, 1)), label=None if number else "truth")
     ax.add_collection(LineCollection(links, colors=LINK, linewidths=1.5, zorder=1.5, label="distance"))
@@ -81,15 +65,15 @@ def _picture(ax: Axes, name: str, futures: np.ndarray, truths: np.ndarray) -> No
     ax.spines[:].set_visible(False)
 
 
-def _links(name: str, futures: np.ndarray, truths: np.ndarray) -> tuple[list, set[int]]:
+def _links(name: str, truths: np.ndarray) -> tuple[list, set[int]]:
     """The distances that enter a metric, as segments, and the samples at their ends."""
     if name == "apd":
-        pairs = combinations(range(len(futures)), 2)
-        return [segment for a, b in pairs for segment in zip(futures[a], futures[b], strict=True)], set(range(len(futures)))
+        pairs = combinations(FUTURES, 2)
+        return [segment for a, b in pairs for segment in zip(a, b, strict=True)], set(range(len(FUTURES)))
     last = slice(-1, None) if name.endswith("fde") else slice(None)
     links, used = [], set()
     for truth in truths:
-        best = int(np.argmin(np.linalg.norm(futures - truth, axis=-1)[:, last].mean(axis=1)))
-        links += zip(futures[best, last], truth[last], strict=True)
+        best = int(np.argmin(np.linalg.norm(FUTURES - truth, axis=-1)[:, last].mean(axis=1)))
+        links += zip(FUTURES[best, last], truth[last], strict=True)
         used.add(best)
     return links, used

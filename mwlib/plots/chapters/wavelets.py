@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any
 
 import numpy as np
 import pywt
@@ -18,8 +17,9 @@ from mwlib.plots.look import (  # isort: skip
     CYCLE, FAINT, INK, LOOKS, OBSERVED, TRUTH, WIDTH, Array, Look, Panel, Panels, array, canvas, legend, limit, outer,
     panel, rule, style, tiled,
 )  # fmt: skip
-from mwlib.plots.loops import Loop
+from mwlib.plots.loops import Loop, photographed
 
+LEVEL = 4  # how often the slow half of `same_spectrum` is halved again
 MARKERS = ("D", "o", "s", "^", "v", "P")
 
 
@@ -31,7 +31,9 @@ def filters(wavelet: str) -> Panels:
     kinds = {"low-pass": (bank.dec_lo, bank.rec_lo), "high-pass": (bank.dec_hi, bank.rec_hi)}
     for row, (kind, pair), colour in zip(axes, kinds.items(), CYCLE, strict=False):
         for ax, use, taps in zip(row, ("analysis", "synthesis"), pair, strict=True):
-            _taps(ax, taps, colour, f"{use}, {kind}", linewidth=1.5)
+            _stems(ax, np.arange(len(taps)), np.asarray(taps), colour)
+            ax.set_title(f"{use}, {kind}: {np.count_nonzero(np.abs(taps) > 1e-12)} of {len(taps)} taps")
+            ax.xaxis.set_major_locator(MaxNLocator(integer=True))
             ax.margins(y=0.12)
     outer(axes, "tap")
     fig.suptitle(wavelet, x=0.01, ha="left", weight="bold")
@@ -39,16 +41,13 @@ def filters(wavelet: str) -> Panels:
 
 
 @style()
-def signal_and_coefficients(
-    signal: Float[Array, " T"], wavelet: str, *, mode: str = "zero", fps: float, unit: str = "m"
-) -> Panels:
+def signal_and_coefficients(signal: Float[Array, " T"], wavelet: str, *, mode: str = "zero", fps: float) -> Panels:
     """A signal over its approximation and detail coefficients, each standing at the middle of the frames it sees.
 
     Args:
-        signal: T values.
+        signal: T values, metres.
         wavelet, mode: of the transform, as PyWavelets names them.
         fps: frames per second.
-        unit: of the values.
     """
     signal, bank = array(signal), pywt.Wavelet(wavelet)
     approximation, detail = pywt.dwt(signal, bank, mode)
@@ -57,9 +56,9 @@ def signal_and_coefficients(
     axes[0, 0].set_title(f"signal: {len(signal)} frames")
     panels = ("approximation", approximation, bank.dec_lo, CYCLE[0]), ("detail", detail, bank.dec_hi, CYCLE[1])
     for ax, (name, values, taps, colour) in zip(axes[1:, 0], panels, strict=True):
-        _stems(ax, _middles(len(values), taps) / fps, values, colour, linewidth=1.5)
-        ax.set_title(f"{name}: {len(values)} coefficients, largest {np.abs(values).max():.3g} {unit}")
-    outer(axes, "time (s)", unit)
+        _stems(ax, _middles(len(values), taps) / fps, values, colour)
+        ax.set_title(f"{name}: {len(values)} coefficients, largest {np.abs(values).max():.3g} m")
+    outer(axes, "time (s)", "m")
     return fig, axes[:, 0]
 
 
@@ -69,15 +68,13 @@ def padding_modes(
     *,
     modes: Sequence[str] = ("zero", "symmetric", "constant", "periodic", "reflect", "smooth"),
     pad: int = 16,
-    unit: str = "m",
 ) -> Panels:
     """How each extension mode continues a signal beyond its two ends before it is filtered; what goes far leaves the panel.
 
     Args:
-        signal: T values.
+        signal: T values, metres.
         modes: as PyWavelets names them.
         pad: frames added at each end; a filter of l taps asks for l - 1.
-        unit: of the values.
 
     Raises:
         ValueError: an unknown mode.
@@ -94,25 +91,20 @@ def padding_modes(
     low, high = min(signal.min(), 0.0), max(signal.max(), 0.0)
     room = 0.7 * ((high - low) or 1.0)
     axes[0, 0].set_ylim(low - room, high + room)
-    outer(axes, "frame", unit)
+    outer(axes, "frame", "m")
     return fig, axes
 
 
 @style()
-def same_spectrum(
-    signals: Mapping[str, Float[Array, " T"]], wavelet: str, *, fps: float, level: int = 4, most: float = 6.0, unit: str = "m"
-) -> Panels:
-    """Signals, each with its Fourier magnitude and its wavelet coefficients as tiles: across, when; upwards, how fast.
+def same_spectrum(signals: Mapping[str, Float[Array, " T"]], wavelet: str, *, fps: float) -> Panels:
+    """Signals, each with its Fourier magnitude up to 6 Hz and its wavelet coefficients as tiles: across, when; upwards, how fast.
 
     Args:
-        signals: name -> T values, a column each; T divisible by 2 to the power of `level`.
+        signals: name -> T values, metres, a column each; T divisible by 2 to the power of `LEVEL`.
         wavelet: of the tiles; the ends of a signal are joined.
         fps: samples per second.
-        level: how often the slow half is halved again.
-        most: hertz, up to which the Fourier magnitude is drawn.
-        unit: of the values.
     """
-    tiles = {name: pywt.wavedec(array(signal), wavelet, "periodization", level) for name, signal in signals.items()}
+    tiles = {name: pywt.wavedec(array(signal), wavelet, "periodization", LEVEL) for name, signal in signals.items()}
     dark = max(limit(part) for parts in tiles.values() for part in parts)
     fig, axes = canvas(3, len(signals), height=5.0, sharey="row")
     for (top, middle, bottom), (name, signal) in zip(axes.T, signals.items(), strict=True):
@@ -121,15 +113,15 @@ def same_spectrum(
         top.plot(np.arange(len(signal)) / fps, signal, color=INK)
         top.set(title=name, xlim=(0, seconds), xlabel="time (s)")
         middle.plot(np.fft.rfftfreq(len(signal), 1 / fps), np.abs(np.fft.rfft(signal)) / fps, color=CYCLE[0])
-        middle.set(xlim=(0, most), xlabel="frequency (Hz)")
+        middle.set(xlim=(0, 6), xlabel="frequency (Hz)")
         for row, part in enumerate(tiles[name]):  # the slowest below; each finer one has twice as many tiles, of half the width
             edges, look = np.linspace(0, seconds, len(part) + 1), {"edgecolors": FAINT, "linewidth": 0.3}
             bottom.pcolormesh(edges, [row, row + 1], np.abs(part)[None], cmap="Greys", vmin=0, vmax=dark, **look)
-        bottom.set(xlim=(0, seconds), ylim=(0, level + 1), xlabel="time (s)")
-    edges = [fps / 2 ** (level + 1 - row) for row in range(level + 1)]
+        bottom.set(xlim=(0, seconds), ylim=(0, LEVEL + 1), xlabel="time (s)")
+    edges = [fps / 2 ** (LEVEL + 1 - row) for row in range(LEVEL + 1)]
     names = [f"{low:g} to {high:g}" for low, high in zip([0, *edges], edges, strict=False)]
-    axes[2, 0].set_yticks(np.arange(level + 1) + 0.5, names)
-    for ax, label in zip(axes[:, 0], (unit, f"|Fourier| ({unit} s)", "wavelets (Hz)"), strict=True):
+    axes[2, 0].set_yticks(np.arange(LEVEL + 1) + 0.5, names)
+    for ax, label in zip(axes[:, 0], ("m", "|Fourier| (m s)", "wavelets (Hz)"), strict=True):
         ax.set_ylabel(label)
     fig.align_ylabels(axes[:, 0])
     return fig, axes
@@ -163,8 +155,7 @@ def responses(
         spectrum: magnitude of the movement's Fourier transform there; drawn as a grey shape as high as the panel.
     """
     hertz, shape = array(hertz), array(spectrum) / array(spectrum).max()
-    rows = -(-len(panels) // 2)
-    fig, axes = canvas(rows, 2, height=0.7 + 1.6 * rows, sharex=True, sharey=True)
+    fig, axes = tiled(len(panels), 2, frame=0.7, each=1.6)
     top = 1.08 * max(float(array(part).max()) for pair in panels.values() for part in pair)
     for ax, (name, (low, high)) in zip(axes.flat, panels.items(), strict=False):
         ax.fill_between(hertz, shape * top, color="#c9cdd3", linewidth=0, label="the movement, height arbitrary")
@@ -193,17 +184,13 @@ def cascade(rounds: Sequence[Float[Array, " S"]], *, support: float) -> Panels:
     return fig, axes
 
 
-def sliding_filter(
-    signal: Float[Array, " T"], wavelet: str, *, mode: str = "zero", alt: str, milliseconds: int = 350, width: int = 600
-) -> Loop:
+def sliding_filter(signal: Float[Array, " T"], wavelet: str, *, mode: str = "zero", alt: str) -> Loop:
     """A low-pass filter that goes over a signal two samples at a time, and the coefficient that each place gives.
 
     Args:
         signal: T values.
         wavelet, mode: of the transform, as PyWavelets names them; the taps below 1e-12 are not drawn.
         alt: one or two sentences that say what the picture shows to someone who cannot see it.
-        milliseconds: how long each picture stays; the last one stays a second.
-        width: pixels.
 
     Raises:
         ValueError: the alternative text is empty.
@@ -211,15 +198,15 @@ def sliding_filter(
     taps = np.asarray(pywt.Wavelet(wavelet).dec_lo)
     longer = pywt.pad(array(signal), len(taps) - 1, mode)
     coefficients = pywt.dwt(array(signal), wavelet, mode)[0]
-    figures = (_slid(longer, taps, coefficients, k, width) for k in range(len(coefficients)))
-    return Loop.of_figures(figures, milliseconds, alt)
+    figures = (_slid(longer, taps, coefficients, k) for k in range(len(coefficients)))
+    return Loop(map(photographed, figures), 350, alt)
 
 
 @style()
-def _slid(longer: np.ndarray, taps: np.ndarray, coefficients: np.ndarray, k: int, width: int) -> Figure:
+def _slid(longer: np.ndarray, taps: np.ndarray, coefficients: np.ndarray, k: int) -> Figure:
     """Coefficient k is made: tap n stands over frame 2k + 1 - n."""
     fig, axes = canvas(3, 1, height=4.2, sharex=True)
-    fig.set_dpi(width / WIDTH)
+    fig.set_dpi(600 / WIDTH)  # 600 pixels wide
     frames, inside = np.arange(len(longer)) - len(taps) + 1, slice(len(taps) - 1, len(longer) - len(taps) + 1)
     places, nonzero = 2 * k + 1 - np.arange(len(taps)), np.abs(taps) > 1e-12
     top, middle, bottom = axes[:, 0]
@@ -242,20 +229,13 @@ def _slid(longer: np.ndarray, taps: np.ndarray, coefficients: np.ndarray, k: int
 
 
 @style()
-def dots(
-    values: Mapping[str, Mapping[str, float]],
-    *,
-    xlabel: str,
-    log: bool = False,
-    spread: Mapping[str, Mapping[str, float]] | None = None,
-) -> Panel:
+def dots(values: Mapping[str, Mapping[str, float]], *, xlabel: str, log: bool = False) -> Panel:
     """A row per name and a mark per series, told apart by colour, shape and a small step downwards.
 
     Args:
         values: series -> name -> value; the names of the first series are the rows, from the top, and others may lack some.
         xlabel: what, and its unit.
         log: a logarithmic axis, for values over many powers of ten.
-        spread: series -> name -> half length of a bar through the mark.
     """
     names = list(next(iter(values.values())))
     fig, ax = panel(1.0 + (0.24 + 0.06 * len(values)) * len(names))
@@ -263,8 +243,7 @@ def dots(
     for number, (series, row) in enumerate(values.items()):
         places = np.array([names.index(name) for name in row]) + (number - (len(values) - 1) / 2) * step
         look: Look = {"color": CYCLE[number % len(CYCLE)], "marker": MARKERS[number % len(MARKERS)], "linestyle": "none"}
-        half = [(spread or {}).get(series, {}).get(name, 0.0) for name in row]
-        ax.errorbar(list(row.values()), places, xerr=half if any(half) else None, label=series, **look)
+        ax.plot(list(row.values()), places, label=series, **look)
     for edge in np.arange(0.5, len(names) - 1):
         ax.axhline(edge, color=FAINT, linewidth=1, zorder=0)
     ax.set(yticks=range(len(names)), yticklabels=names, xlabel=xlabel, xscale="log" if log else "linear")
@@ -274,16 +253,9 @@ def dots(
     return fig, ax
 
 
-def _taps(ax: Axes, taps: Sequence[float], colour: str, name: str, **look: Any) -> None:
-    """The taps of a filter, and how many of them are not zero."""
-    _stems(ax, np.arange(len(taps)), np.asarray(taps), colour, **look)
-    ax.set_title(f"{name}: {np.count_nonzero(np.abs(taps) > 1e-12)} of {len(taps)} taps")
-    ax.xaxis.set_major_locator(MaxNLocator(integer=True))
-
-
-def _stems(ax: Axes, places: np.ndarray, values: np.ndarray, colour: str, **look: Any) -> None:
+def _stems(ax: Axes, places: np.ndarray, values: np.ndarray, colour: str) -> None:
     rule(ax, zorder=1)
-    ax.vlines(places, 0, values, color=colour, **look)
+    ax.vlines(places, 0, values, color=colour, linewidth=1.5)
     ax.plot(places, values, "o", color=colour, markersize=4)
 
 
