@@ -12,7 +12,7 @@ from mwlib.body.motion import Motion
 from mwlib.body.skeleton import CMU, Skeleton
 from mwlib.diffusion import network_target
 from mwlib.inbetweening import bridge as module
-from mwlib.inbetweening.bridge import Bridge, filled, tempered
+from mwlib.inbetweening.bridge import Bridge, filled, tempered, with_silence
 from mwlib.inbetweening.windows import given, parted
 from tests.body.sample import animators_motion, apart
 from tests.inbetweening.sample import PAPER, WINDOW, data_of, untrained, windows_for
@@ -89,6 +89,11 @@ def test_without_noise_a_sample_is_the_mean_that_a_network_says():
     x = windows_for(bridge).x[:3]
     torch.testing.assert_close(bridge.sample(x), bridge.mean(x)[:, None].expand(-1, 2, -1, -1), atol=1e-5, rtol=1e-4)
     assert (other.sample(x)[:, 0] - other.mean(x)).abs().max() > 1e-2
+
+
+def test_the_silent_sample_is_the_last():
+    noise = with_silence(lambda: torch.ones(2, 3, 4, 5))()
+    assert noise.shape == (2, 4, 4, 5) and (noise[:, :3] == 1).all() and not noise[:, 3].any()
 
 
 def test_what_is_fine_is_no_larger_than_usual_in_samples():

@@ -134,6 +134,8 @@ MUTANTS = [
          "inbetweening/test_bridge.py::test_samples_depart_from_the_mean"),
         ("samples-about-what-the-denoiser-says", "z[:, :-1] - z[:, -1:] if is_centred else z", "z[:, :-1] if is_centred else z",
          "inbetweening/test_bridge.py::test_without_noise_a_sample_is_the_mean_that_a_network_says"),
+        ("silent-sample-in-front", "(0, 0, 0, 0, 0, 1))", "(0, 0, 0, 0, 1, 0))",
+         "inbetweening/test_bridge.py::test_the_silent_sample_is_the_last"),
         ("centred-without-a-mean", "self.cfg.model.mean_width > 0", "isinstance(self.net, SizedNetwork)",
          "inbetweening/test_bridge.py::test_without_noise_a_sample_is_the_mean_that_a_network_says"),
         ("fine-tokens-as-large-as-said", "self.net.factor_of_samples(ends", "self.net.factor(ends",
