@@ -96,13 +96,13 @@ export class Network {
     return out;
   }
   /** (y_t, t) -> eps, guided by weight w; `neutral` is the weight that leaves the conditional estimate alone. */
-  denoiser({ prediction, alpha_bar, inputs }, shape, condition, w, form) {
-    const neutral = form === "eq7" ? 0 : 1;
+  denoiser({ prediction, alpha_bar, inputs, sampling }, shape, condition, w, form) {
+    const neutral = form === "eq7" ? 0 : 1, lowest = (sampling.guidance_above ?? 0) * alpha_bar.length;
     const of = { y0: epsOf, v: (y, said, a) => y.map((value, i) => Math.sqrt(a) * said[i] + Math.sqrt(1 - a) * value) };
     const eps = (said, y, t) => (prediction === "eps" ? said : of[prediction](y, said, alpha_bar[t]));
     return async (y, t) => {
       const items = y.length / shape.reduce((x, z) => x * z, 1), ones = inputs.includes("told") ? new Float32Array(items).fill(1) : undefined;
-      if (w === neutral || !ones) return eps(await this.output(y, shape, t, condition, ones), y, t);
+      if (w === neutral || !ones || t < lowest) return eps(await this.output(y, shape, t, condition, ones), y, t);
       const both = new Float64Array(2 * y.length), told = new Float32Array(2 * items);
       both.set(y), both.set(y, y.length), told.set(ones);
       const said = await this.output(both, shape, t, condition, told);

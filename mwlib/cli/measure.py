@@ -149,13 +149,16 @@ def ship(name: str, *, out: Path = Path("build/models")) -> None:
 
     sentences takes some hours of one core, synthetic and sentences_early about an hour, evaluators and critics some minutes, cmu
     and inbetween half an hour; names of CMU need the clips under MWLIB_DATA. A graphics card is used where there is one. A
-    training that was stopped goes on.
+    training that was stopped goes on. sentences begins with the weights of sentences_first, which does not come along: it is made
+    first, in build/models, unless it lies there.
 
     Args:
         name: one of `mwlib.experiments.shipped.RECIPES`.
         out: gets a folder of that name.
     """
     title, cfg = shipped.recipe(name)
+    if "start" in cfg.owners() and cfg.get("start") == shipped.FIRST and run_folder(shipped.FIRST) is None:
+        ship(Path(shipped.FIRST).name, out=Path(shipped.FIRST).parent)
     (out / name).mkdir(parents=True, exist_ok=True)
     shipped.ship(cfg, out / name, title, f"mwlib ship {name}", progress=True)
     print((out / name / shipped.CARD).read_text(encoding="utf-8"), end="")

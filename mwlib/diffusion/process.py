@@ -60,9 +60,9 @@ def alpha_bar(kind: str, steps: int) -> Float[Tensor, " steps"]:
 SNR_BOUNDS = 0.05, 5.0
 
 
-def snr_weights(alpha_bar: Float[Tensor, " steps"]) -> Float[Tensor, " steps"]:
+def snr_weights(alpha_bar: Float[Tensor, " steps"], bounds: tuple[float, float] = SNR_BOUNDS) -> Float[Tensor, " steps"]:
     """Weights of a loss by noise level, float32: signal over noise, bounded (see SNR_BOUNDS)."""
-    return (alpha_bar / (1 - alpha_bar)).clamp(*SNR_BOUNDS).float()
+    return (alpha_bar / (1 - alpha_bar)).clamp(*bounds).float()
 
 
 def ddim_indices(steps: int, subset: int, spacing: str = "leading") -> list[int]:

@@ -262,7 +262,10 @@ def _of_text(model: TextToMotion) -> dict[str, Any]:
         "arm_joints": [*layout.arm_joints], "blocks": {name: [block.start, block.stop] for name, block in layout.blocks.items()},
         "weights": {"step": STEP_WEIGHT, "contact": CONTACT_WEIGHT, "height": HEIGHT_WEIGHT, "arm": ARM_WEIGHT},
         "mean": _numbers(model.statistics.mean.numpy()), "deviation": _numbers(model.statistics.deviation.numpy()),
-        "sampling": {"sampler": s.sampler, "steps": s.sampling_steps or model.cfg.forward.steps, "guidance": s.guidance},
+        "sampling": {
+            "sampler": s.sampler, "steps": s.sampling_steps or model.cfg.forward.steps, "guidance": s.guidance,
+            "guidance_above": s.guidance_above,
+        },
         "words": [*words], "typed": tables() if model.cfg.data.data == "people" else None,
     }  # fmt: skip
 

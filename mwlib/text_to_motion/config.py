@@ -80,6 +80,7 @@ class ModelConfig:
     dropout: BelowOne = 0.1  # of both networks
     attention_dropout: BelowOne = 0.1  # of MDM, on attention weights; on the CPU anything but 0 is slow
     frames_per_token: Count = 1  # of MDM; more is quicker
+    detail: Natural = 0  # of MDM: channels of what corrects single frames afterwards; 0 = none
     mask_frames: bool = True  # of both: hide padding from valid frames; as first published they see it, noise and all
     multipliers: Advanced[tuple[Count, ...]] = (2, 2, 2, 2)  # of the U-Net, one for each level
     text: Literal["words", "ngrams", "clip"] = "words"  # a small transformer, hashed parts of words, or CLIP from a file
@@ -104,6 +105,7 @@ class ObjectiveConfig:
     """The losses and their weights: lambda_1 L_simple + lambda_2 L_LF + lambda_3 L_S."""
 
     simple_weight: Advanced[NotNegative] = 1.0  # lambda_1
+    level_weight: Literal["uniform", "root_snr"] = "uniform"  # of all losses by noise level; see LEAST_SNR
     low_weight: NotNegative = 0.0  # lambda_2, of the low-frequency loss
     semantic_weight: NotNegative = 0.0  # lambda_3, of the semantic loss
     lf_norm: Norm = "l1"  # of the low-frequency loss, see low_frequency_loss
@@ -125,6 +127,7 @@ class SamplingConfig:
     sampler: Literal["ddpm", "ddim", "sde_dpm"] = "ddpm"  # ancestral, deterministic, or SDE-DPM-Solver++ with Karras' levels
     sampling_steps: Natural = 0  # denoising steps; 0 = all
     guidance: NotNegative = 2.5  # s of classifier-free guidance; 1 = none
+    guidance_above: Share = 0.0  # no guidance at noise levels below this share of them (Kynkäänniemi et al. 2024)
     evaluator: str = "evaluator"  # of the metrics: comes with the package, or the folder of a run or of the published evaluator
     test_clips: Natural = 0  # evaluate so many, spread evenly; 0 = all
     pool: Count = 32  # of R-precision
@@ -149,7 +152,7 @@ class Config(Settings):
     system: ClassVar[str] = "text_to_motion"
     presets = PRESETS
     after_training: ClassVar[frozenset[str]] = frozenset({"sampling", "checkpoint_every"})
-    newer = {"statistics": "clips"}
+    newer = {"statistics": "clips", "guidance_above": 0.0, "detail": 0, "level_weight": "uniform"}
 
     data: CaptionsConfig = field(default_factory=CaptionsConfig)
     model: ModelConfig = field(default_factory=ModelConfig)

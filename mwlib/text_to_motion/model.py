@@ -44,7 +44,8 @@ class TextDenoiser(nn.Module):
         if cfg.network == "mdm":
             self.body: nn.Module = MDM(
                 features, steps, cfg.width, cfg.layers, cfg.heads, cfg.feedforward, cfg.dropout, text_width=width,
-                mask_frames=cfg.mask_frames, frames_per_token=cfg.frames_per_token, attention_dropout=cfg.attention_dropout,
+                mask_frames=cfg.mask_frames, frames_per_token=cfg.frames_per_token,
+                attention_dropout=cfg.attention_dropout, detail=cfg.detail,
             )  # fmt: skip
         else:
             self.body = ConditionalUNet(
@@ -229,21 +230,22 @@ class TextToMotion(TrainedModel):
 
     def _denoise(self, texts: Sequence[str], mask: Bool[Tensor, "B T"]) -> Denoise:
         """(y_t, t) -> eps, with classifier-free guidance: y_u + s (y_c - y_u) of clean estimates, in one pass."""
-        size, guided = len(texts), self.sampling.guidance != 1
-        text = self.net.text.encode(texts)
-        drop = torch.zeros(size, dtype=torch.bool, device=mask.device)
-        if guided:
-            text = EncodedText(*(part.repeat(2, *[1] * (part.ndim - 1)) for part in text))
-            drop = torch.cat([drop, ~drop])
+        size, s = len(texts), self.sampling
+        lowest = self.cfg.forward.steps if s.guidance == 1 else s.guidance_above * self.cfg.forward.steps
+        once = self.net.text.encode(texts)
+        twice = EncodedText(*(part.repeat(2, *[1] * (part.ndim - 1)) for part in once))
+        drop = torch.arange(2 * size, device=mask.device) >= size
 
         def denoise(y: Frames, t: int) -> Frames:
             """(y_t, t) -> eps."""
+            guided = t >= lowest
             both = y.repeat(2, 1, 1) if guided else y
             steps = torch.full((len(both),), t, device=y.device)
-            y0_hat = self.net(both, steps, mask.repeat(len(both) // size, 1), text, drop)
+            text = twice if guided else once
+            y0_hat = self.net(both, steps, mask.repeat(len(both) // size, 1), text, drop[: len(both)])
             if guided:
                 with_text, without = y0_hat.chunk(2)
-                y0_hat = classifier_free(with_text, without, self.sampling.guidance, "alg1")
+                y0_hat = classifier_free(with_text, without, s.guidance, "alg1")
             return to_eps("y0", y0_hat * noisy(mask, self.cfg.model), y, self.alpha_bar[t])
 
         return denoise

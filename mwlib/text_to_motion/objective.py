@@ -12,7 +12,7 @@ from mwlib.data.formats.humanml import FeatureLayout
 from mwlib.data.load import find_source
 from mwlib.data.normalisation import Kind, Statistics
 from mwlib.data.untrusted import MotionFormatError
-from mwlib.diffusion import alpha_bar, noised
+from mwlib.diffusion import alpha_bar, noised, snr_weights
 from mwlib.matching.evaluators import Matcher, finished_run, open_matcher
 from mwlib.networks.text import WordTransformer, vocabulary_of
 from mwlib.text_to_motion.config import Config
@@ -22,6 +22,9 @@ from mwlib.training import Objective, read_model, seeded
 
 VALIDATION_BATCHES = 4  # of 64 clips
 CHUNK = 256  # clips whose power is measured together
+# Own choice, of "root_snr": a noise level weighs as the root of signal over noise, at most 1 and at least the root of this.
+# Errors at little noise are a tenth of those at much, and unweighted they are hardly learnt.
+LEAST_SNR = 0.01
 
 
 class TextObjective(Objective):
@@ -41,6 +44,8 @@ class TextObjective(Objective):
     def __init__(self, cfg: Config, parts: Parts, learnt: Mapping[str, Tensor] | None = None) -> None:
         self.cfg, self.layout = cfg, parts.layout
         self.alpha_bar = alpha_bar(cfg.forward.schedule, cfg.forward.steps)
+        weighed = cfg.objective.level_weight == "root_snr"
+        self.level = snr_weights(self.alpha_bar, (LEAST_SNR, 1.0)).sqrt() if weighed else None
         advice = "name a run of text_to_motion, or leave start empty"
         weights, found, _ = read_model(finished_run(cfg.model.start, advice)) if cfg.model.start else ({}, {}, {})
         if learnt or found:
@@ -97,7 +102,7 @@ class TextObjective(Objective):
             total = total + o.low_weight * low * slow
         if self.critic is not None:
             total = total + o.semantic_weight * self._semantic(self.critic, y0_hat, batch, semantic)
-        return total.mean()
+        return (total if self.level is None else self.level[t].to(total.device) * total).mean()
 
     def _semantic(
         self, critic: Matcher, y0_hat: Float[Tensor, "B T D"], batch: Batch, weight: Float[Tensor, " B"]
@@ -151,6 +156,7 @@ def published_statistics(cfg: Config, layout: FeatureLayout, files: Sequence[Pat
 
 def _begin_with(network: nn.Module, weights: Mapping[str, Tensor], start: str) -> None:
     own = network.state_dict()
+    weights = {**{name: t for name, t in own.items() if name.startswith("body.detail.")}, **weights}  # which says zero at first
     shapes = [{name: tuple(t.shape) for name, t in tensors.items()} for tensors in (own, weights)]
     if shapes[0] != shapes[1]:
         other = next(name for name in sorted({*own} | {*weights}) if shapes[0].get(name) != shapes[1].get(name))

@@ -13,18 +13,20 @@ import mwlib as mw
 from mwlib.data.windows import windows
 from mwlib.experiments import get_run, load_run
 from mwlib.experiments.grids import read_config
-from mwlib.experiments.shipped import CARD, METRICS, RECIPES, card, recipe, ship
+from mwlib.experiments.shipped import CARD, FIRST, METRICS, RECIPES, card, recipe, ship
 from mwlib.paths import CONFIG, MODELS, shipped
 from mwlib.prediction.system import load_data, score, test_windows
 from mwlib.training import MODEL
 from mwlib.training.checkpoint import load_tensors
 from tests.sample_settings import small, two_people
 
+CARRIED = sorted({*RECIPES} - {Path(FIRST).name})
 
-@pytest.mark.parametrize("name", RECIPES)
+
+@pytest.mark.parametrize("name", CARRIED)
 def test_what_comes_along_is_what_the_recipe_makes(name):
     title, cfg = recipe(name)
-    assert read_config(MODELS / name / CONFIG) == cfg and shipped() == sorted(RECIPES)
+    assert read_config(MODELS / name / CONFIG) == cfg and shipped() == CARRIED
     metrics = json.loads((MODELS / name / METRICS).read_text(encoding="utf-8"))
     again = card(title, f"mwlib ship {name}", cfg, metrics)
     assert (MODELS / name / CARD).read_text(encoding="utf-8") == again and metrics["about"]["settings"] == cfg.hash()

@@ -232,8 +232,13 @@ def test_the_parts_of_the_unet_are_put_together_as_published(mask_frames, genera
 
 @pytest.mark.parametrize(
     "make, valid, atol",
-    [(mdm, (16, 8, 7), 1e-5), (lambda: mdm(frames_per_token=4), (16, 8, 7), 1e-5), (unet, (13, 8, 5), 1e-4)],
-    ids=["mdm", "four frames a token", "unet"],
+    [
+        (mdm, (16, 8, 7), 1e-5),
+        (lambda: mdm(frames_per_token=4), (16, 8, 7), 1e-5),
+        (lambda: mdm(frames_per_token=4, detail=6), (16, 8, 7), 1e-5),
+        (unet, (13, 8, 5), 1e-4),
+    ],
+    ids=["mdm", "four frames a token", "corrected frames", "unet"],
 )
 def test_padding_changes_nothing_where_frames_are_masked(make, valid, atol, generator):
     """7 frames end within a token of four."""
@@ -307,7 +312,8 @@ def test_a_dropped_sentence_changes_its_own_motion_alone(make, generator):
 
 
 @pytest.mark.parametrize(
-    "make, change", [(mdm, dict(frames_per_token=2)), (unet, dict(attention="linear")), (unet, dict(attention="ordinary"))]
+    "make, change",
+    [(mdm, dict(frames_per_token=2, detail=6)), (unet, dict(attention="linear")), (unet, dict(attention="ordinary"))],
 )
 def test_every_parameter_learns_and_nothing_warns(make, change, generator):
     net, text = make(**change).train(), sentences(generator)
@@ -317,6 +323,22 @@ def test_every_parameter_learns_and_nothing_warns(make, change, generator):
     with warnings.catch_warnings(), torch.inference_mode():
         warnings.simplefilter("error")
         assert net.eval()(y, T, mask, text).isfinite().all()
+
+
+def test_a_correction_starts_at_zero_and_looks_three_frames_around(generator):
+    torch.manual_seed(0)
+    fresh, text = MDM(**SMALL_MDM, frames_per_token=4, detail=6).eval(), sentences(generator)
+    y, mask = torch.randn(3, 16, 5, generator=generator), lengths(16, 16, 16, frames=16)
+    with torch.no_grad():
+        corrected, fresh.detail = fresh.detail, None
+        y0_hat = fresh(y, T, mask, text)
+        fresh.detail = corrected
+        assert torch.equal(fresh(y, T, mask, text), y0_hat)
+        detail = shaken(corrected)
+        other = y.clone()
+        other[:, 8] += 1.0
+        apart = (detail(other, y0_hat, T, mask) - detail(y, y0_hat, T, mask)).abs().amax((0, 2))
+    assert (apart > 0).nonzero()[:, 0].tolist() == [*range(5, 12)]
 
 
 def test_the_unet_starts_at_zero(generator):

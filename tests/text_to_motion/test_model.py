@@ -41,6 +41,16 @@ def test_guidance_is_a_line_through_both_estimates():
     assert not torch.allclose(eps[0.0], eps[1.0])
 
 
+def test_guidance_stops_below_a_noise_level():
+    one = untrained(guidance=2.5)
+    part = one.with_sampling(guidance_above=0.5)
+    y, mask, texts = torch.randn(2, 8, 263), torch.ones(2, 8, dtype=torch.bool), ["someone falls", "a person goes up"]
+    half = len(one.alpha_bar) // 2
+    for t, like in ((half, one), (half - 1, one.with_sampling(guidance=1.0))):
+        assert_close(part._denoise(texts, mask)(y, t), like._denoise(texts, mask)(y, t))
+    assert not torch.allclose(one._denoise(texts, mask)(y, half - 1), part._denoise(texts, mask)(y, half - 1))
+
+
 def test_a_network_that_knows_the_answer_gives_it():
     """Whatever the sampler: a clean estimate that is right at every step is what comes out."""
     clip = toy().test[0]

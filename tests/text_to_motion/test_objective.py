@@ -128,6 +128,22 @@ def test_the_loss_is_the_mean_square_of_the_clean_estimate():
     assert_close(loss, torch.stack(each).mean(), atol=1e-5, rtol=1e-5)
 
 
+def test_noise_levels_weigh_as_the_root_of_signal_over_noise():
+    """Between 1 and a tenth; sample by sample."""
+    one, plain = (TextObjective(small(level_weight=w), toy()) for w in ("root_snr", "uniform"))
+    a = one.alpha_bar
+    assert one.level is not None and plain.level is None
+    by_hand = [min(max((x / (1 - x)) ** 0.5, 0.1), 1.0) for x in a.tolist()]
+    assert one.level.tolist() == pytest.approx(by_hand) and 0.1 == pytest.approx(min(by_hand)) and max(by_hand) == 1.0
+    with seeded(0, 3) as generator:
+        batch = one.draw(8, generator)
+        state = generator.get_state()
+        one.network.forward = lambda y_t, *_: torch.zeros_like(y_t)
+        found = one.loss(one.network, batch, generator)
+        t = torch.randint(len(a), (8,), generator=generator.set_state(state))
+    assert_close(found, (one.level[t] * masked_error(batch.y, batch.mask)).mean())
+
+
 def test_power_of_low_cosines_is_that_of_all_clips(monkeypatch):
     one = TextObjective(small(stage="snr", low_weight=1.0), toy())
     numbers = [*range(30)]
@@ -275,6 +291,8 @@ def test_weights_words_and_statistics_are_those_of_the_run_that_it_starts_from(t
     assert torch.equal(after.statistics.mean, 2 * before.statistics.mean)
     plain = TextObjective(small(), toy())
     assert not torch.equal(plain.network.body.enter.weight, after.network.body.enter.weight)
+    corrected = TextObjective(small(start=str(tmp_path), detail=4), toy()).network.body
+    assert torch.equal(corrected.enter.weight, before.network.body.enter.weight) and not corrected.detail.leave.weight.any()
 
 
 def test_what_cannot_be_started_from_is_refused(tmp_path):

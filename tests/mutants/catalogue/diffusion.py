@@ -23,7 +23,7 @@ MUTANTS = [
         "diffusion/process.py", "diffusion/test_process.py",
         ("noise-and-signal-exchanged", "for part in (a, 1 - a))", "for part in (1 - a, a))", "diffusion/test_conditioning.py"),
         ("v-with-the-other-sign", "return signal * eps - noise * y", "return signal * eps + noise * y"),
-        ("levels-without-bounds", "(alpha_bar / (1 - alpha_bar)).clamp(*SNR_BOUNDS)", "(alpha_bar / (1 - alpha_bar))"),
+        ("levels-without-bounds", "(alpha_bar / (1 - alpha_bar)).clamp(*bounds)", "(alpha_bar / (1 - alpha_bar))"),
         ("no-lower-bound-of-the-level-weights", "SNR_BOUNDS = 0.05, 5.0", "SNR_BOUNDS = 0.0, 5.0"),
         ("v-read-with-the-other-sign", "else signal * output + noise * y_t", "else signal * output - noise * y_t"),
         ("cosine-begins-later", "(u + 0.008) / 1.008", "(u + 0.016) / 1.016"),

@@ -97,13 +97,15 @@ MUTANTS = [
         ("meaning-at-every-noise", "weight[rows] * loss", "loss"),
         ("statistics-of-one-kind", "return found.of_kind(cfg.forward.normalisation)", "return found"),
         ("low-frequencies-at-every-noise", "o.low_weight * low * slow", "o.low_weight * slow"),
+        ("all-levels-weigh-alike", "self.level[t].to(total.device) * total", "total"),
         ("critic-sees-scaled-features", "critic.embed_motion(self.statistics.denormalise(y0_hat[rows]), lengths",
          "critic.embed_motion(y0_hat[rows], lengths"),
     ),
     *of(
         "text_to_motion/model.py", "text_to_motion/test_model.py",
-        ("guidance-of-eq-7", 'self.sampling.guidance, "alg1")', 'self.sampling.guidance, "eq7")'),
+        ("guidance-of-eq-7", 's.guidance, "alg1")', 's.guidance, "eq7")'),
         ("noise-of-the-chunk", "[ids[i] for i in part]", "[*range(len(part))]"),
+        ("guidance-at-every-level", "guided = t >= lowest", "guided = lowest < len(self.alpha_bar)"),
     ),
     *of(
         "text_to_motion/attributes.py", "text_to_motion/test_attributes.py",
