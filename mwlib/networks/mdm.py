@@ -14,8 +14,8 @@ from mwlib.networks.text import EncodedText
 class FrameDetail(nn.Module):
     """A clean estimate, corrected frame by frame by what the frame and its neighbours looked like before.
 
-    Own choice: a token of several frames holds fewer numbers than these, so that what is quick and small, such as a waving hand,
-    is damped in the estimate even where there is hardly any noise. Zero before it is trained.
+    Own choice: where several frames share a token the estimate loses detail even at hardly any noise, when the frames themselves
+    still show it. Zero before it is trained.
 
     Args:
         features: numbers per frame.

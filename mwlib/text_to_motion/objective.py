@@ -23,7 +23,7 @@ from mwlib.training import Objective, read_model, seeded
 VALIDATION_BATCHES = 4  # of 64 clips
 CHUNK = 256  # clips whose power is measured together
 # Own choice, of "root_snr": a noise level weighs as the root of signal over noise, at most 1 and at least the root of this.
-# Errors at little noise are a tenth of those at much, and unweighted they are hardly learnt.
+# Errors at little noise are a tenth of those at much, and unweighted a small part of the loss.
 LEAST_SNR = 0.01
 
 

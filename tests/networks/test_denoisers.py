@@ -11,6 +11,7 @@ from torch.nn import functional as F
 
 from mwlib.networks import MDM, ConditionalUNet, EncodedText
 from mwlib.networks.layers import Encoder, sinusoids
+from mwlib.networks.mdm import FrameDetail
 from mwlib.networks.unet1d import CrossAttention, FrameNorm, ResBlock
 
 SMALL_MDM = dict(features=5, steps=50, width=16, layers=2, heads=2, feedforward=24, text_width=6)
@@ -339,6 +340,25 @@ def test_a_correction_starts_at_zero_and_looks_three_frames_around(generator):
         other[:, 8] += 1.0
         apart = (detail(other, y0_hat, T, mask) - detail(y, y0_hat, T, mask)).abs().amax((0, 2))
     assert (apart > 0).nonzero()[:, 0].tolist() == [*range(5, 12)]
+
+
+def test_a_correction_equals_its_transcription(generator):
+    """Frame by frame; frames that are not valid count as zeros among the neighbours."""
+    net, valid = shaken(FrameDetail(5, 50, 6)), (9, 6, 2)
+    y, y0_hat = torch.randn(2, 3, 9, 5, generator=generator)
+    w = dict(net.named_parameters())
+    with torch.no_grad():
+        out = net(y, y0_hat, T, lengths(*valid, frames=9))
+        for i, n in enumerate(valid):
+            h = [
+                F.silu(w["enter.weight"] @ torch.cat([y[i, k], y0_hat[i, k]]) + w["enter.bias"] + w["time.weight"][T[i]])
+                for k in range(n)
+            ]
+            for k in range(n):
+                near = sum(w["around.weight"][:, 0, 3 + d] * h[k + d] for d in range(-3, 4) if 0 <= k + d < n) + w["around.bias"]
+                corrected = h[k] + F.silu(w["mix.weight"] @ near + w["mix.bias"])
+                by_hand = y0_hat[i, k] + w["leave.weight"] @ corrected + w["leave.bias"]
+                torch.testing.assert_close(out[i, k], by_hand, atol=1e-5, rtol=1e-5)
 
 
 def test_the_unet_starts_at_zero(generator):

@@ -293,6 +293,9 @@ def test_weights_words_and_statistics_are_those_of_the_run_that_it_starts_from(t
     assert not torch.equal(plain.network.body.enter.weight, after.network.body.enter.weight)
     corrected = TextObjective(small(start=str(tmp_path), detail=4), toy()).network.body
     assert torch.equal(corrected.enter.weight, before.network.body.enter.weight) and not corrected.detail.leave.weight.any()
+    before = written(tmp_path, small(detail=4))
+    again = TextObjective(small(start=str(tmp_path), detail=4), toy()).network.body
+    assert torch.equal(again.detail.leave.weight, before.network.body.detail.leave.weight)
 
 
 def test_what_cannot_be_started_from_is_refused(tmp_path):

@@ -41,6 +41,7 @@ MUTANTS = [
         ("a-token-valid-when-all-of-it-is", "unflatten(1, (-1, size)).any(-1)", "unflatten(1, (-1, size)).all(-1)"),
         ("those-with-a-sentence-are-dropped",
          "text.pooled.masked_fill(drop[:, None], 0.0)", "text.pooled.masked_fill(~drop[:, None], 0.0)"),
+        ("a-correction-of-neighbours-alone", "h = h + F.silu(self.mix", "h = F.silu(self.mix"),
         ("neighbours-that-see-padding", "self.time(t)[:, None]) * seen[..., None]", "self.time(t)[:, None])"),
     ),
     *of(
