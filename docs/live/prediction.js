@@ -1,5 +1,5 @@
-// Prediction: observed frames to a condition, coefficients to futures. The mathematics of mwlib/prediction/representation.py and
-// continuation.py with the matrices that `mwlib export-onnx` writes. Motions are flat: frame after frame, C numbers each.
+// Prediction: observed frames to a condition, coefficients to futures. The mathematics of mwlib/prediction/representation.py with
+// the matrices that `mwlib export-onnx` writes. Motions are flat: frame after frame, C numbers each.
 
 import { headingOf, hipsOf, times, turned, withBones } from "./bodies.js";
 

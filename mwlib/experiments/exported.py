@@ -23,7 +23,6 @@ from mwlib.inbetweening.space import PositionSpace
 from mwlib.networks.mdm import MDM
 from mwlib.networks.text import EncodedText, WordTransformer
 from mwlib.prediction.predictor import Predictor, temperatures
-from mwlib.prediction.representation import Continuation
 from mwlib.settings import shown
 from mwlib.synthetic.sentences_typed import tables
 from mwlib.text_to_motion.model import TextToMotion
@@ -231,7 +230,7 @@ def _matrices(model: Predictor) -> dict[str, Any] | None:
     rows = model.transform.time_rows()
     if rows is None:
         return None
-    ahead = Continuation(model.transform, model.representation.history, model.representation.frames, model.bodies.fps)
+    ahead = model.continuation
     return {
         "analysis": _numbers(rows), "of_coefficients": _numbers(ahead.of_coefficients.array),
         "of_history": _numbers(ahead.of_history.array),

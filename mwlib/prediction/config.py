@@ -167,6 +167,7 @@ class SamplingConfig:
     bound: NotNegative = 0.0  # metres: clamp the clean estimate in motion space; 0 = off
     complete_history: bool = False  # HumanMAC's mask completion
     decoding: Literal["inverse", "continued"] = "inverse"  # futures are cut from the inverse, or continue the history smoothly
+    seam: NotNegative = 0.0  # seconds; of "continued": changes of velocity where the future begins that are shorter are damped
     bones: Literal["free", "observed"] = "free"  # lengths as they come, or as in the last observed pose
     sampling_seed: Natural = 0  # of the noise
     precision: Precision = "float32"  # of the network's products while sampling; "tf32", "bf16": faster on graphics cards
@@ -196,7 +197,7 @@ class Config(Settings):
     system: ClassVar[str] = "prediction"
     presets = PRESETS
     renamed = RENAMED
-    newer = {"decoding": "inverse", "temperature_spread": 0.0}
+    newer = {"decoding": "inverse", "temperature_spread": 0.0, "seam": 0.0}
     after_training: ClassVar[frozenset[str]] = frozenset(
         {"sampling", "evaluation", "test_stride", "test_windows", "checkpoint_every"}
     )

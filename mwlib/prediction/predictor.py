@@ -284,7 +284,7 @@ class Predictor(TrainedModel):
             y: coefficients, as `sampled` yields them.
             x_history: the observed frames that they continue, metres.
         """
-        continuation = self._continuation if self.sampling.decoding == "continued" else None
+        continuation = self.continuation if self.sampling.decoding == "continued" else None
         future = self.representation.decode_future(y, x_history, continuation)
         if self.sampling.bones == "free":
             return future
@@ -292,10 +292,10 @@ class Predictor(TrainedModel):
         return scale_bones(future, seen[:, None, None] / drawn.clamp_min(1e-6), self.bodies.skeleton)
 
     @cached_property
-    def _continuation(self) -> Continuation:
+    def continuation(self) -> Continuation:
         """How coefficients are decoded that continue the history."""
         seen = self.representation
-        return Continuation(seen.motion, seen.history, seen.frames, self.bodies.fps)
+        return Continuation(seen.motion, seen.history, seen.frames, self.bodies.fps, self.sampling.seam)
 
     def _on_y0_hat(self, x_history: Observed) -> OnEstimate | None:
         """What the settings do to every clean estimate: a bound in motion space, a projection, or nothing."""

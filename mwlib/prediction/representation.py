@@ -269,6 +269,8 @@ class Continuation:
 
         f = argmin |A [h; f] - c|^2 + sum_n lambda_n |(D [h; f])_n|^2,    lambda_n = (tau_n fps)^6.
 
+    `seam` adds (seam fps)^4 |f_1 - 2 h_H + h_(H-1)|^2, the change of velocity where the future begins.
+
     That is a smoothing spline (Reinsch, 1967) of coefficients in place of values, and linear in c and h: two constant matrices.
     tau is `INSIDE`, and `ENDS` where the future begins and ends; given in seconds, it means the same at every rate. Own choice,
     like these times: the papers cut the future from the inverse. A transform that is not one matrix along time is inverted first.
@@ -277,6 +279,7 @@ class Continuation:
         transform: of whole windows.
         history, frames: H and T.
         fps: frames per second.
+        seam: seconds.
 
     >>> import torch
     >>> from mwlib.transforms.dwt import TimeWaveletTransform
@@ -287,7 +290,7 @@ class Continuation:
     (True, True)
     """
 
-    def __init__(self, transform: Transform, history: int, frames: int, fps: float) -> None:
+    def __init__(self, transform: Transform, history: int, frames: int, fps: float, seam: float = 0.0) -> None:
         self.transform, self.frames = transform, frames
         rows = transform.time_rows()
         self._rows = None if rows is None else Constant(rows)
@@ -295,7 +298,8 @@ class Continuation:
         at = np.arange(frames - 3) + 1.5  # the middle of each third difference
         away = np.minimum(np.abs(at - (history - 0.5)), frames - 1 - at) / (REACH * fps)
         weight = (INSIDE * fps) ** 6 + (ENDS * fps) ** 6 * np.exp(-away)
-        d = np.sqrt(weight)[:, None] * np.diff(np.eye(frames), n=3, axis=0)
+        turn = (seam * fps) ** 2 * np.diff(np.eye(frames), n=2, axis=0)[history - 2 : history - 1]
+        d = np.concatenate([np.sqrt(weight)[:, None] * np.diff(np.eye(frames), n=3, axis=0), turn])
         (ah, af), (dh, df) = (np.split(m, [history], axis=1) for m in (a, d))
         solved = np.linalg.solve(af.T @ af + df.T @ df, np.concatenate([af.T, -(af.T @ ah + df.T @ dh)], axis=1))
         self.of_coefficients, self.of_history = (Constant(m) for m in np.split(solved, [len(a)], axis=1))

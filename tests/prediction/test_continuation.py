@@ -32,12 +32,13 @@ def smooth_motions(n: int = 3) -> torch.Tensor:
     return torch.from_numpy((sizes * np.sin(turns[:, None] + phases)).sum(-1))
 
 
+@pytest.mark.parametrize("seam", [0.0, 0.02])
 @names
-def test_it_is_the_least_of_what_it_weighs(tf):
+def test_it_is_the_least_of_what_it_weighs(tf, seam):
     """Against a minimiser that knows nothing of matrices, one channel."""
     x = smooth_motions(1)[0]
     y = tf(x + 0.05 * torch.randn(T, C, generator=torch.Generator().manual_seed(1), dtype=torch.float64))
-    found = Continuation(tf, H, T, FPS)(y, x[:H])[:, 0].numpy()
+    found = Continuation(tf, H, T, FPS, seam)(y, x[:H])[:, 0].numpy()
     rows = tf.time_rows()
     rows, c = np.eye(T) if rows is None else rows, tf.along_time(y)[:, 0].numpy()
     ends = np.exp(-np.minimum(np.abs(np.arange(T - 3) + 2 - H), T - 2.5 - np.arange(T - 3)) / (continuation.REACH * FPS))
@@ -45,11 +46,21 @@ def test_it_is_the_least_of_what_it_weighs(tf):
 
     def cost(f: np.ndarray) -> float:
         whole = np.concatenate([x[:H, 0].numpy(), f])
-        return float(((rows @ whole - c) ** 2).sum() + (weights * np.diff(whole, n=3) ** 2).sum())
+        turn = (seam * FPS) ** 4 * (whole[H] - 2 * whole[H - 1] + whole[H - 2]) ** 2
+        return float(((rows @ whole - c) ** 2).sum() + (weights * np.diff(whole, n=3) ** 2).sum() + turn)
 
     best = minimize(cost, found, method="L-BFGS-B", options={"ftol": 1e-15, "gtol": 1e-10})
     assert cost(found) <= best.fun + 1e-9
     assert np.abs(best.x - found).max() < 1e-3
+
+
+def test_a_future_may_begin_with_the_velocity_that_was_observed():
+    """The more the longer the seam; of futures that fit the history badly."""
+    tf, x = TRANSFORMS[0], smooth_motions(1)[0]
+    y = tf(x + 0.3 * torch.randn(T, C, generator=torch.Generator().manual_seed(1), dtype=torch.float64))
+    onward = 2 * x[H - 1] - x[H - 2]
+    off = [float((Continuation(tf, H, T, FPS, s)(y, x[:H])[0] - onward).norm()) for s in (0.0, 0.015, 0.03, 1.0)]
+    assert off == sorted(off, reverse=True) and off[2] < 0.7 * off[0] and off[3] < 0.01 * off[0]
 
 
 @names

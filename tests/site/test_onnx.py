@@ -87,7 +87,7 @@ def test_matrices_do_what_the_representation_does(exported):
     padded = pad_history(x[:25], 125)
     assert np.allclose(analysis @ padded.numpy(), seen.motion.along_time(seen.motion(padded)), atol=1e-6)
     future = of_y @ (analysis @ x.numpy()) + of_history @ x[:25].numpy()
-    expected = model._continuation(seen.motion(x[None, None]), x[None, None, :25])
+    expected = model.continuation(seen.motion(x[None, None]), x[None, None, :25])
     assert np.allclose(future, expected[0, 0], atol=1e-5)
 
 

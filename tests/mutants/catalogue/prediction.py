@@ -178,6 +178,7 @@ MUTANTS = [
         "prediction/representation.py", "prediction/test_continuation.py",
         ("ends-as-free-as-the-middle", "+ (ENDS * fps) ** 6 * np.exp(-away)", ""),
         ("frames-for-seconds", "weight = (INSIDE * fps) ** 6", "weight = INSIDE**6"),
+        ("a-frame-after-the-seam", "[history - 2 : history - 1]", "[history - 1 : history]"),
         ("what-was-observed-does-not-count", " + self.of_history.like(c) @ x_history", ""),
         ("the-origin-is-taken-away-twice", "c = c + (origin if", "c = c - (origin if"),
         ("ends-at-the-history-alone", "(history - 0.5)), frames - 1 - at)", "(history - 0.5)), frames + at)"),

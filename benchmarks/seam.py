@@ -1,0 +1,123 @@
+"""The shipped `cmu`: how its futures begin, with and without `seam`, and how much of people's jerk it can have, by frequency.
+
+The same drawn coefficients are decoded with each setting. The rows on the validation person are those among which it was chosen.
+Needs CMU's files under MWLIB_DATA; a quarter of an hour of a core: python benchmarks/seam.py figures/cmu
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from scipy.signal import butter, sosfiltfilt
+from torch import Tensor
+
+import mwlib as mw
+from mwlib.data.collections import acknowledgement
+from mwlib.files import write_together
+from mwlib.metrics import clustered_error
+from mwlib.plots.saving import as_csv
+from mwlib.prediction.system import DETAILS, METRICS, load_data, score, test_windows
+
+WITHOUT, CHOSEN = 0.0, 0.045  # seconds
+PEOPLE = {"1": (WITHOUT, 0.025, 0.035, CHOSEN, 0.06), "2, 7, 29": (WITHOUT, CHOSEN)}
+SHOWN = ("ade", "fde", "error_0.2s", "seam_jerk", "first_step", "median_jerk", "speed", "coverage_0.5", "coverage_0.9")
+HEADINGS = {name: (METRICS | DETAILS)[name].heading for name in SHOWN}
+EDGES = (3, 4, 6, 8, 10, 12.5)  # hertz
+BATCH = 8  # windows
+
+
+def jerk_below(x: Tensor, edge: float | None, fps: float, history: int) -> Tensor:
+    """Jerk of predicted frames of whole windows, m/s³: (windows, 2), the mean and the median frame's, means over samples.
+
+    A low-pass of fourth order comes first, forwards and backwards.
+    """
+    if edge is not None:
+        x = torch.from_numpy(sosfiltfilt(butter(4, edge, fs=fps, output="sos"), x.double().numpy(), axis=-2).copy())
+    each = (x.diff(n=3, dim=-2) * fps**3).unflatten(-1, (-1, 3)).norm(dim=-1).mean(-1)
+    each = each[..., history - 2 :]
+    return torch.stack([each.mean(-1), each.median(-1).values], -1).reshape(len(x), -1, 2).mean(1)
+
+
+def measured(people: str) -> tuple[dict[float, dict[str, Any]], dict[str, np.ndarray], list[str]]:
+    """Scores for each setting, jerk of each window below each edge, and whose the windows are."""
+    model = mw.load_run("cmu")
+    cfg = model.cfg.override(
+        test_subjects=tuple(people.split(", ")), validation_subjects=(), test_windows=120 if people == "1" else 0
+    )
+    every = test_windows(load_data(cfg), cfg.windows)
+    test = every.thin(cfg.windows.test_windows or len(every))
+    drawn, jerks = {}, {}
+    settings = {seam: model.with_sampling(seam=seam) for seam in PEOPLE[people]}
+
+    def draw(x_history: Tensor, ids: list[int]) -> Tensor:
+        ((y, history),) = model.sampled(x_history, window_ids=ids, chunk=BATCH)
+        drawn[tuple(ids)] = y, history
+        return note(settings[CHOSEN].decode(y, history), x_history, ids)
+
+    def note(futures: Tensor, x_history: Tensor, ids: list[int]) -> Tensor:
+        some = futures[:, ::5]
+        whole = torch.cat([x_history[:, None].expand(-1, some.shape[1], -1, -1), some], dim=-2)
+        known = torch.stack([every.x[i] for i in ids])
+        again = settings[CHOSEN].decode(model.representation.encode(known)[:, None], x_history)
+        again = torch.cat([x_history, again[:, 0]], dim=-2)
+        for edge in (*EDGES, None):
+            for name, x in (("samples", whole), ("people", known), ("people, encoded and decoded", again)):
+                jerks.setdefault((edge, name), []).append(jerk_below(x, edge, cfg.data.fps, cfg.windows.history))
+        return futures
+
+    def scored(seam: float) -> dict[str, Any]:
+        draws = seam == CHOSEN
+        return score(
+            draw if draws else lambda _, ids: settings[seam].decode(*drawn[tuple(ids)]),
+            test, every, cfg.evaluation, people if draws else None, BATCH,
+        )  # fmt: skip
+
+    with torch.inference_mode():
+        found = {CHOSEN: scored(CHOSEN)}
+        found |= {seam: scored(seam) for seam in PEOPLE[people] if seam != CHOSEN}
+    whose = [every.motions[int(clip)].subject for clip in test.clip]
+    return found, {key: torch.cat(values).numpy() for key, values in jerks.items()}, whose
+
+
+def main() -> None:
+    """Write the scores, differences in pairs, also by person, and jerk by frequency."""
+    torch.set_num_threads(1)
+    out, means, pairs, bands = Path(sys.argv[1]), [], [], []
+    for people, tried in PEOPLE.items():
+        found, jerks, whose = measured(people)
+        means += [
+            {"people": people, "seam": s} | {said: found[s]["mean"][name] for name, said in HEADINGS.items()} for s in tried
+        ]
+        clips = found[CHOSEN]["clips"]
+        several = len({*clips}) > 1  # of one clip no error over clips can be given
+        if several:
+            changes = {n: np.array(found[CHOSEN]["values"][n]) - np.array(found[WITHOUT]["values"][n]) for n in SHOWN}
+            for person in ("all", *sorted({*whose}, key=int)):
+                of = np.array([person in ("all", who) for who in whose])
+                told = {HEADINGS[name]: float(d[of].mean()) for name, d in changes.items()}
+                if person == "all":
+                    told |= {f"{HEADINGS[name]}, standard error": clustered_error(d, clips) for name, d in changes.items()}
+                pairs.append({"people": person, "windows": int(of.sum()), "seam": CHOSEN, "less": "0"} | told)
+        for edge in (*EDGES, None):
+            for i, frame in enumerate(("mean", "median")):
+                of = {name: values[:, i] for (below, name), values in jerks.items() if below == edge}
+                ratio = of["samples"].mean() / of["people"].mean()
+                off = clustered_error(of["samples"] - ratio * of["people"], clips) / of["people"].mean() if several else ""
+                row = {"whose": people, "below (Hz)": edge or "all", "frame": frame}
+                row |= {name: float(values.mean()) for name, values in of.items()}
+                bands.append(row | {"samples / people": float(ratio), "standard error": off})
+    about = {
+        "data": "cmu/asfamc", "model": "cmu, as it comes with the package", "samples": 50, "mwlib": mw.__version__,
+        "command": "python benchmarks/seam.py figures/cmu", **acknowledgement("cmu/asfamc"),
+    }  # fmt: skip
+    files = {"seam.csv": means, "seam_paired.csv": pairs, "jerk_bands.csv": bands}
+    write_together({out / name: as_csv(rows) for name, rows in files.items()} | {out / "seam.json": json.dumps(about, indent=1)})
+
+
+if __name__ == "__main__":
+    main()
