@@ -9,7 +9,6 @@ import types
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, fields, replace
 from functools import cache
-from itertools import chain
 from numbers import Real
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal, Self, TypeVar, get_args, get_origin, get_type_hints
@@ -79,8 +78,7 @@ class Settings:
     @classmethod
     def advanced(cls) -> set[str]:
         """Names of the fields that are marked `Advanced`."""
-        hints = [*chain.from_iterable(_hints(kind).items() for kind in cls.groups().values())]
-        return {name for name, hint in hints if ADVANCED in get_args(hint)}
+        return {name for kind in cls.groups().values() for name, hint in _hints(kind).items() if ADVANCED in get_args(hint)}
 
     @classmethod
     def preset(cls, name: str, **changes: Any) -> Self:
@@ -113,19 +111,14 @@ class Settings:
         """
         owner, parts = self.owners(), {}
         for name, value in changes.items():
+            if name in self.renamed:
+                raise ValueError(f"{name!r} is not a setting any more; it is now called {self.renamed[name]!r}")
             if name not in owner:
-                raise ValueError(self._unknown(name))
+                hint = near(name, owner).strip(" ()") or f"mwlib train --system {self.system} --help lists all"
+                raise ValueError(f"unknown setting {name!r}; {hint}")
             parts.setdefault(owner[name], {})[name] = value
         groups = {group: replace(getattr(self, group), **part) for group, part in parts.items()}
         return replace(self, **groups)  # pyright: ignore[reportArgumentType]  (a subclass is a dataclass)
-
-    def _unknown(self, name: str) -> str:
-        if name in self.renamed:
-            return f"{name!r} is not a setting any more; it is now called {self.renamed[name]!r}"
-        match = difflib.get_close_matches(name, self.owners(), n=1)
-        return f"unknown setting {name!r}; " + (
-            f"did you mean {match[0]!r}?" if match else f"mwlib train --system {self.system} --help lists all"
-        )
 
     def get(self, name: str) -> Any:
         """The value of a field, whichever group holds it."""
@@ -149,8 +142,10 @@ class Settings:
 
     def trained(self) -> dict[str, Any]:
         """What `training_hash` is made of: the system's name, and by group every field but those of `after_training`."""
-        tree = {group: part for group, part in self._hashed().items() if group not in self.after_training}
-        kept = {group: {k: v for k, v in part.items() if k not in self.after_training} for group, part in tree.items()}
+        free = self.after_training
+        kept = {
+            group: {k: v for k, v in part.items() if k not in free} for group, part in self._hashed().items() if group not in free
+        }
         return json.loads(json.dumps({"system": self.system, **kept}))
 
     def sampled(self) -> dict[str, Any]:
@@ -158,20 +153,18 @@ class Settings:
         free = {name: self.get(name) for name, group in self.owners().items() if {name, group} & self.after_training}
         return json.loads(json.dumps(free))
 
-    def _tree(self) -> dict[str, dict[str, Any]]:
-        return {group: asdict(getattr(self, group)) for group in self.groups()}
-
     def _hashed(self) -> dict[str, dict[str, Any]]:
         """All fields but the newer ones that change nothing, so that what was made before these came is found again."""
         newer = self.newer
         return {
             group: {name: value for name, value in part.items() if name not in newer or value != newer[name]}
-            for group, part in self._tree().items()
+            for group, part in asdict(self).items()  # pyright: ignore[reportArgumentType]  (as in override)
         }
 
     def to_yaml(self) -> str:
         """The system's name and all fields as YAML text, grouped."""
-        return yaml.safe_dump({"system": self.system, **json.loads(json.dumps(self._tree()))}, sort_keys=False)
+        tree = json.loads(json.dumps(asdict(self)))  # pyright: ignore[reportArgumentType]  (as in override)
+        return yaml.safe_dump({"system": self.system, **tree}, sort_keys=False)
 
     @classmethod
     def from_yaml(cls, source: str | Path) -> Self:
@@ -187,8 +180,7 @@ class Settings:
         tree = read_tree(source)
         if tree.pop("system") != cls.system:
             raise ValueError(f"{_place(source)} configures another system; expected system: {cls.system}")
-        unknown = set(tree) - set(cls.groups())
-        if unknown or not all(isinstance(part, dict | None) for part in tree.values()):
+        if not {*tree} <= {*cls.groups()} or not all(isinstance(part, dict | None) for part in tree.values()):
             raise ValueError(
                 f"{_place(source)} has {sorted(tree)}; expected the groups {', '.join(cls.groups())}, each a mapping"
             )
@@ -265,9 +257,6 @@ def read_yaml(source: str | Path) -> Any:
             return found
     except _TwiceError as error:
         raise ValueError(f"{_place(source)}, {error}") from None
-    except UnicodeDecodeError as error:
-        found = f"byte {error.start} is {error.object[error.start]:#x}"
-        raise ValueError(f"{_place(source)} is not UTF-8: {found}; expected text") from None
     except (yaml.YAMLError, RecursionError, ValueError) as error:
         raise ValueError(f"{_place(source)} is not YAML: {' '.join(str(error).split())}") from None
     raise ValueError(f"{_place(source)} has aliases for more than {LARGEST_YAML} entries, or one inside itself; expected fewer")
@@ -341,7 +330,7 @@ def checked(name: str, value: Any, hint: Any) -> Any:
     Raises:
         ValueError: it does not fit; the message says what does.
     """
-    kind, rules = (get_args(hint)[0], get_args(hint)[1:]) if get_origin(hint) is Annotated else (hint, ())
+    kind, *rules = get_args(hint) if get_origin(hint) is Annotated else [hint]
     if get_origin(kind) is tuple:
         if isinstance(value, str) or not isinstance(value, Sequence):
             raise ValueError(f"{name} is {value!r}; expected a list")
@@ -489,6 +478,6 @@ def _check_rule(name: str, value: Any, rule: Any) -> None:
     elif isinstance(rule, Gt) and not value > rule.gt:
         raise ValueError(f"{name} is {value}; expected more than {rule.gt}")
     elif isinstance(rule, Interval):
-        low, high = rule.ge, rule.le if rule.le is not None else rule.lt
-        if not (low <= value and (value <= high if rule.le is not None else value < high)):
-            raise ValueError(f"{name} is {value}; expected {low} to {'' if rule.le is not None else 'below '}{high}")
+        high = rule.lt if rule.le is None else rule.le
+        if not rule.ge <= value <= high or value == rule.lt:
+            raise ValueError(f"{name} is {value}; expected {rule.ge} to {'below ' * (rule.le is None)}{high}")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from functools import lru_cache, partial
+from itertools import groupby, pairwise
 
 import numpy as np
 import torch
@@ -131,10 +132,9 @@ def _levels(
     With `of_parents` joints without children are left out, and where the parents of joints 1, 2, ... stand is said instead.
     """
     depth, wanted = _depths(parents), parents[1:] if of_parents else range(len(parents))
-    rows = [[joint for joint in sorted({*wanted}) if depth[joint] == level] for level in range(max(depth) + 1)]
-    rows = [row for row in rows if row]
-    order = [joint for row in rows for joint in row]
-    above = [[up.index(parents[joint]) for joint in row] for up, row in zip(rows, rows[1:], strict=False)]
+    order = sorted({*wanted}, key=lambda joint: (depth[joint], joint))
+    rows = [[*row] for _, row in groupby(order, depth.__getitem__)]
+    above = [[up.index(parents[joint]) for joint in row] for up, row in pairwise(rows)]
     found = [order.index(joint) for joint in wanted]
     numbers = partial(torch.tensor, device=device)
     return numbers(order), [numbers(places) for places in above], numbers(found)

@@ -5,7 +5,8 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Float
+from scipy.ndimage import find_objects, label
 
 from mwlib.body.kinematics import horizontal
 from mwlib.body.motion import Motion
@@ -46,17 +47,16 @@ def standing(motion: Motion, floor: float) -> Motion:
 def legs(skeleton: Skeleton) -> list[tuple[int, int, int]]:
     """Hip, knee and foot of each leg by the knees' names; none where the names are others, or joints lie between."""
     knees = [joint for joint, name in enumerate(skeleton.joints) if "knee" in name.lower()]
-    below = {knee: [joint for joint, parent in enumerate(skeleton.parents) if parent == knee] for knee in knees}
-    return [(skeleton.parents[knee], knee, below[knee][0]) for knee in knees if len(below[knee]) == 1]
+    return [(skeleton.parents[knee], knee, skeleton.parents.index(knee)) for knee in knees if skeleton.parents.count(knee) == 1]
 
 
 def _stands(path: Path, vertical: int, floor: float, fps: float) -> list[slice]:
     """Stretches of frames in which a foot stands."""
     slow = np.linalg.norm(np.diff(path, axis=0), axis=-1) * fps <= SLOW
     low = path[:, vertical] <= floor + LOW
-    still: Bool[np.ndarray, " T"] = low & np.concatenate([[False], slow]) | low & np.concatenate([slow, [False]])
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], still, [False]]).astype(int)))
-    return [slice(a, b) for a, b in edges.reshape(-1, 2) if b - a >= SHORTEST * fps]
+    slow = np.pad(slow, 1)
+    found = find_objects(label(low & (slow[1:] | slow[:-1]))[0])
+    return [part for (part,) in found if part.stop - part.start >= SHORTEST * fps]
 
 
 def _held(path: Path, stands: list[slice], flat: list[int]) -> Path:
@@ -69,7 +69,7 @@ def _held(path: Path, stands: list[slice], flat: list[int]) -> Path:
         place = here.mean(0)
         if part.start == 0 or part.stop > last:  # from a keyframe, or to one, or slowly from one to the other
             ends = path[[0 if part.start == 0 else last, last if part.stop > last else 0]][:, flat]
-            place = np.linspace(ends[0], ends[1], len(here))
+            place = np.linspace(*ends, len(here))
         lack[part], set_at[part] = place - here, True
     known, frames = np.flatnonzero(set_at), np.arange(len(path))
     after = np.searchsorted(known, frames).clip(1, len(known) - 1)

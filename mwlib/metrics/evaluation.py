@@ -247,13 +247,11 @@ class MetricTable:
         history: Past | None = None,
     ) -> None:
         choice("mm_singletons", mm_singletons, MM_SINGLETONS)
-        if actions is not None and len(actions) != len(gs):
-            raise ValueError(f"{len(actions)} actions for {len(gs)} windows; expected one each")
+        self.actions, self.clips = list(actions or ["all"] * len(gs)), list(clips or range(len(gs)))
+        if len(self.actions) != len(gs):
+            raise ValueError(f"{len(self.actions)} actions for {len(gs)} windows; expected one each")
         self.gs, self.skeleton, self.fps, self.mm_singletons = MultimodalFutures.of(gs), skeleton, fps or 0.0, mm_singletons
-        self.actions = ["all"] * len(gs) if actions is None else list(actions)
-        self.clips = list(range(len(gs))) if clips is None else list(clips)
-        frames = self.gs.futures.shape[1]
-        self.history = history
+        self.history, frames = history, self.gs.futures.shape[1]
         offered = ERRORS | (REALISM if fps else {}) | (SEAM if fps and history is not None else {})
         if skeleton is None:
             del offered["bone_length_jitter"]

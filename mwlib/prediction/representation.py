@@ -158,10 +158,10 @@ def make_representation(base: Transform, learnt: Mapping[str, Tensor], cfg: Conf
         cfg: lengths, and what is modelled.
         bodies: whose motions.
     """
-    mean, deviation, condition_mean, condition_deviation = (learnt[f"scale.{name}"] for name in SCALES)
+    scales = [learnt[f"scale.{name}"] for name in SCALES]
     return Representation(
-        ScaledTransform(base, mean, deviation),
-        ScaledTransform(base, condition_mean, condition_deviation),
+        ScaledTransform(base, *scales[:2]),
+        ScaledTransform(base, *scales[2:]),
         cfg.windows.history,
         cfg.windows.frames,
         cfg.model.representation,
