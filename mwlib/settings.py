@@ -25,6 +25,7 @@ BelowOne = Annotated[float, Interval(ge=0, lt=1)]
 Positive = Annotated[float, Gt(0)]
 NotNegative = Annotated[float, Ge(0)]
 
+KINDS = {int: "a whole number", float: "a finite number", bool: "true or false", str: "a text"}  # in words
 ADVANCED = "advanced"  # marks a field that no preset, grid or chapter changes
 Field = TypeVar("Field")
 Kind = TypeVar("Kind")
@@ -53,6 +54,7 @@ class Settings:
     presets: ClassVar[Mapping[str, Mapping[str, Any]]] = {}  # name -> changes to the defaults
     renamed: ClassVar[Mapping[str, str]] = {}  # names of former versions -> today's
     after_training: ClassVar[frozenset[str]] = frozenset()  # groups and fields on which no trained model depends
+    people: ClassVar[tuple[str, ...]] = ()  # fields that mean nothing with other data than a preset's own
     newer: ClassVar[Mapping[str, Any]] = {}  # fields that came after results were kept -> the value at which no hash has them
 
     def __post_init__(self) -> None:
@@ -84,6 +86,8 @@ class Settings:
     def preset(cls, name: str, **changes: Any) -> Self:
         """A named preset with some fields changed, e.g. ``Config.preset("tiny", lr=1e-3)``.
 
+        With other data than the preset's own, its subjects no longer mean anything: the lists of `people` are emptied.
+
         Args:
             name: of a preset; or a file of settings that ends in .yaml, as `to_yaml` writes it.
             changes: field -> value.
@@ -97,11 +101,15 @@ class Settings:
             if not file.is_file():
                 hint = near(file.name, [beside.name for beside in file.parent.glob("*.yaml")]) or near(file.stem, cls.presets)
                 raise FileNotFoundError(f"preset: there is no file {word}{hint}")
-            return cls.from_yaml(file).override(**changes)
-        if word not in cls.presets:
+            base = cls.from_yaml(file)
+        elif word in cls.presets:
+            base = cls().override(**cls.presets[word])
+        else:
             found, names = f"{shown(name)}{near(name, cls.presets)}", ", ".join(sorted(cls.presets))
             raise ValueError(f"preset is {found}; expected one of {names}, or a file that ends in .yaml")
-        return cls().override(**cls.presets[word]).override(**changes)
+        if cls.people and changes.get("data", base.get("data")) != base.get("data"):
+            base = base.override(**dict.fromkeys(cls.people, ()))
+        return base.override(**changes)
 
     def override(self, **changes: Any) -> Self:
         """A copy with some fields changed; group names are not needed.
@@ -341,9 +349,18 @@ def checked(name: str, value: Any, hint: Any) -> Any:
         return value
     value = _number(value, kind) if kind in (int, float) else value
     if type(value) is not kind:
-        raise ValueError(f"{name} is {value!r}; expected {_article(kind)}")
+        raise ValueError(f"{name} is {value!r}; expected {KINDS.get(kind, kind)}")
     for rule in rules:
-        _check_rule(name, value, rule)
+        if isinstance(rule, OneOf):
+            choice(name, value, rule.choices)
+        elif isinstance(rule, Ge) and not value >= rule.ge:
+            raise ValueError(f"{name} is {value}; expected at least {rule.ge}")
+        elif isinstance(rule, Gt) and not value > rule.gt:
+            raise ValueError(f"{name} is {value}; expected more than {rule.gt}")
+        elif isinstance(rule, Interval):
+            high = rule.lt if rule.le is None else rule.le
+            if not rule.ge <= value <= high or value == rule.lt:
+                raise ValueError(f"{name} is {value}; expected {rule.ge} to {'below ' * (rule.le is None)}{high}")
     return value
 
 
@@ -357,10 +374,10 @@ def whole(name: str, value: object, least: int = 0, most: int | None = None) -> 
     3
     """
     try:
-        number = None if _is_truth(value) else operator.index(value)  # pyright: ignore[reportArgumentType]
+        number = operator.index(value)  # pyright: ignore[reportArgumentType]
     except (TypeError, RuntimeError):
         number = None
-    if number is None:
+    if number is None or _is_truth(value):
         raise ValueError(f"{name} is {shown(value)}; expected a whole number, at least {least}")
     if number < least:
         raise ValueError(f"{name} is {shown(number)}; expected at least {least}")
@@ -463,21 +480,3 @@ def _number(value: Any, kind: type) -> Any:
     if kind is float:
         return float(number)
     return int(number) if number == int(number) else number
-
-
-def _article(kind: type | types.GenericAlias) -> str:
-    words: dict[object, str] = {int: "a whole number", float: "a finite number", bool: "true or false", str: "a text"}
-    return words.get(kind, str(kind))
-
-
-def _check_rule(name: str, value: Any, rule: Any) -> None:
-    if isinstance(rule, OneOf):
-        choice(name, value, rule.choices)
-    elif isinstance(rule, Ge) and not value >= rule.ge:
-        raise ValueError(f"{name} is {value}; expected at least {rule.ge}")
-    elif isinstance(rule, Gt) and not value > rule.gt:
-        raise ValueError(f"{name} is {value}; expected more than {rule.gt}")
-    elif isinstance(rule, Interval):
-        high = rule.lt if rule.le is None else rule.le
-        if not rule.ge <= value <= high or value == rule.lt:
-            raise ValueError(f"{name} is {value}; expected {rule.ge} to {'below ' * (rule.le is None)}{high}")

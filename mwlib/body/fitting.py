@@ -124,14 +124,10 @@ def _mean_direction(seen: Seen) -> Bones:
 
 def _shape(start: Bones, seen: Seen, lengths: Float[Tensor, " children"]) -> Bones:
     """Bones of given lengths as they lie to each other on average: generalised Procrustes analysis."""
-
-    def scaled(bones: Tensor) -> Tensor:
-        """Bones of the right lengths, in their directions."""
-        return normalize(bones, dim=-1) * lengths[:, None]
-
-    shape = scaled(start)
+    shape = normalize(start, dim=-1) * lengths[:, None]
     for _ in range(ROUNDS if len(start) > 1 else 0):
-        shape = scaled(rotate(inverse(kabsch(shape, seen))[:, None], seen).mean(dim=0))
+        mean = rotate(inverse(kabsch(shape, seen))[:, None], seen).mean(dim=0)
+        shape = normalize(mean, dim=-1) * lengths[:, None]
     return shape
 
 

@@ -63,8 +63,10 @@ def on_rig(motion: Motion, poses: Motion, at: Sequence[float] | Float[np.ndarray
     seventeen = to_h36m17(poses.skeleton)
     picked = range(len(poses.skeleton)) if motion.skeleton == poses.skeleton else seventeen
     if not rig or not picked or motion.skeleton not in (poses.skeleton, H36M17):
-        found = f"the poses are of {poses.skeleton.name}, {'with' if rig else 'without'} rotations"
-        raise ValueError(f"{found}; expected rotations, and a skeleton that stands for {motion.skeleton.name}")
+        raise ValueError(
+            f"the poses are of {poses.skeleton.name}, {'with' if rig else 'without'} rotations; "
+            f"expected rotations, and a skeleton that stands for {motion.skeleton.name}"
+        )
     times = np.asarray(at, np.float64)
     given = np.floor((times - times[:1]) * ratio + 0.5 + 1e-6).astype(int)  # halves go up, all of them
     if times.shape != (len(poses),) or not (np.diff(given) > 0).all():

@@ -39,8 +39,10 @@ def check_one_body(first: Motion, second: Motion) -> None:
         raise ValueError(f"{what}: only {only} has {joint} under {parent}; expected the same joints ({len(lost)} are not)")
     for (joint, parent), length in one.items():
         if not abs(length - other[joint, parent]) <= close:
-            lengths = f"{length:.3f} m in start and {other[joint, parent]:.3f} m in end"
-            raise ValueError(f"{what}: from {parent} to {joint} it is {lengths}; expected bones of the same length")
+            raise ValueError(
+                f"{what}: from {parent} to {joint} it is {length:.3f} m in start and {other[joint, parent]:.3f} m in end; "
+                "expected bones of the same length"
+            )
 
 
 def _bones_of_rig(rig: Rig) -> dict[tuple[str, str], float]:

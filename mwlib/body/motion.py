@@ -58,11 +58,14 @@ class Motion:
         for label in ("subject", "action", "name"):
             of_kind(label, getattr(self, label), str, "a text")
         if not isinstance(self.positions, np.ndarray) or self.positions.dtype.kind not in "fiu":
-            found = f"positions is {shown(self.positions)} of {getattr(self.positions, 'dtype', 'no numbers')}"
-            raise ValueError(f"{found}; expected a NumPy array of real numbers")
+            raise ValueError(
+                f"positions is {shown(self.positions)} of {getattr(self.positions, 'dtype', 'no numbers')}; "
+                "expected a NumPy array of real numbers"
+            )
         if self.positions.shape[1:] != (joints, 3) or not len(self):
-            found = f"positions have shape {self.positions.shape}"
-            raise ValueError(f"{found}; expected (T, {joints}, 3) with T > 0 for {self.skeleton.name}")
+            raise ValueError(
+                f"positions have shape {self.positions.shape}; expected (T, {joints}, 3) with T > 0 for {self.skeleton.name}"
+            )
         if real("fps", self.fps) <= 0:
             raise ValueError(f"fps is {self.fps}; expected a positive number")
         choice("up", self.up, AXES)
@@ -79,8 +82,10 @@ class Motion:
         away = np.linalg.norm(rig.pick(ends).positions() - self.positions[ends], axis=-1)
         if not away.max() <= RIG_SLACK[0] + RIG_SLACK[1] * np.abs(self.positions[ends]).max():  # True for nan
             frame, joint = np.unravel_index(away.argmax(), away.shape)
-            place = f"{away.max():.3g} m from its position in frame {ends[frame]}"
-            raise ValueError(f"the rig puts {self.skeleton.joints[joint]} {place}; expected the same place, or rig=None")
+            raise ValueError(
+                f"the rig puts {self.skeleton.joints[joint]} {away.max():.3g} m from its position in frame {ends[frame]}; "
+                "expected the same place, or rig=None"
+            )
 
     def __len__(self) -> int:
         return len(self.positions)

@@ -123,7 +123,7 @@ class Rig:
         if not np.array_equal(swap[parents[1:]], parents[swap[1:]]) or not np.array_equal(swap[points], points[order]):
             raise ValueError(f"left and right of {self.skeleton.name} are not built alike; expected pairs that hang from pairs")
         axis, world = self.across() or 0, np.array([-1.0, 1.0, 1.0])
-        flip = np.where(np.arange(3) == axis, -1.0, 1.0)
+        flip = 1 - 2 * np.eye(3)[axis]
         rotations = tensor64(self.rotations[:, swap]) * torch.tensor([1.0, *-flip])
         rotations[:, 0] = tensor64(self.rotations[:, 0]) * torch.tensor([1.0, *-world])
         if axis:  # from the world's mirror plane to that of the joints: half a turn about the third axis

@@ -38,9 +38,8 @@ def standing(motion: Motion, floor: float) -> Motion:
         path = positions[:, foot]
         moved = _held(path, _stands(path, vertical, floor, motion.fps), flat)
         moved[1:-1, vertical] = np.maximum(moved[1:-1, vertical], min(floor, path[[0, -1], vertical].min()))
-        positions[1:-1, knee], positions[1:-1, foot] = (
-            part[1:-1] for part in bent(positions[:, hip], positions[:, knee], path, moved)
-        )
+        leg = bent(positions[:, hip], positions[:, knee], path, moved)
+        positions[1:-1, [knee, foot]] = np.stack(leg, axis=1)[1:-1]
     return replace(motion, positions=positions.astype(motion.positions.dtype), rig=None)
 
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 import inspect
 from collections.abc import Callable, Hashable, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import torch
 from jaxtyping import Float, Int
@@ -62,8 +62,8 @@ class MultimodalFutures(Sequence):
     def __len__(self) -> int:
         return len(self.members)
 
-    def __getitem__(self, i: int | slice) -> Float[Tensor, "_M F C"] | MultimodalFutures:
-        return MultimodalFutures(self.futures, self.members[i]) if isinstance(i, slice) else self.futures[self.members[i]]
+    def __getitem__(self, i: int) -> Float[Tensor, "_M F C"]:  # pyright: ignore[reportIncompatibleMethodOverride]  (see `take`)
+        return self.futures[self.members[i]]
 
     def take(self, windows: Sequence[int]) -> MultimodalFutures:
         """The sets of these windows, in this order; the futures are not copied."""
@@ -357,28 +357,21 @@ def check_shapes(p: Tensor, g: Tensor | None = None, *, windows: Tensor | None =
         check_finite("g", g, windows)
 
 
-class Predictions(NamedTuple):
-    """Predictions of some windows, and what a metric may compare them with."""
-
-    p: Float[Tensor, "n S F C"]
-    g: Float[Tensor, "n F C"]
-    gs: MultimodalFutures
-    skeleton: Skeleton | None
-    fps: float  # 0 = unknown
-    x_history: Float[Tensor, "n H C"] | None  # the frames before
-
-
 class Metric(NamedTuple):
     """A metric of a test set: its column, its function, and the fewest frames that it needs at a rate; 0: it has none there."""
 
     column: Column
-    function: Callable[..., Tensor]  # of fields of `Predictions`, which its arguments are named after
+    function: Callable[..., Tensor]  # of some of what `of` is given
     fewest: Callable[[float], int] = lambda fps: 1
 
-    def of(self, windows: Predictions) -> PerWindow:
-        """The metric of each window."""
+    def of(self, **windows: Any) -> PerWindow:
+        """The metric of each window: the function of those arguments that it takes.
+
+        Args:
+            windows: p, g, gs, skeleton, fps and x_history, as the metrics name them.
+        """
         wanted = inspect.signature(self.function).parameters
-        return self.function(**{name: value for name, value in windows._asdict().items() if name in wanted})
+        return self.function(**{name: value for name, value in windows.items() if name in wanted})
 
 
 ERRORS = {

@@ -62,8 +62,10 @@ def histories(source: Histories, bodies: Bodies, history: int) -> Observed:
     else:
         clips = bodies.prepare(clips_given("source", source, f"Windows or a tensor (N, {history}, C)"))
         if short := [m for m in clips if len(m) < history]:
-            found = f"{short[0].name or 'a clip'} has {len(short[0])} frames at {short[0].fps:g} Hz"
-            raise ValueError(f"{found}; expected at least {history}, the history")
+            raise ValueError(
+                f"{short[0].name or 'a clip'} has {len(short[0])} frames at {short[0].fps:g} Hz; "
+                f"expected at least {history}, the history"
+            )
         x = torch.from_numpy(np.stack([m.cut(len(m) - history, len(m)).root_relative() for m in clips])).float()
     _check(x, bodies, history)
     return x
@@ -201,10 +203,8 @@ class Predictor(TrainedModel):
         denoise = guided(
             self.branches(x), self.alpha_bar, weight=s.guidance_weight, form=s.guidance_form, tabg=self.tabg(), draw=noise
         )
-        hooks = {
-            "on_y0_hat": _in_turn([self._on_y0_hat(x), on_y0_hat]),
-            "after_step": _in_turn([*self._after_steps(x, noise), after_step]),
-        }
+        own_estimate, own_steps = self._shaping(x, noise)
+        hooks = {"on_y0_hat": _in_turn([own_estimate, on_y0_hat]), "after_step": _in_turn([*own_steps, after_step])}
         samplers = {"ddim": partial(ddim, eta=s.eta, noise=noise), "dpmpp": dpm_solver, "eq6": posterior_mean}
         first = noise() * temperatures(samples, s.temperature, s.temperature_spread).to(x)[:, None, None]
         yield from samplers[s.sampler](denoise, first, self.alpha_bar, self.indices(), **hooks)
@@ -288,23 +288,17 @@ class Predictor(TrainedModel):
         seen = self.representation
         return Continuation(seen.motion, seen.history, seen.frames, self.bodies.fps)
 
-    def _on_y0_hat(self, x_history: Observed) -> OnEstimate | None:
-        """What the settings do to every clean estimate: a bound in motion space, a projection, or nothing."""
-        bound = self.sampling.bound
-        if bound > 0:
-            seen = self.representation
-            return lambda y: seen.motion(seen.modelled(seen.decode(y, x_history).clamp(-bound, bound), x_history))
-        return self.transform.project if self.sampling.wmsg == "y0_hat" else None
-
-    def _after_steps(self, x_history: Observed, noise: WindowNoise) -> list[AfterStep]:
-        """What the settings do after every step: manifold shaping, mask completion."""
-        after: list[AfterStep] = []
+    def _shaping(self, x_history: Observed, noise: WindowNoise) -> tuple[OnEstimate | None, list[AfterStep]]:
+        """What the settings do to every clean estimate (a bound in motion space, a projection or nothing), and after a step."""
+        seen, bound, after = self.representation, self.sampling.bound, []
         if self.sampling.wmsg == "every_step":
-            after.append(lambda y, _: self.transform.project(y))
+            after.append(lambda y, _: seen.motion.project(y))
         if self.sampling.complete_history:
-            known = self.representation.modelled(pad_history(x_history, self.representation.frames), x_history)
-            after.append(history_completion(self.transform, known[:, None], self.representation.history, noise))
-        return after
+            known = seen.modelled(pad_history(x_history, seen.frames), x_history)
+            after.append(history_completion(seen.motion, known[:, None], seen.history, noise))
+        if bound > 0:
+            return lambda y: seen.motion(seen.modelled(seen.decode(y, x_history).clamp(-bound, bound), x_history)), after
+        return seen.motion.project if self.sampling.wmsg == "y0_hat" else None, after
 
 
 def temperatures(samples: int, temperature: float, spread: float) -> Float[Tensor, " S"]:

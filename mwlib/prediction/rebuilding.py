@@ -59,8 +59,10 @@ class Config(config.Config):
         """Refuse what is not rebuilt here, and values that do not fit each other."""
         super().check()
         if self.model.representation == "relaxing" or self.model.heading == "body":
-            found = f"representation is {self.model.representation!r}, heading {self.model.heading!r}"
-            raise ValueError(f"{found}; expected poses or displacements as people face")
+            raise ValueError(
+                f"representation is {self.model.representation!r}, heading {self.model.heading!r}; "
+                "expected poses or displacements as people face"
+            )
 
 
 def principal(sample: Float[Tensor, "... C"], components: int) -> Rebuild:

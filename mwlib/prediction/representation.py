@@ -121,8 +121,7 @@ def turned(x: Whole, x_history: Observed, facing: Bodies | None, sign: int) -> W
     if facing is None:
         return x
     angle = sign * heading(x_history[:, -1], facing.skeleton, facing.up)
-    lead = x.shape[:-2]
-    return turn_heading(x, angle.reshape(-1, *[1] * (len(lead) - 1)).expand(lead), facing.up)
+    return turn_heading(x, angle.reshape(-1, *[1] * (x.ndim - 3)), facing.up)
 
 
 def make_transform(model: ModelConfig, frames: int, channels: int, fps: float, seed: int = 0) -> Transform:

@@ -73,7 +73,7 @@ MUTANTS = [
         ("heading-of-the-shoulders", "key=lambda pair: depth[pair[0]]", "key=lambda pair: -depth[pair[0]]"),
         ("heading-from-left-to-right",
          "torch.atan2(across[..., b], across[..., a])", "torch.atan2(-across[..., b], -across[..., a])"),
-        ("bones-not-added-up", "chain[joint] = chain[max(parent, 0)]", "pass"),
+        ("bones-not-added-up", "chain[joint] += chain[parent]", "pass"),
         ("turns-in-the-wrong-order",
          "_times(turns[-1].index_select(2, parents), turn)", "_times(turn, turns[-1].index_select(2, parents))",
          "body/test_rig.py::test_places_of_six_numbers_are_those_of_fk_with_the_same_gradients"),

@@ -58,11 +58,10 @@ MUTANTS = [
         ("bones-of-the-first-frame-seen", "for x in (x_history[:, -1], future))", "for x in (x_history[:, 0], future))"),
         ("bound-of-the-displacement", "seen.motion(seen.modelled(seen.decode(y, x_history).clamp(-bound, bound), x_history))",
          "seen.motion(seen.motion.inverse(y).clamp(-bound, bound))"),
-        ("bound-after-the-mask", "[self._on_y0_hat(x), on_y0_hat]", "[on_y0_hat, self._on_y0_hat(x)]"),
+        ("bound-after-the-mask", "[own_estimate, on_y0_hat]", "[on_y0_hat, own_estimate]"),
         ("projection-in-the-other-place", 'if self.sampling.wmsg == "every_step"', 'if self.sampling.wmsg == "y0_hat"'),
         ("completion-with-a-pose-for-a-displacement",
-         "self.representation.modelled(pad_history(x_history, self.representation.frames), x_history)",
-         "pad_history(x_history, self.representation.frames)"),
+         "seen.modelled(pad_history(x_history, seen.frames), x_history)", "pad_history(x_history, seen.frames)"),
     ),
     *of(
         "prediction/representation.py", "prediction/test_predictor.py",
