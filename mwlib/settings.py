@@ -433,7 +433,7 @@ def of_kind(name: str, value: Any, kind: type[Kind] | tuple[type[Kind], ...], ex
     """
     if isinstance(value, kind):
         return value
-    raise ValueError(f"{name} is {shown(value)}; expected " + (expected or f"a {getattr(kind, '__name__', kind)}"))
+    raise ValueError(f"{name} is {shown(value)}; expected {expected or 'a ' + getattr(kind, '__name__', str(kind))}")
 
 
 def several(name: str, values: object, what: str) -> list[Any]:

@@ -55,8 +55,11 @@ def _bones_of_positions(motion: Motion) -> dict[tuple[str, str], float]:
     """Median lengths by joint and parent, metres."""
     lengths, names = np.median(bone_lengths(motion.positions, motion.skeleton), axis=0), motion.skeleton.joints
     bones = zip(motion.skeleton.bones, lengths, strict=True)
-    found = {(names[joint], names[parent]): float(length) for (parent, joint), length in bones}
-    return {bone: found[bone] for bone in found if motion.skeleton != H36M17 or bone[0].endswith(FIRM)}
+    return {
+        (names[joint], names[parent]): float(length)
+        for (parent, joint), length in bones
+        if motion.skeleton != H36M17 or names[joint].endswith(FIRM)
+    }
 
 
 def rig_of(motion: Motion) -> Rig:

@@ -54,7 +54,7 @@ def _stands(path: Path, vertical: int, floor: float, fps: float) -> list[slice]:
     slow = np.linalg.norm(np.diff(path, axis=0), axis=-1) * fps <= SLOW
     low = path[:, vertical] <= floor + LOW
     slow = np.pad(slow, 1)
-    found = find_objects(label(low & (slow[1:] | slow[:-1]))[0])
+    found = find_objects(label(low & (slow[1:] | slow[:-1]))[0])  # pyright: ignore[reportIndexIssue]  (no `output` was given)
     return [part for (part,) in found if part.stop - part.start >= SHORTEST * fps]
 
 
@@ -68,7 +68,7 @@ def _held(path: Path, stands: list[slice], flat: list[int]) -> Path:
         place = here.mean(0)
         if part.start == 0 or part.stop > last:  # from a keyframe, or to one, or slowly from one to the other
             ends = path[[0 if part.start == 0 else last, last if part.stop > last else 0]][:, flat]
-            place = np.linspace(*ends, len(here))
+            place = np.linspace(ends[0], ends[1], len(here))
         lack[part], set_at[part] = place - here, True
     known, frames = np.flatnonzero(set_at), np.arange(len(path))
     after = np.searchsorted(known, frames).clip(1, len(known) - 1)

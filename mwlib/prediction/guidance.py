@@ -157,7 +157,7 @@ def guided(
     Raises:
         ValueError: TABG is on and there is no noise source.
     """
-    if tabg is not None and tabg.scale != 0 and draw is None:
+    if tabg and tabg.scale and not draw:
         raise ValueError("TABG draws noise; expected a noise source with it")
     neutral = 0.0 if form == "eq7" else 1.0
 

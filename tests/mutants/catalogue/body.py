@@ -46,7 +46,7 @@ MUTANTS = [
         "body/joining.py", "body/test_joining.py",
         ("any-bones-will-do", "<= close:", "<= 9.0:"),
         ("any-joints-will-do", "if lost := sorted(one.keys() ^ other.keys()):", "if lost := [][:0]:"),
-        ("shrugs-are-other-bodies", "if motion.skeleton != H36M17 or bone[0].endswith(FIRM)", "if True"),
+        ("shrugs-are-other-bodies", "if motion.skeleton != H36M17 or names[joint].endswith(FIRM)", "if True"),
         ("aligned-the-other-way", "motion.turn(float(angles[0] - angles[1]))", "motion.turn(float(angles[1] - angles[0]))"),
         ("lifted-to-the-others-height", "way[horizontal(motion.up)[2]] = 0", "pass"),
     ),
