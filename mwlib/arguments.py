@@ -74,7 +74,7 @@ def fault(name: str, value: Any, hint: Any, inside: bool = False) -> str:
             return ""
         return next((deeper for deeper in faults if not deeper.startswith(f"{name} is ")), _said(name, value, hint))
     within: Iterable[tuple[str, Any, Any]] = ()
-    if origin is not None and isinstance(origin, type) and issubclass(origin, Mapping):
+    if isinstance(origin, type) and issubclass(origin, Mapping):
         fits = isinstance(value, Mapping)
         within = ((f"{name}[{key!r}]", each, parts[1]) for key, each in value.items()) if fits else ()
     elif origin in (tuple, list, Sequence):
@@ -90,14 +90,10 @@ def fault(name: str, value: Any, hint: Any, inside: bool = False) -> str:
             fits = len(kinds) == len(value)
             within = ((f"{name}[{n}]", each, kind) for n, (each, kind) in enumerate(zip(value, kinds, strict=False)))
     else:
-        fits = inside and _are_numbers(value, hint) or _fits(value, hint, origin, parts)
+        is_of_numbers = hint in (float, np.ndarray) or hasattr(hint, "dim_str")  # in whatever shape
+        fits = inside and is_of_numbers and (_is_array(value) or isinstance(value, list | tuple | Real))
+        fits = fits or _fits(value, hint, origin, parts)
     return next(filter(None, (fault(*each, inside=True) for each in within)), "") if fits else _said(name, value, hint)
-
-
-def _are_numbers(value: Any, hint: Any) -> bool:
-    """Whether numbers are wanted, and these are some, in whatever shape."""
-    wanted = hint is float or hint is np.ndarray or hasattr(hint, "dim_str")
-    return wanted and (_is_array(value) or isinstance(value, list | tuple | Real))
 
 
 def _fits(value: Any, hint: Any, origin: Any, parts: tuple[Any, ...]) -> bool:
@@ -156,7 +152,7 @@ def _words(hint: Any) -> list[str]:
         kind = "an array" if hint.array_type.__name__ == "ndarray" else "a tensor"
         numbers = hint.__name__.split("[")[0].lower().replace("num", "real")
         return [f"{kind} of {numbers} numbers ({', '.join(hint.dim_str.split())})"]
-    if origin is not None and isinstance(origin, type) and issubclass(origin, Mapping):
+    if isinstance(origin, type) and issubclass(origin, Mapping):
         return [f"a mapping of names to {_words(parts[1])[0]}"]
     if origin in (tuple, list, Sequence):
         return [f"several of {_words(parts[0])[0]}"]
