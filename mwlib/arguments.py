@@ -15,9 +15,7 @@ from typing import Any
 import numpy as np
 from annotated_types import Gt
 
-from mwlib.settings import shown
-
-KINDS = {float: "a number", int: "a whole number", bool: "true or false", str: "a text", types.NoneType: "None"}
+from mwlib.settings import KINDS, shown
 
 
 def checking(door: Callable[[str], Any]) -> Callable[[str], Any]:
@@ -42,13 +40,13 @@ def checking(door: Callable[[str], Any]) -> Callable[[str], Any]:
 def _checked(function: types.FunctionType) -> Callable[..., Any]:
     """The function behind a check of its arguments."""
     signature, hints = inspect.signature(function), typing.get_type_hints(function, include_extras=True)
-    plain = {name for name, one in signature.parameters.items() if one.kind not in (one.VAR_POSITIONAL, one.VAR_KEYWORD)}
+    known = {name: hints[name] for name, one in signature.parameters.items() if "VAR" not in one.kind.name}
 
     @functools.wraps(function)
     def call(*words: Any, **named: Any) -> Any:
         """The function's own answer, after the check."""
         for name, value in signature.bind(*words, **named).arguments.items():
-            if found := fault(name, value, hints.get(name, Any)) if name in plain else "":
+            if name in known and (found := fault(name, value, known[name])):
                 raise ValueError(found)
         return function(*words, **named)
 
@@ -74,10 +72,9 @@ def fault(name: str, value: Any, hint: Any, inside: bool = False) -> str:
         faults = [fault(name, value, part, inside) for part in parts]
         if not all(faults):
             return ""
-        deeper = [found for found in faults if not found.startswith(f"{name} is ")]
-        return deeper[0] if deeper else _said(name, value, hint)
+        return next((deeper for deeper in faults if not deeper.startswith(f"{name} is ")), _said(name, value, hint))
     within: Iterable[tuple[str, Any, Any]] = ()
-    if origin is not None and isinstance(origin, type) and issubclass(origin, Mapping):
+    if isinstance(origin, type) and issubclass(origin, Mapping):
         fits = isinstance(value, Mapping)
         within = ((f"{name}[{key!r}]", each, parts[1]) for key, each in value.items()) if fits else ()
     elif origin in (tuple, list, Sequence):
@@ -93,20 +90,16 @@ def fault(name: str, value: Any, hint: Any, inside: bool = False) -> str:
             fits = len(kinds) == len(value)
             within = ((f"{name}[{n}]", each, kind) for n, (each, kind) in enumerate(zip(value, kinds, strict=False)))
     else:
-        fits = inside and _are_numbers(value, hint) or _fits(value, hint, origin, parts)
+        is_of_numbers = hint in (float, np.ndarray) or hasattr(hint, "dim_str")  # in whatever shape
+        fits = inside and is_of_numbers and (_is_array(value) or isinstance(value, list | tuple | Real))
+        fits = fits or _fits(value, hint, origin, parts)
     return next(filter(None, (fault(*each, inside=True) for each in within)), "") if fits else _said(name, value, hint)
-
-
-def _are_numbers(value: Any, hint: Any) -> bool:
-    """Whether numbers are wanted, and these are some, in whatever shape."""
-    wanted = hint is float or hint is np.ndarray or hasattr(hint, "dim_str")
-    return wanted and (_is_array(value) or isinstance(value, list | tuple | Real))
 
 
 def _fits(value: Any, hint: Any, origin: Any, parts: tuple[Any, ...]) -> bool:
     """Whether a value is of a kind that holds no others."""
     if origin is typing.Literal:
-        return value in parts if isinstance(value, str) else False
+        return isinstance(value, str) and value in parts
     if hasattr(hint, "dim_str"):
         return _fits_array(value, hint)
     if hint in (float, int):
@@ -136,11 +129,10 @@ def _fits_array(value: Any, hint: Any) -> bool:
     else:
         array, is_dense = value, isinstance(value, hint.array_type) and not value.is_meta and not value.is_sparse
         is_known = is_dense and str(value.dtype).rpartition(".")[2] in hint.dtypes
-    if not is_known:
+    if not is_known or not (operator.ge if len(axes) < len(words) else operator.eq)(array.ndim, len(axes)):
         return False
-    sizes = list(array.shape)
-    is_of_size = all(not axis.isdigit() or int(axis) == size for axis, size in zip(axes[::-1], sizes[::-1], strict=False))
-    return is_of_size and (operator.ge if len(axes) < len(words) else operator.eq)(len(sizes), len(axes))
+    pairs = zip(axes[::-1], array.shape[::-1], strict=False)
+    return all(not axis.isdigit() or int(axis) == size for axis, size in pairs)
 
 
 def _said(name: str, value: Any, hint: Any) -> str:
@@ -160,8 +152,9 @@ def _words(hint: Any) -> list[str]:
         kind = "an array" if hint.array_type.__name__ == "ndarray" else "a tensor"
         numbers = hint.__name__.split("[")[0].lower().replace("num", "real")
         return [f"{kind} of {numbers} numbers ({', '.join(hint.dim_str.split())})"]
-    if origin is not None and isinstance(origin, type) and issubclass(origin, Mapping):
+    if isinstance(origin, type) and issubclass(origin, Mapping):
         return [f"a mapping of names to {_words(parts[1])[0]}"]
     if origin in (tuple, list, Sequence):
         return [f"several of {_words(parts[0])[0]}"]
-    return [KINDS.get(hint) or f"a {getattr(origin or hint, '__name__', hint)}"]
+    words = KINDS | {float: "a number", types.NoneType: "None"}
+    return [words.get(hint) or f"a {getattr(origin or hint, '__name__', hint)}"]

@@ -9,7 +9,6 @@ import types
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, fields, replace
 from functools import cache
-from itertools import chain
 from numbers import Real
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal, Self, TypeVar, get_args, get_origin, get_type_hints
@@ -26,6 +25,7 @@ BelowOne = Annotated[float, Interval(ge=0, lt=1)]
 Positive = Annotated[float, Gt(0)]
 NotNegative = Annotated[float, Ge(0)]
 
+KINDS = {int: "a whole number", float: "a finite number", bool: "true or false", str: "a text"}  # in words
 ADVANCED = "advanced"  # marks a field that no preset, grid or chapter changes
 Field = TypeVar("Field")
 Kind = TypeVar("Kind")
@@ -54,6 +54,7 @@ class Settings:
     presets: ClassVar[Mapping[str, Mapping[str, Any]]] = {}  # name -> changes to the defaults
     renamed: ClassVar[Mapping[str, str]] = {}  # names of former versions -> today's
     after_training: ClassVar[frozenset[str]] = frozenset()  # groups and fields on which no trained model depends
+    people: ClassVar[tuple[str, ...]] = ()  # fields that mean nothing with other data than a preset's own
     newer: ClassVar[Mapping[str, Any]] = {}  # fields that came after results were kept -> the value at which no hash has them
 
     def __post_init__(self) -> None:
@@ -79,12 +80,13 @@ class Settings:
     @classmethod
     def advanced(cls) -> set[str]:
         """Names of the fields that are marked `Advanced`."""
-        hints = [*chain.from_iterable(_hints(kind).items() for kind in cls.groups().values())]
-        return {name for name, hint in hints if ADVANCED in get_args(hint)}
+        return {name for kind in cls.groups().values() for name, hint in _hints(kind).items() if ADVANCED in get_args(hint)}
 
     @classmethod
     def preset(cls, name: str, **changes: Any) -> Self:
         """A named preset with some fields changed, e.g. ``Config.preset("tiny", lr=1e-3)``.
+
+        With other data than the preset's own, its subjects no longer mean anything: the lists of `people` are emptied.
 
         Args:
             name: of a preset; or a file of settings that ends in .yaml, as `to_yaml` writes it.
@@ -99,11 +101,15 @@ class Settings:
             if not file.is_file():
                 hint = near(file.name, [beside.name for beside in file.parent.glob("*.yaml")]) or near(file.stem, cls.presets)
                 raise FileNotFoundError(f"preset: there is no file {word}{hint}")
-            return cls.from_yaml(file).override(**changes)
-        if word not in cls.presets:
+            base = cls.from_yaml(file)
+        elif word in cls.presets:
+            base = cls().override(**cls.presets[word])
+        else:
             found, names = f"{shown(name)}{near(name, cls.presets)}", ", ".join(sorted(cls.presets))
             raise ValueError(f"preset is {found}; expected one of {names}, or a file that ends in .yaml")
-        return cls().override(**cls.presets[word]).override(**changes)
+        if cls.people and changes.get("data", base.get("data")) != base.get("data"):
+            base = base.override(**dict.fromkeys(cls.people, ()))
+        return base.override(**changes)
 
     def override(self, **changes: Any) -> Self:
         """A copy with some fields changed; group names are not needed.
@@ -113,19 +119,14 @@ class Settings:
         """
         owner, parts = self.owners(), {}
         for name, value in changes.items():
+            if name in self.renamed:
+                raise ValueError(f"{name!r} is not a setting any more; it is now called {self.renamed[name]!r}")
             if name not in owner:
-                raise ValueError(self._unknown(name))
+                hint = near(name, owner).strip(" ()") or f"mwlib train --system {self.system} --help lists all"
+                raise ValueError(f"unknown setting {name!r}; {hint}")
             parts.setdefault(owner[name], {})[name] = value
         groups = {group: replace(getattr(self, group), **part) for group, part in parts.items()}
         return replace(self, **groups)  # pyright: ignore[reportArgumentType]  (a subclass is a dataclass)
-
-    def _unknown(self, name: str) -> str:
-        if name in self.renamed:
-            return f"{name!r} is not a setting any more; it is now called {self.renamed[name]!r}"
-        match = difflib.get_close_matches(name, self.owners(), n=1)
-        return f"unknown setting {name!r}; " + (
-            f"did you mean {match[0]!r}?" if match else f"mwlib train --system {self.system} --help lists all"
-        )
 
     def get(self, name: str) -> Any:
         """The value of a field, whichever group holds it."""
@@ -149,8 +150,10 @@ class Settings:
 
     def trained(self) -> dict[str, Any]:
         """What `training_hash` is made of: the system's name, and by group every field but those of `after_training`."""
-        tree = {group: part for group, part in self._hashed().items() if group not in self.after_training}
-        kept = {group: {k: v for k, v in part.items() if k not in self.after_training} for group, part in tree.items()}
+        free = self.after_training
+        kept = {
+            group: {k: v for k, v in part.items() if k not in free} for group, part in self._hashed().items() if group not in free
+        }
         return json.loads(json.dumps({"system": self.system, **kept}))
 
     def sampled(self) -> dict[str, Any]:
@@ -158,20 +161,18 @@ class Settings:
         free = {name: self.get(name) for name, group in self.owners().items() if {name, group} & self.after_training}
         return json.loads(json.dumps(free))
 
-    def _tree(self) -> dict[str, dict[str, Any]]:
-        return {group: asdict(getattr(self, group)) for group in self.groups()}
-
     def _hashed(self) -> dict[str, dict[str, Any]]:
         """All fields but the newer ones that change nothing, so that what was made before these came is found again."""
         newer = self.newer
         return {
             group: {name: value for name, value in part.items() if name not in newer or value != newer[name]}
-            for group, part in self._tree().items()
+            for group, part in asdict(self).items()  # pyright: ignore[reportArgumentType]  (as in override)
         }
 
     def to_yaml(self) -> str:
         """The system's name and all fields as YAML text, grouped."""
-        return yaml.safe_dump({"system": self.system, **json.loads(json.dumps(self._tree()))}, sort_keys=False)
+        tree = json.loads(json.dumps(asdict(self)))  # pyright: ignore[reportArgumentType]  (as in override)
+        return yaml.safe_dump({"system": self.system, **tree}, sort_keys=False)
 
     @classmethod
     def from_yaml(cls, source: str | Path) -> Self:
@@ -187,8 +188,7 @@ class Settings:
         tree = read_tree(source)
         if tree.pop("system") != cls.system:
             raise ValueError(f"{_place(source)} configures another system; expected system: {cls.system}")
-        unknown = set(tree) - set(cls.groups())
-        if unknown or not all(isinstance(part, dict | None) for part in tree.values()):
+        if not {*tree} <= {*cls.groups()} or not all(isinstance(part, dict | None) for part in tree.values()):
             raise ValueError(
                 f"{_place(source)} has {sorted(tree)}; expected the groups {', '.join(cls.groups())}, each a mapping"
             )
@@ -265,9 +265,6 @@ def read_yaml(source: str | Path) -> Any:
             return found
     except _TwiceError as error:
         raise ValueError(f"{_place(source)}, {error}") from None
-    except UnicodeDecodeError as error:
-        found = f"byte {error.start} is {error.object[error.start]:#x}"
-        raise ValueError(f"{_place(source)} is not UTF-8: {found}; expected text") from None
     except (yaml.YAMLError, RecursionError, ValueError) as error:
         raise ValueError(f"{_place(source)} is not YAML: {' '.join(str(error).split())}") from None
     raise ValueError(f"{_place(source)} has aliases for more than {LARGEST_YAML} entries, or one inside itself; expected fewer")
@@ -341,7 +338,7 @@ def checked(name: str, value: Any, hint: Any) -> Any:
     Raises:
         ValueError: it does not fit; the message says what does.
     """
-    kind, rules = (get_args(hint)[0], get_args(hint)[1:]) if get_origin(hint) is Annotated else (hint, ())
+    kind, *rules = get_args(hint) if get_origin(hint) is Annotated else [hint]
     if get_origin(kind) is tuple:
         if isinstance(value, str) or not isinstance(value, Sequence):
             raise ValueError(f"{name} is {value!r}; expected a list")
@@ -352,9 +349,18 @@ def checked(name: str, value: Any, hint: Any) -> Any:
         return value
     value = _number(value, kind) if kind in (int, float) else value
     if type(value) is not kind:
-        raise ValueError(f"{name} is {value!r}; expected {_article(kind)}")
+        raise ValueError(f"{name} is {value!r}; expected {KINDS.get(kind, kind)}")
     for rule in rules:
-        _check_rule(name, value, rule)
+        if isinstance(rule, OneOf):
+            choice(name, value, rule.choices)
+        elif isinstance(rule, Ge) and not value >= rule.ge:
+            raise ValueError(f"{name} is {value}; expected at least {rule.ge}")
+        elif isinstance(rule, Gt) and not value > rule.gt:
+            raise ValueError(f"{name} is {value}; expected more than {rule.gt}")
+        elif isinstance(rule, Interval):
+            high = rule.lt if rule.le is None else rule.le
+            if not rule.ge <= value <= high or value == rule.lt:
+                raise ValueError(f"{name} is {value}; expected {rule.ge} to {'below ' * (rule.le is None)}{high}")
     return value
 
 
@@ -368,10 +374,10 @@ def whole(name: str, value: object, least: int = 0, most: int | None = None) -> 
     3
     """
     try:
-        number = None if _is_truth(value) else operator.index(value)  # pyright: ignore[reportArgumentType]
+        number = operator.index(value)  # pyright: ignore[reportArgumentType]
     except (TypeError, RuntimeError):
         number = None
-    if number is None:
+    if number is None or _is_truth(value):
         raise ValueError(f"{name} is {shown(value)}; expected a whole number, at least {least}")
     if number < least:
         raise ValueError(f"{name} is {shown(number)}; expected at least {least}")
@@ -427,7 +433,7 @@ def of_kind(name: str, value: Any, kind: type[Kind] | tuple[type[Kind], ...], ex
     """
     if isinstance(value, kind):
         return value
-    raise ValueError(f"{name} is {shown(value)}; expected " + (expected or f"a {getattr(kind, '__name__', kind)}"))
+    raise ValueError(f"{name} is {shown(value)}; expected {expected or 'a ' + getattr(kind, '__name__', str(kind))}")
 
 
 def several(name: str, values: object, what: str) -> list[Any]:
@@ -474,21 +480,3 @@ def _number(value: Any, kind: type) -> Any:
     if kind is float:
         return float(number)
     return int(number) if number == int(number) else number
-
-
-def _article(kind: type | types.GenericAlias) -> str:
-    words: dict[object, str] = {int: "a whole number", float: "a finite number", bool: "true or false", str: "a text"}
-    return words.get(kind, str(kind))
-
-
-def _check_rule(name: str, value: Any, rule: Any) -> None:
-    if isinstance(rule, OneOf):
-        choice(name, value, rule.choices)
-    elif isinstance(rule, Ge) and not value >= rule.ge:
-        raise ValueError(f"{name} is {value}; expected at least {rule.ge}")
-    elif isinstance(rule, Gt) and not value > rule.gt:
-        raise ValueError(f"{name} is {value}; expected more than {rule.gt}")
-    elif isinstance(rule, Interval):
-        low, high = rule.ge, rule.le if rule.le is not None else rule.lt
-        if not (low <= value and (value <= high if rule.le is not None else value < high)):
-            raise ValueError(f"{name} is {value}; expected {low} to {'' if rule.le is not None else 'below '}{high}")

@@ -13,6 +13,7 @@ from torch.nn.functional import normalize
 from mwlib.body.motion import Motion
 from mwlib.body.rig import ANGLES, MOVES, ROTATION_DTYPE, Rig
 from mwlib.body.rotation import about, continuous, from_matrix, inverse, multiply, rotate, shortest_arc, wrapped
+from mwlib.body.skeleton import Skeleton
 
 ROUNDS = 3  # of averaging the shape of several children; on real motion the fourth changes less than 1e-4 m
 LEAST_TWIST = 1e-9  # weight, against the bones themselves, of not turning where the bones leave it open
@@ -39,7 +40,7 @@ class Fit(NamedTuple):
     error: FitError
 
 
-def fit_rig(motion: Motion, offsets: Float[np.ndarray, "joints 3"] | None = None) -> Fit:
+def fit_rig(motion: Motion) -> Fit:
     """Find rotations and bones of fixed length whose forward kinematics comes close to the motion's positions.
 
     Bones have their median lengths. From the root outward, a joint with one child is turned by the shortest arc towards it,
@@ -50,10 +51,9 @@ def fit_rig(motion: Motion, offsets: Float[np.ndarray, "joints 3"] | None = None
 
     Args:
         motion: positions; a rig that it may have is not used.
-        offsets: a rest pose to be used instead, metres, from parent to joint in the parent's frame, y up, facing +z.
 
     Raises:
-        ValueError: positions are not finite, or `offsets` have another shape.
+        ValueError: positions are not finite.
 
     >>> from mwlib.body.skeleton import Skeleton
     >>> arm = Skeleton("arm", ("shoulder", "elbow", "wrist"), (-1, 0, 1))
@@ -65,18 +65,10 @@ def fit_rig(motion: Motion, offsets: Float[np.ndarray, "joints 3"] | None = None
     if not np.isfinite(target).all():
         frame, joint, _ = np.argwhere(~np.isfinite(target))[0]
         raise ValueError(f"the position of {motion.skeleton.joints[joint]} in frame {frame} is not finite; expected numbers")
-    if offsets is not None and offsets.shape != target.shape[1:]:
-        raise ValueError(f"offsets have shape {offsets.shape}; expected {target.shape[1:]} for {motion.skeleton.name}")
-    rest, rotations = _fit(torch.from_numpy(target), motion, None if offsets is None else torch.from_numpy(offsets))
-    joints = len(motion.skeleton)
-    rig = Rig(
-        motion.skeleton,
-        rest.numpy(),
-        continuous(rotations).numpy().astype(ROTATION_DTYPE),
-        target[:, 0],
-        tuple(range(joints)),
-        (MOVES + ANGLES, *[ANGLES] * (joints - 1)),
-    )
+    rest, rotations = _fit(torch.from_numpy(target), motion.skeleton)
+    joints, rotations = len(rest), continuous(rotations).numpy().astype(ROTATION_DTYPE)
+    channels = MOVES + ANGLES, *[ANGLES] * (joints - 1)
+    rig = Rig(motion.skeleton, rest.numpy(), rotations, target[:, 0], tuple(range(joints)), channels)
     if motion.up == "z":
         rig = rig.turned(np.array([0.5, 0.5, 0.0, 0.0]) * np.sqrt(2))
     return Fit(rig, distance(rig, motion))
@@ -89,24 +81,20 @@ def distance(rig: Rig, motion: Motion) -> FitError:
 
 
 def _fit(
-    target: Float[Tensor, "T joints 3"], motion: Motion, offsets: Float[Tensor, "joints 3"] | None
+    target: Float[Tensor, "T joints 3"], skeleton: Skeleton
 ) -> tuple[Float[Tensor, "joints 3"], Float[Tensor, "T joints 4"]]:
     """Offsets and local rotations, one joint after the other, all frames at once."""
-    skeleton = motion.skeleton
-    children: list[list[int]] = [[] for _ in skeleton.joints]
-    for parent, child in skeleton.bones:
-        children[parent].append(child)
     rest = torch.zeros_like(target[0])
     still = target.new_tensor([1.0, 0.0, 0.0, 0.0]).expand(len(target), 4)
     rotations, turns = still[:, None].repeat(1, len(skeleton), 1), {-1: still}
     places = {0: target[:, 0]}
     for joint, parent in enumerate(skeleton.parents):
-        below, above = children[joint], turns[parent]
+        below, above = [bone[1] for bone in skeleton.bones if bone[0] == joint], turns[parent]
         if below:
             seen = rotate(inverse(above)[:, None], target[:, below] - places[joint][:, None])
             lengths = (target[:, below] - target[:, joint, None]).norm(dim=-1).median(dim=0).values
-            start = _rest_of_root(target, motion, below) if joint == 0 else _mean_direction(seen)
-            rest[below] = _shape(start, seen, lengths) if offsets is None else offsets[below]
+            start = _mean_direction(seen) if joint else _rest_of_root(target, skeleton, below)
+            rest[below] = _shape(start, seen, lengths)
             turned = aimed(rest[below], seen)
             rotations[:, joint] = turned if len(below) > 1 else _steady(turned, rest[below[0]])
         turns[joint] = multiply(above, rotations[:, joint])
@@ -115,11 +103,11 @@ def _fit(
     return rest, rotations
 
 
-def _rest_of_root(target: Float[Tensor, "T joints 3"], motion: Motion, below: list[int]) -> Bones:
+def _rest_of_root(target: Float[Tensor, "T joints 3"], skeleton: Skeleton, below: list[int]) -> Bones:
     """The root's children where the body stands tallest, turned so that left is +x."""
     tallest = (target[..., 1].amax(dim=1) - target[..., 1].amin(dim=1)).argmax()
     bones = target[tallest, below] - target[tallest, 0]
-    pairs = zip(motion.skeleton.left, motion.skeleton.right, strict=True)
+    pairs = zip(skeleton.left, skeleton.right, strict=True)
     across = sum((target[tallest, a] - target[tallest, b] for a, b in pairs if a in below), torch.zeros_like(bones[0]))
     across = across * across.new_tensor([1.0, 0.0, 1.0])
     return rotate(shortest_arc(across, across.new_tensor([1.0, 0.0, 0.0])), bones)
@@ -136,14 +124,10 @@ def _mean_direction(seen: Seen) -> Bones:
 
 def _shape(start: Bones, seen: Seen, lengths: Float[Tensor, " children"]) -> Bones:
     """Bones of given lengths as they lie to each other on average: generalised Procrustes analysis."""
-
-    def scaled(bones: Tensor) -> Tensor:
-        """Bones of the right lengths, in their directions."""
-        return normalize(bones, dim=-1) * lengths[:, None]
-
-    shape = scaled(start)
+    shape = normalize(start, dim=-1) * lengths[:, None]
     for _ in range(ROUNDS if len(start) > 1 else 0):
-        shape = scaled(rotate(inverse(kabsch(shape, seen))[:, None], seen).mean(dim=0))
+        mean = rotate(inverse(kabsch(shape, seen))[:, None], seen).mean(dim=0)
+        shape = normalize(mean, dim=-1) * lengths[:, None]
     return shape
 
 

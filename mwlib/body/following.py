@@ -16,18 +16,11 @@ from torch.nn.functional import normalize
 from mwlib.body.fitting import JUMP, Directions, Turns, aimed, twist_jumps
 from mwlib.body.motion import Motion
 from mwlib.body.rig import MOVES, ROTATION_DTYPE, Rig, axes_of
-from mwlib.body.rotation import (
-    about,
-    continuous,
-    euler_angles,
-    euler_quaternions,
-    inverse,
-    multiply,
-    rotate,
-    tensor64,
-    wrapped,
-)
-from mwlib.body.skeleton import H36M17, Skeleton, to_h36m17
+
+from mwlib.body.rotation import (  # isort: skip
+    about, continuous, euler_angles, euler_quaternions, inverse, multiply, rotate, tensor64, wrapped,
+)  # fmt: skip
+from mwlib.body.skeleton import H36M17, to_h36m17
 
 COINCIDENT = 5e-3  # metres of bones: a joint so near another says nothing of its direction
 FASTEST = 24.0  # radians of twist a second that a body makes, 45 degrees a frame at 30 Hz: own choice
@@ -67,10 +60,13 @@ def on_rig(motion: Motion, poses: Motion, at: Sequence[float] | Float[np.ndarray
     (True, True)
     """
     rig, ratio = poses.rig, poses.fps / motion.fps
-    picked = range(len(poses.skeleton)) if motion.skeleton == poses.skeleton else to_h36m17(poses.skeleton)
-    if rig is None or picked is None or motion.skeleton not in (poses.skeleton, H36M17):
-        found = f"the poses are of {poses.skeleton.name}, {'with' if rig else 'without'} rotations"
-        raise ValueError(f"{found}; expected rotations, and a skeleton that stands for {motion.skeleton.name}")
+    seventeen = to_h36m17(poses.skeleton)
+    picked = range(len(poses.skeleton)) if motion.skeleton == poses.skeleton else seventeen
+    if not rig or not picked or motion.skeleton not in (poses.skeleton, H36M17):
+        raise ValueError(
+            f"the poses are of {poses.skeleton.name}, {'with' if rig else 'without'} rotations; "
+            f"expected rotations, and a skeleton that stands for {motion.skeleton.name}"
+        )
     times = np.asarray(at, np.float64)
     given = np.floor((times - times[:1]) * ratio + 0.5 + 1e-6).astype(int)  # halves go up, all of them
     if times.shape != (len(poses),) or not (np.diff(given) > 0).all():
@@ -79,10 +75,10 @@ def on_rig(motion: Motion, poses: Motion, at: Sequence[float] | Float[np.ndarray
     motion = motion.with_up(poses.up)
     held = _told(rig.between(line.low, line.high, line.share), motion, line.times, rig.points[0])
     path = CubicSpline(np.arange(len(motion)), motion.positions.astype(np.float64))(line.times)
-    points, limbs = [rig.points[joint] for joint in picked], [rig.points[joint] for joint in _limbs(poses.skeleton)]
+    points = [rig.points[joint] for joint in picked]
+    limbs = [rig.points[seventeen[joint]] for joint in LIMBS] if seventeen else []  # whose bones end in hinges
     jump = np.inf if motion.rig else min(JUMP, FASTEST / poses.fps)  # what a model of rotations says is so
-    moved = _followed(held, path, points, limbs, line, jump)
-    rig = _meeting(moved, rig, line)
+    rig = _meeting(_followed(held, path, points, limbs, line, jump), rig, line)
     return replace(poses, positions=rig.positions().astype(poses.positions.dtype), rig=rig, name=motion.name)
 
 
@@ -132,12 +128,6 @@ def _told(held: Rig, motion: Motion, times: Float[np.ndarray, " T"], root: int) 
     return replace(held, rotations=rotations)
 
 
-def _limbs(skeleton: Skeleton) -> list[int]:
-    """Hips and shoulders, whose bones end in hinges; () if it is not known which these are."""
-    picked = range(len(H36M17)) if skeleton == H36M17 else to_h36m17(skeleton)
-    return [] if picked is None else [picked[joint] for joint in LIMBS]
-
-
 def _followed(
     held: Rig, targets: Float[np.ndarray, "T points 3"], points: list[int], limbs: list[int], line: Timeline, jump: float
 ) -> Rig:
@@ -145,13 +135,12 @@ def _followed(
     goals = dict(zip(points, tensor64(targets).unbind(1), strict=True))
     seen, seen_turns = map(tensor64, held.world())
     held = _carried(held, goals[points[0]] - seen[:, points[0]], seen_turns, points[0])
-    ends, local, parents = _ends(held, points), tensor64(held.rotations), held.skeleton.parents
-    offsets = tensor64(held.offsets[None] if held.moves is None else held.moves)
+    ends, local, spans = _ends(held, points), tensor64(held.rotations), tensor64(held.spans)
     none = local.new_tensor([1.0, 0.0, 0.0, 0.0]).expand(len(local), 4)
     places, turns = {0: tensor64(held.root)}, {-1: none}
-    for joint, above in enumerate(parents):
+    for joint, above in enumerate(held.skeleton.parents):
         if joint:
-            places[joint] = places[above] + rotate(turns[above], offsets[:, joint])
+            places[joint] = places[above] + rotate(turns[above], spans[:, joint])
         turns[joint] = multiply(turns[above], local[:, joint])
         axes, below = axes_of(held.channels[joint] or ()), ends[joint]
         if not below or not axes:
@@ -183,7 +172,7 @@ def _carried(rig: Rig, way: Directions, turns: Float[Tensor, "T rig 4"], point: 
 
 def _ends(rig: Rig, points: list[int]) -> list[list[int]]:
     """For each joint at or below the first point the points next below it that do not stand where it does itself."""
-    lengths = np.linalg.norm(rig.at_first, axis=-1)
+    lengths = np.linalg.norm(rig.spans[0], axis=-1)
     ends: list[list[int]] = [[] for _ in lengths]
     for point in points[1:]:
         joint, way = point, 0.0
@@ -222,12 +211,12 @@ def _meeting(rig: Rig, poses: Rig, line: Timeline) -> Rig:
         found,
         rotations=multiply(inverse(tensor64(found.rotations)), tensor64(poses.rotations)).numpy(),
         root=poses.root - found.root,
-        moves=None if found.moves is None or poses.moves is None else poses.moves - found.moves,
+        moves=None if found.moves is None else poses.spans - found.moves,
     ).between(line.low, line.high, line.share)
     turns = continuous(multiply(tensor64(rig.rotations), tensor64(lacking.rotations)))
     return replace(
         rig,
         rotations=normalize(turns, dim=-1).numpy().astype(ROTATION_DTYPE),
         root=rig.root + lacking.root,
-        moves=None if rig.moves is None or lacking.moves is None else rig.moves + lacking.moves,
+        moves=None if rig.moves is None else rig.moves + lacking.spans,
     )

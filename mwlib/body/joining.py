@@ -33,29 +33,33 @@ def check_one_body(first: Motion, second: Motion) -> None:
     else:
         return
     what = "start and end are of different bodies"
-    if one.keys() != other.keys():
-        parts = (("start", one.keys() - other.keys()), ("end", other.keys() - one.keys()))
-        lost = {name: sorted(" under ".join(bone) for bone in bones) for name, bones in parts if bones}
-        said = [f"{name} has {', '.join(only[:3])}{' ...' * (len(only) > 3)}" for name, only in lost.items()]
-        raise ValueError(f"{what}: only {', and only '.join(said)}; expected the same joints")
-    worst = max(one, key=lambda bone: abs(one[bone] - other[bone]), default=None)
-    if worst is not None and not abs(one[worst] - other[worst]) <= close:
-        lengths = f"{one[worst]:.3f} m in start and {other[worst]:.3f} m in end"
-        raise ValueError(f"{what}: from {worst[1]} to {worst[0]} it is {lengths}; expected bones of the same length")
+    if lost := sorted(one.keys() ^ other.keys()):
+        joint, parent = lost[0]
+        only = "start" if lost[0] in one else "end"
+        raise ValueError(f"{what}: only {only} has {joint} under {parent}; expected the same joints ({len(lost)} are not)")
+    for (joint, parent), length in one.items():
+        if not abs(length - other[joint, parent]) <= close:
+            raise ValueError(
+                f"{what}: from {parent} to {joint} it is {length:.3f} m in start and {other[joint, parent]:.3f} m in end; "
+                "expected bones of the same length"
+            )
 
 
 def _bones_of_rig(rig: Rig) -> dict[tuple[str, str], float]:
     """Lengths by joint and parent, metres, of what hangs from the motion's root."""
-    names, parents, lengths = rig.skeleton.joints, rig.skeleton.parents, np.linalg.norm(rig.at_first, axis=-1)
-    return {(names[joint], names[parents[joint]]): float(lengths[joint]) for joint in rig.hanging()[1:]}
+    names, parents, lengths = rig.skeleton.joints, rig.skeleton.parents, np.linalg.norm(rig.spans[0], axis=-1)
+    return {(names[joint], names[parents[joint]]): lengths[joint] for joint in rig.hanging()[1:]}
 
 
 def _bones_of_positions(motion: Motion) -> dict[tuple[str, str], float]:
     """Median lengths by joint and parent, metres."""
     lengths, names = np.median(bone_lengths(motion.positions, motion.skeleton), axis=0), motion.skeleton.joints
     bones = zip(motion.skeleton.bones, lengths, strict=True)
-    firm = {(names[joint], names[parent]): float(length) for (parent, joint), length in bones}
-    return {bone: firm[bone] for bone in firm if motion.skeleton != H36M17 or bone[0].endswith(FIRM)}
+    return {
+        (names[joint], names[parent]): float(length)
+        for (parent, joint), length in bones
+        if motion.skeleton != H36M17 or names[joint].endswith(FIRM)
+    }
 
 
 def rig_of(motion: Motion) -> Rig:
@@ -101,9 +105,9 @@ def joined(first: Motion, second: Motion) -> Motion:
     """
     one, other = rig_of(first), rig_of(second)
     order = [other.skeleton.joints.index(name) for name in one.skeleton.joints]
-    parts = [(one.rotations, other.rotations[:, order]), (one.root, other.root)]
+    moves = None
     if one.moves is not None:
-        moves = np.tile(other.offsets, (len(second), 1, 1)) if other.moves is None else other.moves
-        parts.append((one.moves, moves[:, order]))
-    rig = replace(one, **dict(zip(("rotations", "root", "moves"), map(np.concatenate, parts), strict=False)))
+        moves = np.concatenate([one.moves, np.broadcast_to(other.spans, other.rotations[..., :3].shape)[:, order]])
+    rotations = np.concatenate([one.rotations, other.rotations[:, order]])
+    rig = replace(one, rotations=rotations, root=np.concatenate([one.root, other.root]), moves=moves)
     return replace(first, positions=rig.positions().astype(first.positions.dtype), rig=rig)

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from functools import lru_cache, partial
+from itertools import groupby, pairwise
 
 import numpy as np
 import torch
 from jaxtyping import Float, Int
 from torch import Tensor
+from torch.nn.functional import pad
 
 from mwlib.body.rotation import matrix_parts, multiply_parts, rotate_parts
 from mwlib.body.skeleton import Skeleton
@@ -35,11 +37,9 @@ def forward_kinematics(
         root: root position. Lengths come out in the unit of `offsets` and `root`.
     """
     turned, places = [rotations[..., 0, :, :]], [np.asarray(root)]
-    offsets = np.broadcast_to(offsets, (*rotations.shape[:-3], len(skeleton), 3))
-    for joint in range(1, len(skeleton)):
-        above = turned[skeleton.parents[joint]]
-        turned.append(above @ rotations[..., joint, :, :])
-        places.append(places[skeleton.parents[joint]] + (above @ offsets[..., joint, :, None])[..., 0])
+    for parent, joint in skeleton.bones:
+        turned.append(turned[parent] @ rotations[..., joint, :, :])
+        places.append(places[parent] + (turned[parent] @ offsets[..., joint, :, None])[..., 0])
     return np.stack(places, axis=-2)
 
 
@@ -131,10 +131,9 @@ def _levels(
     With `of_parents` joints without children are left out, and where the parents of joints 1, 2, ... stand is said instead.
     """
     depth, wanted = _depths(parents), parents[1:] if of_parents else range(len(parents))
-    rows = [[joint for joint in sorted({*wanted}) if depth[joint] == level] for level in range(max(depth) + 1)]
-    rows = [row for row in rows if row]
-    order = [joint for row in rows for joint in row]
-    above = [[up.index(parents[joint]) for joint in row] for up, row in zip(rows, rows[1:], strict=False)]
+    order = sorted({*wanted}, key=lambda joint: (depth[joint], joint))
+    rows = [[*row] for _, row in groupby(order, depth.__getitem__)]
+    above = [[up.index(parents[joint]) for joint in row] for up, row in pairwise(rows)]
     found = [order.index(joint) for joint in wanted]
     numbers = partial(torch.tensor, device=device)
     return numbers(order), [numbers(places) for places in above], numbers(found)
@@ -148,7 +147,7 @@ def _depths(parents: tuple[int, ...]) -> list[int]:
     return depth
 
 
-def turn_heading(x: Float[Tensor, "*lead F C"], angle: Float[Tensor, "*lead"], up: str = "z") -> Float[Tensor, "*lead F C"]:
+def turn_heading(x: Float[Tensor, "*#lead F C"], angle: Float[Tensor, "*#lead"], up: str = "z") -> Float[Tensor, "*lead F C"]:
     """Turn flattened joints about the up-axis, the first horizontal axis towards the second; radians, one per sequence."""
     cos, sin = (f(angle).to(x)[..., None, None] for f in (torch.cos, torch.sin))
     a, b, _ = horizontal(up)
@@ -202,16 +201,14 @@ def scale_bones(
 def bones_of(x: Float[Tensor, "*lead C"], skeleton: Skeleton) -> Float[Tensor, "*lead bones 3"]:
     """The vector from each joint's parent to it, for joints 1, 2, ..., the root being at the origin."""
     joints = x.unflatten(-1, (-1, 3))
-    parents = torch.tensor(skeleton.parents[1:], device=x.device)
-    return joints - torch.where((parents > 0)[:, None], joints[..., (parents - 1).clamp_min(0), :], 0.0)
+    return joints - pad(joints, (0, 0, 1, 0))[..., list(skeleton.parents[1:]), :]
 
 
 def _sums(skeleton: Skeleton, like: Tensor) -> Float[Tensor, "bones bones"]:
     """The matrix that adds up the bones from the root to each joint."""
-    chain = np.zeros((len(skeleton), len(skeleton)))
-    for joint, parent in enumerate(skeleton.parents):
-        chain[joint] = chain[max(parent, 0)]
-        chain[joint, joint] = 1
+    chain = np.eye(len(skeleton))
+    for parent, joint in skeleton.bones:
+        chain[joint] += chain[parent]
     return torch.as_tensor(chain[1:, 1:]).to(like)
 
 

@@ -54,15 +54,17 @@ class Motion:
     rig: Rig | None = None
 
     def __post_init__(self) -> None:
-        expected = (len(of_kind("skeleton", self.skeleton, Skeleton)), 3)
+        joints = len(of_kind("skeleton", self.skeleton, Skeleton))
         for label in ("subject", "action", "name"):
             of_kind(label, getattr(self, label), str, "a text")
         if not isinstance(self.positions, np.ndarray) or self.positions.dtype.kind not in "fiu":
-            found = getattr(self.positions, "dtype", "no numbers")
-            raise ValueError(f"positions is {shown(self.positions)} of {found}; expected a NumPy array of real numbers")
-        if self.positions.ndim != 3 or self.positions.shape[1:] != expected or len(self.positions) == 0:
             raise ValueError(
-                f"positions have shape {self.positions.shape}; expected (T, {expected[0]}, 3) with T > 0 for {self.skeleton.name}"
+                f"positions is {shown(self.positions)} of {getattr(self.positions, 'dtype', 'no numbers')}; "
+                "expected a NumPy array of real numbers"
+            )
+        if self.positions.shape[1:] != (joints, 3) or not len(self):
+            raise ValueError(
+                f"positions have shape {self.positions.shape}; expected (T, {joints}, 3) with T > 0 for {self.skeleton.name}"
             )
         if real("fps", self.fps) <= 0:
             raise ValueError(f"fps is {self.fps}; expected a positive number")
@@ -72,25 +74,27 @@ class Motion:
 
     def _check_rig(self, rig: Rig) -> None:
         if len(rig.root) != len(self) or len(rig.points) != len(self.skeleton):
-            found = f"{len(rig.root)} frames and {len(rig.points)} points"
-            raise ValueError(f"the rig has {found}; expected {len(self)} and {len(self.skeleton)}, as the positions have")
-        ends = [0, len(self) - 1]
-        away = np.linalg.norm(rig.pick(np.array(ends)).positions() - self.positions[ends], axis=-1)
+            raise ValueError(
+                f"the rig has {len(rig.root)} frames and {len(rig.points)} points; "
+                f"expected {len(self)} and {len(self.skeleton)}, as the positions have"
+            )
+        ends = np.array([0, len(self) - 1])
+        away = np.linalg.norm(rig.pick(ends).positions() - self.positions[ends], axis=-1)
         if not away.max() <= RIG_SLACK[0] + RIG_SLACK[1] * np.abs(self.positions[ends]).max():  # True for nan
             frame, joint = np.unravel_index(away.argmax(), away.shape)
-            place = f"{away.max():.3g} m from its position in frame {ends[frame]}"
-            raise ValueError(f"the rig puts {self.skeleton.joints[joint]} {place}; expected the same place, or rig=None")
+            raise ValueError(
+                f"the rig puts {self.skeleton.joints[joint]} {away.max():.3g} m from its position in frame {ends[frame]}; "
+                "expected the same place, or rig=None"
+            )
 
     def __len__(self) -> int:
         return len(self.positions)
 
     def __repr__(self) -> str:
         """One line, for a reader who looks at a motion; arrays stay out of it."""
-        said = {"subject": self.subject, "action": self.action, "name": self.name}
-        words = "".join(f", {key}={text!r}" for key, text in said.items() if text)
-        words += "" if self.rig is None else ", with rotations"
-        size = f"{len(self)} frames of {len(self.skeleton)} joints"
-        return f"Motion({size}, {self.skeleton.name}, {self.fps:g} Hz, up {self.up}{words})"
+        said = [f"{key}={text!r}" for key in ("subject", "action", "name") if (text := getattr(self, key))]
+        size = f"{len(self)} frames of {len(self.skeleton)} joints, {self.skeleton.name}, {self.fps:g} Hz, up {self.up}"
+        return f"Motion({', '.join([size, *said, *['with rotations'] * bool(self.rig)])})"
 
     @property
     def duration(self) -> float:
@@ -111,24 +115,24 @@ class Motion:
         if fps == self.fps:
             return self
         if not self.duration * fps <= max(MOST_FRAMES, len(self)):
-            found = f"{self.name or 'a clip'} has {len(self)} frames at fps {self.fps:g}, {self.duration:.3g} s"
-            raise ValueError(f"{found}; expected at most {MOST_FRAMES} frames at {fps:g} Hz")
+            raise ValueError(
+                f"{self.name or 'a clip'} has {len(self)} frames at fps {self.fps:g}, {self.duration:.3g} s; "
+                f"expected at most {MOST_FRAMES} frames at {fps:g} Hz"
+            )
         frames = int(np.floor(self.duration * fps + 1e-6)) + 1
         at = np.minimum(np.arange(frames) * (self.fps / fps), len(self) - 1)
         low = np.minimum(at.astype(int), max(len(self) - 2, 0))
         high = np.minimum(low + 1, len(self) - 1)
         share = (at - low).astype(self.positions.dtype)
         positions = on_the_way(self.positions, low, high, share)
-        rig = None if self.rig is None else self.rig.between(low, high, share)
-        if rig is not None:
+        if rig := self.rig and self.rig.between(low, high, share):
             between = (share > 0) & (share < 1)
             positions[between] = rig.pick(between).positions()
         return replace(self, positions=positions, fps=fps, rig=rig)
 
     def root_relative(self) -> Float[np.ndarray, "T C"]:
         """Joints minus root, root dropped, flattened joint-major with xyz fastest: the model's x, metres."""
-        relative = self.positions[:, 1:] - self.positions[:, :1]
-        return relative.reshape(len(self), -1)
+        return (self.positions[:, 1:] - self.positions[:, :1]).reshape(len(self), -1)
 
     def with_up(self, up: str) -> Motion:
         """Turn the axes so that `up` points up; right-handed, so left stays left.

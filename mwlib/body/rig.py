@@ -62,9 +62,9 @@ class Rig:
             raise ValueError(
                 f"channels of the rig are {self.channels}; expected names like xposition for each of {joints} joints"
             )
-        if any(not 0 <= point < joints for point in self.points):
+        if not {*self.points} <= {*range(joints)}:
             raise ValueError(f"points of the rig are {self.points}; expected joints 0 to {joints - 1}")
-        if {parent for parent in self.skeleton.parents if parent >= 0} & {j for j, c in enumerate(self.channels) if c is None}:
+        if any(self.channels[parent] is None for parent in self.skeleton.parents[1:]):
             raise ValueError("an End Site of the rig has children; expected none")
         length = np.sqrt(np.einsum("tjc,tjc->tj", self.rotations, self.rotations))
         if not np.all(np.abs(length - 1) < 1e-4):
@@ -73,14 +73,13 @@ class Rig:
     def world(self) -> tuple[Float[np.ndarray, "T rig 3"], Float[np.ndarray, "T rig 4"]]:
         """Positions of all its joints (metres) and their turns against the world, float64: forward kinematics."""
         turns = normalize(tensor64(self.rotations), dim=-1)
-        offsets = self.offsets if self.moves is None else self.moves
-        places, turns = fk(turns, tensor64(offsets), tensor64(self.root), self.skeleton)
+        places, turns = fk(turns, tensor64(self.spans), tensor64(self.root), self.skeleton)
         return places.numpy(), turns.numpy()
 
     @property
-    def at_first(self) -> Float[np.ndarray, "rig 3"]:
-        """From parent to joint in the first frame, metres."""
-        return self.offsets if self.moves is None else self.moves[0]
+    def spans(self) -> Float[np.ndarray, "_T rig 3"]:
+        """From parent to joint in each frame, metres; one for all where nothing moves but the root."""
+        return self.offsets[None] if self.moves is None else self.moves
 
     def positions(self) -> Float[np.ndarray, "T joints 3"]:
         """Positions of the motion's joints, metres, float64."""
@@ -124,7 +123,7 @@ class Rig:
         if not np.array_equal(swap[parents[1:]], parents[swap[1:]]) or not np.array_equal(swap[points], points[order]):
             raise ValueError(f"left and right of {self.skeleton.name} are not built alike; expected pairs that hang from pairs")
         axis, world = self.across() or 0, np.array([-1.0, 1.0, 1.0])
-        flip = np.where(np.arange(3) == axis, -1.0, 1.0)
+        flip = 1 - 2 * np.eye(3)[axis]
         rotations = tensor64(self.rotations[:, swap]) * torch.tensor([1.0, *-flip])
         rotations[:, 0] = tensor64(self.rotations[:, 0]) * torch.tensor([1.0, *-world])
         if axis:  # from the world's mirror plane to that of the joints: half a turn about the third axis
@@ -146,7 +145,7 @@ class Rig:
         What does not hang from the motion's root, like a joint on the floor, and the root's own way do not count.
         Of CMU's rigs and most others it is x. Of LaFAN1's, whose bones lie along x, it is z.
         """
-        offsets, below = self.at_first, self.hanging()[1:]
+        offsets, below = self.spans[0], self.hanging()[1:]
         image = offsets[self.skeleton.mirror]
         apart = [np.abs(image * (1 - 2 * unit) - offsets)[below].max(initial=0.0) for unit in np.eye(3)]
         return int(np.argmin(apart)) if min(apart) < ALIKE else None
@@ -167,8 +166,7 @@ class Rig:
         at, below = {joint: i for i, joint in enumerate(kept)}, kept[1:]
         if lost := sorted({*self.points} - {*at}):
             raise ValueError(f"{self.skeleton.joints[lost[0]]} does not hang from {self.skeleton.joints[root]}; expected all to")
-        moves = np.broadcast_to(self.offsets, (len(self.root), *self.offsets.shape)) if self.moves is None else self.moves
-        if (way := np.ptp(moves[:, below], axis=0).max()) > STILL:
+        if (way := np.ptp(self.spans[:, below], axis=0).max()) > STILL:
             raise ValueError(
                 f"a joint of {self.skeleton.name} moves {way:.3g} m against its parent; expected bones of fixed length"
             )
@@ -179,15 +177,16 @@ class Rig:
         joints = tuple(self.skeleton.joints[j] for j in kept)
         tree = Skeleton(self.skeleton.name, joints, (-1, *[at[parents[j]] for j in below]), left, right)
         return Rig(
-            tree, moves.mean(axis=0)[kept], continuous(tensor64(rotations)).numpy().astype(rotations.dtype), places[:, root],
+            tree, self.spans.mean(axis=0)[kept], continuous(tensor64(rotations)).numpy().astype(rotations.dtype), places[:, root],
             tuple(at[j] for j in self.points), (MOVES + ANGLES, *[self.channels[j] for j in below]),
         )  # fmt: skip
 
     def hanging(self) -> list[int]:
         """The motion's root, and the joints that hang from it."""
         found = [self.points[0]]
-        for joint in range(found[0] + 1, len(self.skeleton)):
-            found += [joint] if self.skeleton.parents[joint] in found else []
+        for joint, parent in enumerate(self.skeleton.parents):
+            if parent in found:
+                found.append(joint)
         return found
 
 

@@ -180,7 +180,7 @@ def six(q: Quaternions) -> Float[Tensor, "*#lead 6"]:
 
     Source: Zhou et al. 2019, "On the continuity of rotation representations".
     """
-    return rotate(q[..., None, :], torch.eye(3)[:2].to(q)).flatten(-2)
+    return matrix(q)[..., :2].mT.flatten(-2)
 
 
 def from_six(numbers: Float[Tensor, "*lead 6"]) -> Quaternions:

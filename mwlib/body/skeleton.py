@@ -124,6 +124,8 @@ H36M17 = named_tree(
         "left_arm": "left_shoulder left_elbow left_wrist",
         "right_arm": "right_shoulder right_elbow right_wrist",
     },
+    h36m17="hip right_hip right_knee right_foot left_hip left_knee left_foot spine thorax neck head "
+    "left_shoulder left_elbow left_wrist right_shoulder right_elbow right_wrist",
 )
 # CMU: the 31 points of the ASF skeletons; a point is the far end of the bone of that name.
 CMU = named_tree(

@@ -5,7 +5,8 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Float
+from scipy.ndimage import find_objects, label
 
 from mwlib.body.kinematics import horizontal
 from mwlib.body.motion import Motion
@@ -37,26 +38,24 @@ def standing(motion: Motion, floor: float) -> Motion:
         path = positions[:, foot]
         moved = _held(path, _stands(path, vertical, floor, motion.fps), flat)
         moved[1:-1, vertical] = np.maximum(moved[1:-1, vertical], min(floor, path[[0, -1], vertical].min()))
-        positions[1:-1, knee], positions[1:-1, foot] = (
-            part[1:-1] for part in bent(positions[:, hip], positions[:, knee], path, moved)
-        )
+        leg = bent(positions[:, hip], positions[:, knee], path, moved)
+        positions[1:-1, [knee, foot]] = np.stack(leg, axis=1)[1:-1]
     return replace(motion, positions=positions.astype(motion.positions.dtype), rig=None)
 
 
 def legs(skeleton: Skeleton) -> list[tuple[int, int, int]]:
     """Hip, knee and foot of each leg by the knees' names; none where the names are others, or joints lie between."""
     knees = [joint for joint, name in enumerate(skeleton.joints) if "knee" in name.lower()]
-    below = {knee: [joint for joint, parent in enumerate(skeleton.parents) if parent == knee] for knee in knees}
-    return [(skeleton.parents[knee], knee, below[knee][0]) for knee in knees if len(below[knee]) == 1]
+    return [(skeleton.parents[knee], knee, skeleton.parents.index(knee)) for knee in knees if skeleton.parents.count(knee) == 1]
 
 
 def _stands(path: Path, vertical: int, floor: float, fps: float) -> list[slice]:
     """Stretches of frames in which a foot stands."""
     slow = np.linalg.norm(np.diff(path, axis=0), axis=-1) * fps <= SLOW
     low = path[:, vertical] <= floor + LOW
-    still: Bool[np.ndarray, " T"] = low & np.concatenate([[False], slow]) | low & np.concatenate([slow, [False]])
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], still, [False]]).astype(int)))
-    return [slice(a, b) for a, b in edges.reshape(-1, 2) if b - a >= SHORTEST * fps]
+    slow = np.pad(slow, 1)
+    found = find_objects(label(low & (slow[1:] | slow[:-1]))[0])  # pyright: ignore[reportIndexIssue]  (no `output` was given)
+    return [part for (part,) in found if part.stop - part.start >= SHORTEST * fps]
 
 
 def _held(path: Path, stands: list[slice], flat: list[int]) -> Path:

@@ -18,7 +18,7 @@ from mwlib.body.skeleton import Skeleton
 from mwlib.settings import Positive, choice
 
 from mwlib.metrics.prediction import (  # isort: skip
-    ERRORS, Metric, MultimodalFutures, PerWindow, Predictions, Samples, Sets, Truths, ade, by_action, check_shapes, cmd, fde,
+    ERRORS, Metric, MultimodalFutures, PerWindow, Samples, Sets, Truths, ade, by_action, check_shapes, cmd, fde,
     mean_ade, step_length,
 )  # fmt: skip
 from mwlib.metrics.table import Column, summary
@@ -171,7 +171,7 @@ def coverage(p: Samples, g: Truths, share: float) -> PerWindow:
     samples = p.shape[1]
     if samples == 1:
         return p.new_full((len(p),), torch.nan)
-    below, equal = ((relation(p, g[:, None])).sum(1, dtype=p.dtype) for relation in (torch.lt, torch.eq))
+    below, equal = (relation(p, g[:, None]).sum(1, dtype=p.dtype) for relation in (torch.lt, torch.eq))
     first = (below + equal / 2) / (samples + 1)
     last, edge = first + 1 / (samples + 1), (1 - share) / 2
     inside = (last.clamp_max(1 - edge) - first.clamp_min(edge)).clamp_min(0) * (samples + 1)
@@ -247,13 +247,11 @@ class MetricTable:
         history: Past | None = None,
     ) -> None:
         choice("mm_singletons", mm_singletons, MM_SINGLETONS)
-        if actions is not None and len(actions) != len(gs):
-            raise ValueError(f"{len(actions)} actions for {len(gs)} windows; expected one each")
+        self.actions, self.clips = list(actions or ["all"] * len(gs)), list(clips or range(len(gs)))
+        if len(self.actions) != len(gs):
+            raise ValueError(f"{len(self.actions)} actions for {len(gs)} windows; expected one each")
         self.gs, self.skeleton, self.fps, self.mm_singletons = MultimodalFutures.of(gs), skeleton, fps or 0.0, mm_singletons
-        self.actions = ["all"] * len(gs) if actions is None else list(actions)
-        self.clips = list(range(len(gs))) if clips is None else list(clips)
-        frames = self.gs.futures.shape[1]
-        self.history = history
+        self.history, frames = history, self.gs.futures.shape[1]
         offered = ERRORS | (REALISM if fps else {}) | (SEAM if fps and history is not None else {})
         if skeleton is None:
             del offered["bone_length_jitter"]
@@ -267,13 +265,12 @@ class MetricTable:
         if windows.shape != (len(p),) or len(windows.unique()) < len(p):
             raise ValueError(f"{len(windows)} window numbers for {len(p)} predictions; expected one each, all different")
         check_shapes(p, g, windows=windows)
-        fed = windows[self.values["apd"][windows].isfinite()].tolist()
-        if fed:
+        if fed := windows[self.values["apd"][windows].isfinite()].tolist():
             raise ValueError(f"window {fed[0]} was fed before; expected every window once")
-        seen = None if self.history is None else self.history[windows].to(p)
-        part = Predictions(p, g, self.gs.take(windows.tolist()), self.skeleton, self.fps, seen)
+        past, gs = None if self.history is None else self.history[windows].to(p), self.gs.take(windows.tolist())
         for name, metric in self.metrics.items():
-            self.values[name][windows] = metric.of(part).double().cpu()
+            found = metric.of(p=p, g=g, gs=gs, skeleton=self.skeleton, fps=self.fps, x_history=past)
+            self.values[name][windows] = found.double().cpu()
         for row, motion in zip(self._steps, (p, g[:, None]), strict=True):
             row[windows] = step_length(motion).double().cpu()
 

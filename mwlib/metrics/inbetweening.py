@@ -19,7 +19,7 @@ from mwlib.body.kinematics import bones_of, horizontal
 from mwlib.body.rotation import continuous
 from mwlib.body.skeleton import Skeleton
 from mwlib.metrics.prediction import PerWindow, Samples, Truths, sample_ade
-from mwlib.settings import Positive, choice
+from mwlib.settings import Positive
 
 Moving = Float[Tensor, "*lead T C"]
 PerMotion = Float[Tensor, "*lead"]
@@ -48,41 +48,40 @@ def l2p(p: Frames, g: Frames, mean: Float[Tensor, " C"], deviation: Float[Tensor
     tensor([0.5000])
     """
     check_pair(p, g, axes=2)
-    if mean.shape != p.shape[-1:] or deviation.shape != p.shape[-1:]:
-        found = f"mean {tuple(mean.shape)} and deviation {tuple(deviation.shape)}"
-        raise ValueError(f"{found}; expected ({p.shape[-1]},), one number for each coordinate of a pose")
+    if not mean.shape == deviation.shape == p.shape[-1:]:
+        raise ValueError(
+            f"mean {tuple(mean.shape)} and deviation {tuple(deviation.shape)}; "
+            f"expected ({p.shape[-1]},), one number for each coordinate of a pose"
+        )
     if not (deviation > 0).all():
         raise ValueError(f"the smallest deviation is {float(deviation.min()):g}; expected positive ones")
     mean, deviation = mean.to(p), deviation.to(p)
     return torch.linalg.vector_norm((p - mean) / deviation - (g - mean) / deviation, dim=-1).mean(-1)
 
 
-def l2q(p: Turns, g: Turns, start: Float[Tensor, "*#lead J 4"] | None = None) -> PerMotion:
+def l2q(p: Turns, g: Turns) -> PerMotion:
     """Global rotation error of each sequence: mean over frames of the norm of all 4J differences of quaternions.
 
     A quaternion and its negative are one turn, but far-apart numbers. The benchmark's code leaves signs as they are, which
-    suits what was recorded and interpolated; what a network predicts has any sign and needs `start`.
+    suits what was recorded and interpolated; what a network predicts has any sign: give `continued(p, start)` and
+    `continued(g, start)`, as the Δ-interpolator's evaluation does.
 
     Args:
         p: predicted global (not local) unit quaternions (w, x, y, z).
         g: true ones.
-        start: the true global quaternions of the last frame before these. If given, `continued` is applied to both first.
 
-    Source: Harvey et al., 2020, as their code for LaFAN1 computes it; continuity from the start frame after the
-    Δ-interpolator (Oreshkin et al., 2022).
+    Source: Harvey et al., 2020, as their code for LaFAN1 computes it.
 
     Raises:
         ValueError: shapes do not fit or a value is not finite.
 
     >>> still = torch.tensor([1.0, 0.0, 0.0, 0.0]).expand(1, 3, 1, 4)
-    >>> l2q(-still, still), l2q(-still, still, start=still[:, 0])
+    >>> l2q(-still, still), l2q(continued(-still, still[:, 0]), still)
     (tensor([2.]), tensor([0.]))
     """
     check_pair(p, g, axes=3)
     if p.shape[-1] != 4:
         raise ValueError(f"p has shape {tuple(p.shape)}; expected (..., F, J, 4), quaternions")
-    if start is not None:
-        p, g = continued(p, start), continued(g, start)
     return torch.linalg.vector_norm((p - g).flatten(-2), dim=-1).mean(-1)
 
 
@@ -113,16 +112,12 @@ class NPSS:
     At 0/0: a predicted channel without any power has the shares 0, so E is the sum of the truth's cumulated shares; a true
     one has the weight P = 0 and does not count. `value` is NaN if nothing that was fed had power.
 
-    Args:
-        power: "real", as in the benchmark: the squared real part of the Fourier coefficients, all F bins; it depends on the
-            phase. "magnitude": |coefficient|², what is usually called power; not the benchmark.
+    Power is, as in the benchmark, the squared real part of the Fourier coefficients, all F bins; it depends on the phase.
+    |coefficient|² is what is usually called power.
 
     Source: Gopalakrishnan et al., A Neural Temporal Model for Human Motion Prediction, 2019, as the code of Harvey et al.,
     2020, computes it for LaFAN1. At 0/0: own choice, as in the Two-stage Transformers (Qin et al., 2022); the benchmark's code
     has no guard.
-
-    Raises:
-        ValueError: no such power.
 
     >>> npss = NPSS()
     >>> npss.update(torch.tensor([1.0, 1.0, 1.0, 2.0])[None, :, None], torch.tensor([1.0, 2.0, 3.0, 4.0])[None, :, None])
@@ -130,9 +125,7 @@ class NPSS:
     0.137363
     """
 
-    def __init__(self, power: str = "real") -> None:
-        choice("power", power, ("real", "magnitude"))
-        self.power = power
+    def __init__(self) -> None:
         self._weighted, self._weight = 0.0, 0.0
 
     def update(self, p: Frames, g: Frames) -> None:
@@ -142,12 +135,10 @@ class NPSS:
             ValueError: shapes do not fit or a value is not finite.
         """
         check_pair(p, g, axes=2)
-        predicted, _ = self._cumulated(p)
-        true, total = self._cumulated(g)
+        (predicted, _), (true, total) = self._cumulated(p), self._cumulated(g)
         distance = (predicted - true).abs().sum(-2)
-        total = total.expand_as(distance)
         self._weighted += float((distance * total).sum())
-        self._weight += float(total.sum())
+        self._weight += float(total.expand_as(distance).sum())
 
     def value(self) -> float:
         """NPSS of everything fed so far; NaN before anything with power was."""
@@ -155,23 +146,22 @@ class NPSS:
 
     def _cumulated(self, x: Float[Tensor, "*lead F C"]) -> tuple[Float[Tensor, "*lead F C"], Float[Tensor, "*lead C"]]:
         """Cumulated shares of power over frequency, and the total."""
-        coefficients = torch.fft.fft(x.double(), dim=-2)
-        power = coefficients.real**2 if self.power == "real" else coefficients.abs() ** 2
+        power = torch.fft.fft(x.double(), dim=-2).real ** 2
         total = power.sum(-2)
         return power.cumsum(-2) / torch.where(total > 0, total, 1.0)[..., None, :], total
 
 
-def npss(p: Frames, g: Frames, power: str = "real") -> float:
+def npss(p: Frames, g: Frames) -> float:
     """`NPSS` of one batch that holds all sequences.
 
     Raises:
-        ValueError: no such power, shapes do not fit or a value is not finite.
+        ValueError: shapes do not fit or a value is not finite.
 
     >>> swing = torch.sin(torch.arange(30.0))[None, :, None]
     >>> npss(-swing, swing)
     0.0
     """
-    found = NPSS(power)
+    found = NPSS()
     found.update(p, g)
     return found.value()
 
@@ -238,10 +228,9 @@ def keyframe_error(p: Float[Tensor, "*#lead T C"], g: Float[Tensor, "*#lead T C"
     """
     check_pair(p, g, axes=2)
     frames = p.shape[-2]
-    if not keyframes or not all(-frames <= k < frames for k in keyframes):
+    if not keyframes or not {*keyframes} <= {*range(-frames, frames)}:
         raise ValueError(f"keyframes are {list(keyframes)}; expected at least one, each from {-frames} to {frames - 1}")
-    picked = list(keyframes)
-    return (_joints(p)[..., picked, :, :] - _joints(g)[..., picked, :, :]).norm(dim=-1).amax((-2, -1))
+    return (_joints(p) - _joints(g))[..., list(keyframes), :, :].norm(dim=-1).amax((-2, -1))
 
 
 def path_length(path: Float[Tensor, "*lead T axes"]) -> PerMotion:
@@ -266,10 +255,9 @@ def foot_contacts(
     *,
     up: str = "z",
     floor: float | Float[Tensor, "*#lead"] = 0.0,
-    height: float = CONTACT_HEIGHT,
     fastest: float = math.inf,
 ) -> Bool[Tensor, "*lead steps feet"]:
-    """Which feet stand from one frame to the next: those lower than `height` in both frames, and not faster than `fastest`.
+    """Which feet stand from one frame to the next: those lower than 5 cm in both frames, and not faster than `fastest`.
 
     Source: height as in `foot_skate`; speed as in the foot contact loss of MDM (Tevet et al. 2023), which looks at it alone.
 
@@ -279,7 +267,6 @@ def foot_contacts(
         fps: frames per second.
         up: the axis that points up, "y" or "z".
         floor: metres along that axis, one for all or each its own.
-        height: metres above the floor.
         fastest: m/s, in any direction. A foot that swings past the floor is low, and does not stand.
 
     >>> toe = torch.tensor([[0.0, 0.0, 0.01], [0.0, 0.0, 0.02], [0.5, 0.0, 0.03], [0.5, 0.0, 0.2]])[:, None]
@@ -288,20 +275,12 @@ def foot_contacts(
     """
     *_, vertical = horizontal(up)
     places = joints[..., list(feet), :]
-    is_low = places[..., vertical] - torch.as_tensor(floor).to(joints)[..., None, None] < height
+    is_low = places[..., vertical] - torch.as_tensor(floor).to(joints)[..., None, None] < CONTACT_HEIGHT
     is_slow = places.diff(dim=-3).norm(dim=-1) * fps <= fastest
     return is_low[..., 1:, :] & is_low[..., :-1, :] & is_slow
 
 
-def foot_skate(
-    x: Moving,
-    feet: Sequence[int],
-    fps: Positive,
-    *,
-    up: str = "z",
-    floor: float = 0.0,
-    height: float = CONTACT_HEIGHT,
-) -> PerMotion:
+def foot_skate(x: Moving, feet: Sequence[int], fps: Positive, *, up: str = "z", floor: float = 0.0) -> PerMotion:
     """How fast feet slide while they stand, m/s: mean horizontal speed of those in contact, NaN if none ever is.
 
     A foot is in contact as `foot_contacts` has it, however fast it is. A speed in m/s does not depend on the frame rate.
@@ -310,11 +289,10 @@ def foot_skate(
     a share hides how fast, and no threshold on speed, because a foot that slides is fast.
 
     Args:
-        feet: joints that touch the floor: toes rather than ankles, which are higher than `height` when standing.
+        feet: joints that touch the floor: toes rather than ankles, which are higher than 5 cm when standing.
         fps: frames per second.
         up: the axis that points up, "y" or "z".
         floor: metres along that axis.
-        height: metres above the floor.
 
     Raises:
         ValueError: no feet, a foot that is no joint, fewer than two frames, C no multiple of 3, or a value is not finite.
@@ -328,7 +306,7 @@ def foot_skate(
     if not feet or not all(0 <= foot < joints.shape[-2] for foot in feet):
         raise ValueError(f"feet are {list(feet)}; expected at least one of joints 0 to {joints.shape[-2] - 1}")
     a, b, _ = horizontal(up)
-    stands = foot_contacts(joints, feet, fps, up=up, floor=floor, height=height)
+    stands = foot_contacts(joints, feet, fps, up=up, floor=floor)
     speed = joints[..., list(feet), :][..., [a, b]].diff(dim=-3).norm(dim=-1) * fps
     return (speed * stands).sum((-2, -1)) / stands.sum((-2, -1))
 
@@ -351,8 +329,10 @@ def bone_length_error(x: Moving, lengths: Float[Tensor, "*#lead bones"], skeleto
     """
     _check(x, frames=1)
     if x.shape[-1] != 3 * len(skeleton) or lengths.shape[-1] != len(skeleton) - 1:
-        found = f"x has {x.shape[-1]} numbers per frame and lengths {lengths.shape[-1]}"
-        raise ValueError(f"{found}; expected {3 * len(skeleton)} and {len(skeleton) - 1} for {skeleton.name}")
+        raise ValueError(
+            f"x has {x.shape[-1]} numbers per frame and lengths {lengths.shape[-1]}; "
+            f"expected {3 * len(skeleton)} and {len(skeleton) - 1} for {skeleton.name}"
+        )
     joints = _joints(x)
     bones = bones_of((joints[..., 1:, :] - joints[..., :1, :]).flatten(-2), skeleton)
     return (bones.norm(dim=-1) - lengths.to(x)[..., None, :]).abs().mean((-2, -1))

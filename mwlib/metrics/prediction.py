@@ -9,7 +9,7 @@ from __future__ import annotations
 import inspect
 from collections.abc import Callable, Hashable, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import torch
 from jaxtyping import Float, Int
@@ -62,8 +62,8 @@ class MultimodalFutures(Sequence):
     def __len__(self) -> int:
         return len(self.members)
 
-    def __getitem__(self, i: int | slice) -> Float[Tensor, "_M F C"] | MultimodalFutures:
-        return MultimodalFutures(self.futures, self.members[i]) if isinstance(i, slice) else self.futures[self.members[i]]
+    def __getitem__(self, i: int) -> Float[Tensor, "_M F C"]:  # pyright: ignore[reportIncompatibleMethodOverride]  (see `take`)
+        return self.futures[self.members[i]]
 
     def take(self, windows: Sequence[int]) -> MultimodalFutures:
         """The sets of these windows, in this order; the futures are not copied."""
@@ -237,7 +237,20 @@ def mmade(p: Samples, gs: Sets) -> PerWindow:
         raise ValueError(f"gs holds {len(sets)} multimodal sets; expected one for each of the {len(p)} windows")
     if sets.futures.shape[1:] != p.shape[2:]:
         raise ValueError(f"futures in gs have shape {tuple(sets.futures.shape[1:])}; expected {tuple(p.shape[2:])} as in p")
-    return _mean_best_error(p, sets)
+    # Sets are cut into tiles so that no loop runs over windows.
+    tiles = [(i, tile) for i, m in enumerate(sets.members) for tile in m.split(_TILE)]
+    _, samples, frames, channels = p.shape
+    step = max(1, _BUDGET // (samples * frames * max(channels, _TILE)))
+    total = p.new_zeros(len(p))
+    for start in range(0, len(tiles), step):
+        windows, members = zip(*tiles[start : start + step], strict=True)
+        window = torch.tensor(windows, device=p.device)
+        member = torch.nn.utils.rnn.pad_sequence(list(members), batch_first=True, padding_value=-1)
+        g = sets.futures[member.clamp(min=0)].to(p)
+        distance = torch.cdist(p[window].transpose(1, 2), g.transpose(1, 2), compute_mode=_EXACT)  # (tiles, F, S, _TILE)
+        best = distance.mean(1).amin(1)
+        total.index_add_(0, window, best.masked_fill(member.to(p.device) < 0, 0).sum(1))
+    return total / sets.sizes.to(p)
 
 
 def mmfde(p: Samples, gs: Sets) -> PerWindow:
@@ -325,27 +338,7 @@ def bone_length_jitter(p: Samples, skeleton: Skeleton) -> PerWindow:
 
 def by_action(actions: Sequence[Hashable]) -> dict[Hashable, list[int]]:
     """Row numbers of each action, actions in the order of their first appearance."""
-    rows: dict[Hashable, list[int]] = {}
-    for i, action in enumerate(actions):
-        rows.setdefault(action, []).append(i)
-    return rows
-
-
-def _mean_best_error(p: Tensor, sets: MultimodalFutures) -> Tensor:
-    """Mean over each set of min_s mean_t ‖p_s,t - g'_t‖; sets are cut into tiles so that no loop runs over windows."""
-    _, samples, frames, channels = p.shape
-    tiles = [(i, tile) for i, m in enumerate(sets.members) for tile in m.split(_TILE)]
-    step = max(1, _BUDGET // (samples * frames * max(channels, _TILE)))
-    total = p.new_zeros(len(p))
-    for start in range(0, len(tiles), step):
-        windows, members = zip(*tiles[start : start + step], strict=True)
-        window = torch.tensor(windows, device=p.device)
-        member = torch.nn.utils.rnn.pad_sequence(list(members), batch_first=True, padding_value=-1)
-        g = sets.futures[member.clamp(min=0)].to(p)
-        distance = torch.cdist(p[window].transpose(1, 2), g.transpose(1, 2), compute_mode=_EXACT)  # (tiles, F, S, _TILE)
-        best = distance.mean(1).amin(1)
-        total.index_add_(0, window, best.masked_fill(member.to(p.device) < 0, 0).sum(1))
-    return total / sets.sizes.to(p)
+    return {action: [i for i, other in enumerate(actions) if other == action] for action in dict.fromkeys(actions)}
 
 
 def check_shapes(p: Tensor, g: Tensor | None = None, *, windows: Tensor | None = None, frames: int = 1) -> None:
@@ -364,28 +357,21 @@ def check_shapes(p: Tensor, g: Tensor | None = None, *, windows: Tensor | None =
         check_finite("g", g, windows)
 
 
-class Predictions(NamedTuple):
-    """Predictions of some windows, and what a metric may compare them with."""
-
-    p: Float[Tensor, "n S F C"]
-    g: Float[Tensor, "n F C"]
-    gs: MultimodalFutures
-    skeleton: Skeleton | None
-    fps: float  # 0 = unknown
-    x_history: Float[Tensor, "n H C"] | None  # the frames before
-
-
 class Metric(NamedTuple):
     """A metric of a test set: its column, its function, and the fewest frames that it needs at a rate; 0: it has none there."""
 
     column: Column
-    function: Callable[..., Tensor]  # of fields of `Predictions`, which its arguments are named after
+    function: Callable[..., Tensor]  # of some of what `of` is given
     fewest: Callable[[float], int] = lambda fps: 1
 
-    def of(self, windows: Predictions) -> PerWindow:
-        """The metric of each window."""
+    def of(self, **windows: Any) -> PerWindow:
+        """The metric of each window: the function of those arguments that it takes.
+
+        Args:
+            windows: p, g, gs, skeleton, fps and x_history, as the metrics name them.
+        """
         wanted = inspect.signature(self.function).parameters
-        return self.function(**{name: value for name, value in windows._asdict().items() if name in wanted})
+        return self.function(**{name: value for name, value in windows.items() if name in wanted})
 
 
 ERRORS = {

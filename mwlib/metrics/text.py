@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from typing import Literal
 
 import torch
-from jaxtyping import Float, Int
+from jaxtyping import Float
 from torch import Tensor
 
 Embeddings = Float[Tensor, "N E"]
@@ -36,7 +36,7 @@ def fid(a: Embeddings, b: Float[Tensor, "M E"]) -> float:
     """
     if a.shape[-1] != b.shape[-1] or min(len(a), len(b)) < 2:
         raise ValueError(f"a is {tuple(a.shape)}, b is {tuple(b.shape)}; expected at least two rows each, of one width")
-    (mean_a, root_a), (mean_b, root_b) = (_gaussian(_float64(name, x)) for name, x in (("a", a), ("b", b)))
+    (mean_a, root_a), (mean_b, root_b) = _gaussian(_float64("a", a)), _gaussian(_float64("b", b))
     shared = torch.linalg.svdvals(root_a @ root_b.T).sum()
     return float((mean_a - mean_b).square().sum() + root_a.square().sum() + root_b.square().sum() - 2 * shared)
 
@@ -107,12 +107,7 @@ def mm_dist(text: Embeddings, motion: Embeddings) -> float:
     return float(torch.linalg.vector_norm(text - motion, dim=-1).mean())
 
 
-def diversity(
-    x: Embeddings,
-    pairs: int = 300,
-    generator: torch.Generator | None = None,
-    chosen: Int[Tensor, "2 P"] | None = None,
-) -> float:
+def diversity(x: Embeddings, pairs: int = 300, generator: torch.Generator | None = None) -> float:
     """Mean distance of random pairs of motions.
 
     Source: Guo et al. 2022. Their two draws of `pairs` items are each without replacement and independent of each other, so an
@@ -122,23 +117,17 @@ def diversity(
         x: embeddings of motions made from many texts.
         pairs: how many.
         generator: of the draws.
-        chosen: the pairs themselves, instead of draws.
 
     Raises:
-        ValueError: not more items than pairs, neither generator nor pairs, or a value is not finite.
+        ValueError: not more items than pairs, no generator, or a value is not finite.
 
-    >>> diversity(torch.tensor([[0.0], [1.0], [5.0]]), chosen=torch.tensor([[0, 0], [1, 2]]))
-    3.0
+    >>> diversity(torch.ones(3, 2), 2, torch.Generator())
+    0.0
     """
-    return multimodality(x[None], pairs, generator, chosen)
+    return multimodality(x[None], pairs, generator)
 
 
-def multimodality(
-    x: Float[Tensor, "texts samples E"],
-    pairs: int = 10,
-    generator: torch.Generator | None = None,
-    chosen: Int[Tensor, "2 P"] | None = None,
-) -> float:
+def multimodality(x: Float[Tensor, "texts samples E"], pairs: int = 10, generator: torch.Generator | None = None) -> float:
     """Mean distance of pairs of motions made from one text.
 
     Source: Guo et al. 2022. The pairs are drawn as in `diversity`, once for all texts.
@@ -147,16 +136,17 @@ def multimodality(
         x: embeddings; the paper takes 100 texts, 30 samples of each.
         pairs: how many of each text.
         generator: of the draws.
-        chosen: the pairs themselves, instead of draws.
 
     Raises:
-        ValueError: not more samples than pairs, neither generator nor pairs, or a value is not finite.
+        ValueError: not more samples than pairs, no generator, or a value is not finite.
 
-    >>> multimodality(torch.tensor([[[0.0], [1.0]], [[0.0], [3.0]]]), chosen=torch.tensor([[0], [1]]))
-    2.0
+    >>> multimodality(torch.tensor([[[1.0], [1.0]], [[4.0], [4.0]]]), 1, torch.Generator())
+    0.0
     """
-    x = _float64("x", x)
-    first, second = _drawn(x.shape[1], pairs, generator) if chosen is None else chosen
+    x, count = _float64("x", x), x.shape[1]
+    if generator is None or not 1 <= pairs < count:
+        raise ValueError(f"{pairs} pairs of {count} items, {generator}; expected fewer pairs than items, and a generator")
+    first, second = (torch.randperm(count, generator=generator)[:pairs] for _ in range(2))
     return float(torch.linalg.vector_norm(x[:, first] - x[:, second], dim=-1).mean())
 
 
@@ -173,13 +163,6 @@ def confidence(values: Float[Tensor, "R *rest"] | Sequence[float]) -> Float[Tens
     """
     values = torch.as_tensor(values, dtype=torch.float64)
     return 1.96 * values.std(0, correction=0) / len(values) ** 0.5
-
-
-def _drawn(count: int, pairs: int, generator: torch.Generator | None) -> tuple[Tensor, Tensor]:
-    """Two independent draws without replacement."""
-    if generator is None or not 1 <= pairs < count:
-        raise ValueError(f"{pairs} pairs of {count} items, {generator}; expected fewer pairs than items, and a generator")
-    return torch.randperm(count, generator=generator)[:pairs], torch.randperm(count, generator=generator)[:pairs]
 
 
 def _pairs(text: Tensor, motion: Tensor) -> tuple[Tensor, Tensor]:

@@ -46,15 +46,12 @@ class NearestHistory:
         x: (M, T, C) training windows, metres.
         history: H, observed frames.
         samples: S, number of neighbours.
-        align: "heading" turns every training window about the up-axis to where its history fits the query best
-            (Procrustes in the plane, closed form: θ = arg Σ conj(h) q over horizontal coordinates h, q read as complex numbers)
-            and its future with it; "none" takes it as it is.
-        distance: "history" compares all H frames flattened, "last_frame" the last pose alone.
         up: the up-axis, "y" or "z".
         futures: "pose" gives the neighbours' poses, "displacement" what they do after the query's last pose.
 
-    Own choice: plain retrieval; turned, because a motion's heading is arbitrary and training turns motions about the
-    up-axis too.
+    Own choice: plain retrieval by all H frames flattened. Every training window is turned about the up-axis to where its history
+    fits the query best, and its future with it, because a motion's heading is arbitrary and training turns motions, too. That is
+    Procrustes in the plane: θ = arg Σ conj(h) q over horizontal coordinates h, q read as complex numbers.
 
     Raises:
         ValueError: unknown option, a history that leaves no future, or fewer windows than samples.
@@ -71,20 +68,16 @@ class NearestHistory:
         history: int,
         samples: int = 50,
         *,
-        align: str = "heading",
-        distance: str = "history",
         up: str = "z",
         futures: str = "pose",
     ) -> None:
-        choice("align", align, ("none", "heading"))
-        choice("distance", distance, ("history", "last_frame"))
         choice("up", up, AXES)
         choice("futures", futures, FUTURES)
         if not 1 <= history < x.shape[1]:
             raise ValueError(f"history is {history}; expected 1 to {x.shape[1] - 1} for windows of {x.shape[1]} frames")
         if not 1 <= samples <= len(x):
             raise ValueError(f"samples is {samples}; expected 1 to {len(x)}, the number of training windows")
-        self.history, self.samples, self.align, self.distance, self.up = history, samples, align, distance, up
+        self.history, self.samples, self.up = history, samples, up
         self.relative = futures == "displacement"
         self.future = x[:, history:] - x[:, history - 1 : history] if self.relative else x[:, history:]
         self._plane, self._height = self._features(x[:, :history])
@@ -106,16 +99,14 @@ class NearestHistory:
 
     def _features(self, x: Float[Tensor, "M H C"]) -> tuple[Complex[Tensor, "M plane"], Float[Tensor, "M height"]]:
         """Horizontal coordinates as complex numbers, and heights; float64, as squared distances are differences."""
-        frames = x if self.distance == "history" else x[:, -1:]
-        a, b, height = (frames[..., axis::3].double().flatten(1) for axis in horizontal(self.up))
+        a, b, height = (x[..., axis::3].double().flatten(1) for axis in horizontal(self.up))
         return torch.complex(a, b), height
 
     def _nearest(self, x_history: Float[Tensor, "n H C"]) -> tuple[Int[Tensor, "n S"], Float[Tensor, "n S"]]:
         """Indices of the S nearest training windows and the angle by which each is turned, radians."""
         plane, height = self._features(x_history)
         product = plane @ self._plane.mH  # Σ q conj(h): its argument is the best angle, its modulus what that angle gains
-        agreement = (product.abs() if self.align == "heading" else product.real) + height @ self._height.T
+        agreement = product.abs() + height @ self._height.T
         # ‖q - h‖² without ‖q‖², which is the same for every h.
         index = (self._energy - 2 * agreement).topk(self.samples, largest=False).indices
-        turn = product.gather(1, index).angle()
-        return index, turn if self.align == "heading" else torch.zeros_like(turn)
+        return index, product.gather(1, index).angle()

@@ -12,7 +12,6 @@ from torch import Tensor
 from mwlib.body.skeleton import Skeleton
 from mwlib.diffusion import Mask, OnEstimate, masked, pasted
 from mwlib.prediction.predictor import Predictor
-from mwlib.training import identities
 
 _STREAM = 1912  # own stream of noise beside the sampler's
 
@@ -27,7 +26,7 @@ def joint_mask(skeleton: Skeleton, parts: Sequence[str], frames: int) -> Bool[Te
     """
     mask = torch.zeros(frames, 3 * (len(skeleton) - 1), dtype=torch.bool)
     for part in parts:
-        mask[:, torch.from_numpy(skeleton.channels(part))] = True
+        mask[:, skeleton.channels(part)] = True
     return mask
 
 
@@ -72,9 +71,6 @@ def controlled(
     x_history: Float[Tensor, "N H C"] | None = None,
     active: float = 0.9,
     space: str = "y_t",
-    window_ids: Sequence[int] | None = None,
-    chunk: int = 8,
-    progress: bool = False,
 ) -> Float[Tensor, "N S T C"]:
     """Sampled whole motions whose masked part follows a target.
 
@@ -88,30 +84,25 @@ def controlled(
         x_target: where the mask is not 0, what is to happen, metres; elsewhere its values do not matter.
         mask: over frames and channels, hard (0 or 1) or feathered.
         samples: S; None = the predictor's settings.
-        seed: of the noise; None = the predictor's settings. A window's result depends on it and the window's identity, not on
-            `chunk`.
+        seed: of the noise; None = the predictor's settings. A window's result depends on it and the window's number.
         x_history: observed frames; None = the first H frames of x_target.
         active: share of the steps, counted from the first, in which the mask acts.
         space: "y_t", Eq. 12 and 13; or "y0_hat" (own choice): the target replaces the masked part of every clean estimate, and
             no second noise comes in. Two noises meet at the mask's border: in coefficients of unit deviation that makes time
             details many times larger than any the network was trained on.
-        window_ids: identity of each window (default 0..N-1).
-        chunk: windows sampled together.
-        progress: show a bar.
 
     Raises:
         ValueError: the shapes of target and mask do not fit, the mask leaves 0 to 1, the target is not finite under it, `active`
             is not a share, or the model turns motions by their heading and the mask treats the coordinates of a joint apart.
     """
     _check(x_target, mask, active, space)
-    representation, indices = predictor.representation, predictor.indices()
-    if representation.facing is not None and (mask.unflatten(-1, (-1, 3)) != mask.unflatten(-1, (-1, 3))[..., :1]).any():
+    representation, indices, joints = predictor.representation, predictor.indices(), mask.unflatten(-1, (-1, 3))
+    if representation.facing and (joints != joints[..., :1]).any():
         raise ValueError("the mask treats coordinates of a joint apart; expected whole joints, as the model turns motions")
     samples, seed = predictor.asked(samples, seed)
     count = round(active * len(indices))
-    reached = [-1.0, *(float(predictor.alpha_bar[t]) for t in indices[1:]), 1.0]  # alpha_bar after so many steps
+    reached = [-1.0, *predictor.alpha_bar[indices[1:]].tolist(), 1.0]  # alpha_bar after so many steps
     own = int(np.random.SeedSequence((seed, _STREAM)).generate_state(1)[0])
-    ids = identities(window_ids, len(x_target))
     known = x_target.where(x_target.isfinite(), 0.0)  # what the mask leaves free may be unknown
 
     def imposed(part: slice, history: Tensor) -> dict[str, Any]:
@@ -119,18 +110,18 @@ def controlled(
         target = representation.modelled(known[part].to(history), history)
         if space == "y0_hat":
             return {"on_y0_hat": _first(pasted(predictor.transform, target, mask), count)}
-        noise = predictor.noise(own, ids[part], samples)
+        noise = predictor.noise(own, range(len(known))[part], samples)
         return {"after_step": masked(predictor.transform, target, mask, noise, reached[count])}
 
     past = x_target[:, : representation.history] if x_history is None else x_history
-    parts = predictor.sampled(past, samples, seed, window_ids=ids, chunk=chunk, progress=progress, imposed=imposed)
+    parts = predictor.sampled(past, samples, seed, imposed=imposed)
     return torch.cat([representation.decode(y, history).cpu() for y, history in parts])
 
 
 def _check(x_target: Tensor, mask: Mask, active: float, space: str) -> None:
     if mask.shape != x_target.shape[1:]:
         raise ValueError(f"mask has shape {tuple(mask.shape)}; expected {tuple(x_target.shape[1:])}, frames and channels")
-    if mask.is_floating_point() and not 0 <= float(mask.min()) <= float(mask.max()) <= 1:
+    if not 0 <= mask.min() <= mask.max() <= 1:
         raise ValueError(f"mask has values from {float(mask.min()):g} to {float(mask.max()):g}; expected 0 to 1")
     if not x_target[:, mask > 0].isfinite().all():
         raise ValueError("x_target is not finite where the mask holds; expected metres")
@@ -174,6 +165,6 @@ def seam(x: Float[Tensor, "... T C"], frame: int, fps: float, ramp: int = 0) -> 
     found = {
         "jump": steps[..., 1:-1, :, :],
         "velocity": (steps[..., 2:, :, :] - steps[..., :-2, :, :]) * fps,
-        "jerk": steps.diff(dim=-3).diff(dim=-3) * fps**3,
+        "jerk": joints.diff(n=3, dim=-3) * fps**3,
     }
     return {name: value.norm(dim=-1).mean(dim=-1).amax(dim=-1) for name, value in found.items()}

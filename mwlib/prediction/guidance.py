@@ -45,30 +45,28 @@ class NetworkBranches:
 
     def _evaluate(self, y: Tensor, t: int, added: Tensor | None, attention_rows: int = 0) -> tuple[Tensor, Tensor | None]:
         items = y.flatten(0, -3)
-        with products_in(self.precision, items.device):
+        with products_in(self.precision, y.device):
             output, attention = self.net.evaluate(items, t, added, attention_rows)
-        attention = None if attention is None else attention.to(items.dtype)
-        return to_eps(self.prediction, output.to(items.dtype), items, self.alpha_bar[t]), attention
+        return to_eps(self.prediction, output.to(y.dtype), items, self.alpha_bar[t]).reshape(y.shape), attention
 
     def _conditions(self, y: Tensor) -> Tensor:
         return self.added.expand(*y.shape[:2], -1).flatten(0, 1)
 
     def conditional(self, y: Coefficients, t: int) -> Coefficients:
         """eps_theta(y, y_pad, t)."""
-        return self._evaluate(y, t, self._conditions(y))[0].reshape(y.shape)
+        return self._evaluate(y, t, self._conditions(y))[0]
 
     def unconditional(self, y: Coefficients, t: int) -> Coefficients:
         """eps_theta(y, t)."""
-        return self._evaluate(y, t, None)[0].reshape(y.shape)
+        return self._evaluate(y, t, None)[0]
 
     def both(self, y: Coefficients, t: int, with_attention: bool) -> tuple[Tensor, Tensor, Tensor | None]:
         """Conditional and unconditional estimate in one batch; attention (N, S, 2, heads, rows, rows) of the latter."""
         conditions = self._conditions(y)  # (N S, width)
         added = torch.cat([torch.zeros_like(conditions), conditions])
-        count = len(conditions)
-        eps, attention = self._evaluate(torch.cat([y, y]), t, added, count if with_attention else 0)
-        attention = None if attention is None else attention.reshape(*y.shape[:2], *attention.shape[1:])
-        return eps[count:].reshape(y.shape), eps[:count].reshape(y.shape), attention
+        eps, attention = self._evaluate(torch.cat([y, y]), t, added, len(conditions) if with_attention else 0)
+        unconditional, conditional = eps.chunk(2)
+        return conditional, unconditional, None if attention is None else attention.unflatten(0, y.shape[:2]).to(y.dtype)
 
 
 def temporal_attention(attention: Float[Tensor, "... 2 heads rows rows"]) -> Float[Tensor, "... rows"]:
@@ -81,10 +79,8 @@ def temporal_attention(attention: Float[Tensor, "... 2 heads rows rows"]) -> Flo
 
 def attention_mask(a_t: Float[Tensor, "... rows"], threshold: float, window: int) -> Bool[Tensor, "... rows 1"]:
     """M_t: rows attended more than `threshold`, each hit widened to `window` rows (odd; Sec. 3.3), ends included."""
-    hit = (a_t > threshold).to(torch.float32)
-    lead, rows = hit.shape[:-1], hit.shape[-1]
-    wide = F.max_pool1d(hit.reshape(-1, 1, rows), window, stride=1, padding=window // 2)
-    return wide.reshape(*lead, rows, 1) > 0
+    hit = (a_t > threshold).float().reshape(-1, 1, a_t.shape[-1])
+    return F.max_pool1d(hit, window, stride=1, padding=window // 2).reshape(*a_t.shape, 1) > 0
 
 
 @dataclass(frozen=True)
@@ -161,7 +157,7 @@ def guided(
     Raises:
         ValueError: TABG is on and there is no noise source.
     """
-    if tabg is not None and tabg.scale != 0 and draw is None:
+    if tabg and tabg.scale and not draw:
         raise ValueError("TABG draws noise; expected a noise source with it")
     neutral = 0.0 if form == "eq7" else 1.0
 
@@ -169,11 +165,9 @@ def guided(
         """(y_t, t) -> eps, guided."""
         if weight == neutral:
             return branches.conditional(y, t)
-        acting = tabg if tabg is not None and tabg.acts(t) else None
+        acting = tabg if tabg and tabg.acts(t) else None
         conditional, eps, attention = branches.both(y, t, with_attention=acting is not None)
-        if acting is not None:
-            if attention is None or draw is None:
-                raise ValueError("TABG needs attention; the network's branches gave none")
+        if acting and draw and attention is not None:
             y_hat = acting.degraded(y, eps, attention, float(alpha_bar[t]), draw)
             degraded = branches.unconditional(y_hat, t)
             if acting.space == "y0_hat":  # the noise that leads from the degraded branch's clean estimate to y

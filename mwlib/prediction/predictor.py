@@ -51,15 +51,24 @@ def histories(source: Histories, bodies: Bodies, history: int) -> Observed:
             no numbers. The message says what to call instead.
     """
     if isinstance(source, Windows):
-        return _checked(_of_windows(source, bodies), bodies, history)
-    if isinstance(source, (Tensor, np.ndarray)):
-        return _checked(_tensor(source), bodies, history)
-    clips = bodies.prepare(clips_given("source", source, f"Windows or a tensor (N, {history}, C)"))
-    if short := [m for m in clips if len(m) < history]:
-        found = f"{short[0].name or 'a clip'} has {len(short[0])} frames at {short[0].fps:g} Hz"
-        raise ValueError(f"{found}; expected at least {history}, the history")
-    seen = [m.cut(len(m) - history, len(m)).root_relative() for m in clips]
-    return _checked(torch.stack([torch.from_numpy(x).float() for x in seen]), bodies, history)
+        if (found := Bodies.of(source.motions)) != bodies:
+            raise ValueError(
+                f"the windows are of {found.skeleton.name} at {found.fps:g} Hz, {found.up} up; the model was trained on "
+                f"{bodies.skeleton.name} at {bodies.fps:g} Hz, {bodies.up} up. {PREPARE}"
+            )
+        x = source.x_history
+    elif isinstance(source, (Tensor, np.ndarray)):
+        x = _tensor(source)
+    else:
+        clips = bodies.prepare(clips_given("source", source, f"Windows or a tensor (N, {history}, C)"))
+        if short := [m for m in clips if len(m) < history]:
+            raise ValueError(
+                f"{short[0].name or 'a clip'} has {len(short[0])} frames at {short[0].fps:g} Hz; "
+                f"expected at least {history}, the history"
+            )
+        x = torch.from_numpy(np.stack([m.cut(len(m) - history, len(m)).root_relative() for m in clips])).float()
+    _check(x, bodies, history)
+    return x
 
 
 def _tensor(source: Tensor | np.ndarray) -> Tensor:
@@ -68,40 +77,30 @@ def _tensor(source: Tensor | np.ndarray) -> Tensor:
         if source.dtype.kind not in "fiu":
             raise ValueError(f"source is an array of {source.dtype}; expected real numbers")
         wide = source.astype(np.float32 if source.dtype.itemsize <= 4 else np.float64)
-        source = torch.from_numpy(np.ascontiguousarray(np.ma.filled(wide, np.nan)))
+        return torch.from_numpy(np.ascontiguousarray(np.ma.filled(wide, np.nan)))
     x = source
     if x.is_complex() or x.dtype == torch.bool or x.layout != torch.strided or x.is_meta or x.is_quantized or x.is_nested:
-        kind = "a tensor without numbers, on the device meta" if x.is_meta else f"a tensor of {x.dtype}, {x.layout}"
-        raise ValueError(f"source is {kind}; expected a dense one of real numbers")
+        raise ValueError(f"source is a tensor of {x.dtype}, {x.layout}, on {x.device}; expected a dense one of real numbers")
     return x.detach() if x.is_floating_point() else x.float()
-
-
-def _of_windows(windows: Windows, bodies: Bodies) -> Observed:
-    found, expected = (f"{b.skeleton.name} at {b.fps:g} Hz, {b.up} up" for b in (Bodies.of(windows.motions), bodies))
-    if Bodies.of(windows.motions) != bodies:
-        raise ValueError(f"the windows are of {found}; the model was trained on {expected}. {PREPARE}")
-    return windows.x_history
 
 
 PREPARE = "Give predict the motions instead: it prepares them"
 
 
-def _checked(x: Tensor, bodies: Bodies, history: int) -> Observed:
+def _check(x: Tensor, bodies: Bodies, history: int) -> None:
     channels = 3 * (len(bodies.skeleton) - 1)
-    if x.ndim != 3 or tuple(x.shape[1:]) != (history, channels):
+    if x.shape[1:] != (history, channels):
         raise ValueError(
             f"x_history has shape {tuple(x.shape)}; expected (N, {history}, {channels}): {history} frames of "
             f"{bodies.skeleton.name} at {bodies.fps:g} Hz, {bodies.up} up, root dropped. {PREPARE}"
         )
-    if len(x) == 0:
+    if not len(x):
         raise ValueError("there are no windows; expected at least one history")
     if not (good := x.abs() <= LARGEST).all():  # False for nan
         window = int((~good).nonzero()[0, 0])
-        what = f"holds numbers over {LARGEST:g}" if x[window].isfinite().all() else "is not finite"
-        raise ValueError(f"x_history of window {window} {what}; expected metres")
+        raise ValueError(f"x_history of window {window} is not finite or holds numbers over {LARGEST:g}; expected metres")
     joints = np.pad(x.cpu().double().numpy().reshape(len(x), history, -1, 3), ((0, 0), (0, 0), (1, 0), (0, 0)))
     check_people(joints, bodies.skeleton, [f"x_history of window {window}" for window in range(len(x))])
-    return x
 
 
 CHUNK = 8  # windows sampled together on a processor; more would not be faster
@@ -198,24 +197,16 @@ class Predictor(TrainedModel):
         Raises:
             ValueError: the history does not fit the model, window_ids do not fit the histories, or no sample is asked for.
         """
-        samples, seed = self.asked(samples, seed)
+        s, (samples, seed) = self.sampling, self.asked(samples, seed)
         x = histories(x_history, self.bodies, self.representation.history).to(self.device, torch.float32)
-        yield from self._steps(x, self.noise(seed, identities(window_ids, len(x)), samples), after_step, on_y0_hat)
-
-    def _steps(
-        self, x: Observed, noise: WindowNoise, after_step: AfterStep | None = None, on_y0_hat: OnEstimate | None = None
-    ) -> Iterator[Step]:
-        s = self.sampling
+        noise = self.noise(seed, identities(window_ids, len(x)), samples)
         denoise = guided(
             self.branches(x), self.alpha_bar, weight=s.guidance_weight, form=s.guidance_form, tabg=self.tabg(), draw=noise
         )
-        hooks = {
-            "on_y0_hat": _in_turn([self._on_y0_hat(x), on_y0_hat]),
-            "after_step": _in_turn([*self._after_steps(x, noise), after_step]),
-        }
+        own_estimate, own_steps = self._shaping(x, noise)
+        hooks = {"on_y0_hat": _in_turn([own_estimate, on_y0_hat]), "after_step": _in_turn([*own_steps, after_step])}
         samplers = {"ddim": partial(ddim, eta=s.eta, noise=noise), "dpmpp": dpm_solver, "eq6": posterior_mean}
-        first = noise()
-        first = first * temperatures(first.shape[1], s.temperature, s.temperature_spread).to(first)[:, None, None]
+        first = noise() * temperatures(samples, s.temperature, s.temperature_spread).to(x)[:, None, None]
         yield from samplers[s.sampler](denoise, first, self.alpha_bar, self.indices(), **hooks)
 
     def sampled(
@@ -241,7 +232,7 @@ class Predictor(TrainedModel):
         size = self.chunk(samples) if chunk is None else whole("chunk", chunk, 1)
         for part in chunks(len(x_history), size, progress):
             x = x_history[part].to(self.device, torch.float32)
-            for step in self._steps(x, self.noise(seed, ids[part], samples), **imposed(part, x)):
+            for step in self.steps(x, samples, seed, window_ids=ids[part], **imposed(part, x)):
                 last = step
             yield last.y, x
 
@@ -297,23 +288,17 @@ class Predictor(TrainedModel):
         seen = self.representation
         return Continuation(seen.motion, seen.history, seen.frames, self.bodies.fps, self.sampling.seam)
 
-    def _on_y0_hat(self, x_history: Observed) -> OnEstimate | None:
-        """What the settings do to every clean estimate: a bound in motion space, a projection, or nothing."""
-        bound = self.sampling.bound
-        if bound > 0:
-            seen = self.representation
-            return lambda y: seen.motion(seen.modelled(seen.decode(y, x_history).clamp(-bound, bound), x_history))
-        return self.transform.project if self.sampling.wmsg == "y0_hat" else None
-
-    def _after_steps(self, x_history: Observed, noise: WindowNoise) -> list[AfterStep]:
-        """What the settings do after every step: manifold shaping, mask completion."""
-        after: list[AfterStep] = []
+    def _shaping(self, x_history: Observed, noise: WindowNoise) -> tuple[OnEstimate | None, list[AfterStep]]:
+        """What the settings do to every clean estimate (a bound in motion space, a projection or nothing), and after a step."""
+        seen, bound, after = self.representation, self.sampling.bound, []
         if self.sampling.wmsg == "every_step":
-            after.append(lambda y, _: self.transform.project(y))
+            after.append(lambda y, _: seen.motion.project(y))
         if self.sampling.complete_history:
-            known = self.representation.modelled(pad_history(x_history, self.representation.frames), x_history)
-            after.append(history_completion(self.transform, known[:, None], self.representation.history, noise))
-        return after
+            known = seen.modelled(pad_history(x_history, seen.frames), x_history)
+            after.append(history_completion(seen.motion, known[:, None], seen.history, noise))
+        if bound > 0:
+            return lambda y: seen.motion(seen.modelled(seen.decode(y, x_history).clamp(-bound, bound), x_history)), after
+        return seen.motion.project if self.sampling.wmsg == "y0_hat" else None, after
 
 
 def temperatures(samples: int, temperature: float, spread: float) -> Float[Tensor, " S"]:
@@ -365,26 +350,16 @@ def predicted_motions(
         ValueError: a clip does not fit the model.
     """
     futures = predictor.predict(motions, samples, seed, progress=progress)
-    history = predictor.representation.history
-    ready = predictor.bodies.prepare(motions)
-    made = [[_joined(m.cut(len(m) - history, len(m)), future) for future in row] for m, row in zip(ready, futures, strict=True)]
-    if not own_rig:
-        return made
-    return [
-        [on_rig(m, *_observed(clip, len(seen), m.fps, history)) for m in row] if clip.rig else row
-        for row, clip, seen in zip(made, motions, ready, strict=True)
-    ]
-
-
-def _observed(clip: Motion, frames: int, fps: float, history: int) -> tuple[Motion, Float[np.ndarray, " K"]]:
-    """The clip from its first to its last observed frame, and the time of each in frames of the model from the first one.
-
-    Args:
-        frames: that the clip has at the model's rate `fps`.
-    """
-    ratio = clip.fps / fps
-    first, last = ceil((frames - history) * ratio - 1e-6), int((frames - 1) * ratio + 1e-6)
-    return clip.cut(first, last + 1), np.arange(first, last + 1) / ratio - (frames - history)
+    made = []
+    for clip, ready, row in zip(motions, predictor.bodies.prepare(motions), futures, strict=True):
+        frames, start = len(ready), len(ready) - predictor.representation.history
+        whole = [_joined(ready.cut(start, frames), future) for future in row]
+        if own_rig and clip.rig:  # its own observed frames, and the time of each in frames of the model
+            ratio = clip.fps / ready.fps
+            first, end = ceil(start * ratio - 1e-6), int((frames - 1) * ratio + 1e-6) + 1
+            whole = [on_rig(m, clip.cut(first, end), np.arange(first, end) / ratio - start) for m in whole]
+        made.append(whole)
+    return made
 
 
 def _joined(observed: Motion, future: Float[Tensor, "F C"]) -> Motion:

@@ -18,11 +18,9 @@ from mwlib.data.windows import Windows, windows
 from mwlib.metrics import Column, clustered_error, summary
 from mwlib.prediction import config
 from mwlib.prediction.representation import LEARNING_WINDOWS, learning_windows, transform_of
-from mwlib.prediction.system import load_data, make_objective, open_model
+from mwlib.prediction.system import load_data, make_objective, open_model  # noqa: F401  (what every system has)
 from mwlib.settings import Natural, Positive
 from mwlib.transforms import PhaseTransform, Transform
-
-__all__ = ["METRICS", "Config", "RebuildingConfig", "evaluate", "load_data", "make_objective", "open_model", "principal"]
 
 METRICS = {
     "numbers": Column("numbers a frame"),
@@ -61,8 +59,10 @@ class Config(config.Config):
         """Refuse what is not rebuilt here, and values that do not fit each other."""
         super().check()
         if self.model.representation == "relaxing" or self.model.heading == "body":
-            found = f"representation is {self.model.representation!r}, heading {self.model.heading!r}"
-            raise ValueError(f"{found}; expected poses or displacements as people face")
+            raise ValueError(
+                f"representation is {self.model.representation!r}, heading {self.model.heading!r}; "
+                "expected poses or displacements as people face"
+            )
 
 
 def principal(sample: Float[Tensor, "... C"], components: int) -> Rebuild:

@@ -121,8 +121,7 @@ def turned(x: Whole, x_history: Observed, facing: Bodies | None, sign: int) -> W
     if facing is None:
         return x
     angle = sign * heading(x_history[:, -1], facing.skeleton, facing.up)
-    lead = x.shape[:-2]
-    return turn_heading(x, angle.reshape(-1, *[1] * (len(lead) - 1)).expand(lead), facing.up)
+    return turn_heading(x, angle.reshape(-1, *[1] * (x.ndim - 3)), facing.up)
 
 
 def make_transform(model: ModelConfig, frames: int, channels: int, fps: float, seed: int = 0) -> Transform:
@@ -158,10 +157,10 @@ def make_representation(base: Transform, learnt: Mapping[str, Tensor], cfg: Conf
         cfg: lengths, and what is modelled.
         bodies: whose motions.
     """
-    mean, deviation, condition_mean, condition_deviation = (learnt[f"scale.{name}"] for name in SCALES)
+    scales = [learnt[f"scale.{name}"] for name in SCALES]
     return Representation(
-        ScaledTransform(base, mean, deviation),
-        ScaledTransform(base, condition_mean, condition_deviation),
+        ScaledTransform(base, *scales[:2]),
+        ScaledTransform(base, *scales[2:]),
         cfg.windows.history,
         cfg.windows.frames,
         cfg.model.representation,

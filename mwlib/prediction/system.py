@@ -6,7 +6,6 @@ from typing import Any
 
 import torch
 from torch import Tensor
-from tqdm import tqdm
 
 from mwlib.body.motion import Motion
 from mwlib.data.sources import Split, split_motions
@@ -18,6 +17,7 @@ from mwlib.prediction import baselines
 from mwlib.prediction.config import Config, EvaluationConfig, SamplingConfig, WindowConfig
 from mwlib.prediction.objective import PredictionObjective
 from mwlib.prediction.predictor import CHUNK, Predictor
+from mwlib.training import chunks
 
 MOST_NAMES = 12
 METRICS = {name: metric.column for name, metric in ERRORS.items()}  # the columns of every table
@@ -71,7 +71,7 @@ def score(
     test: Windows,
     all_test: Windows,
     options: EvaluationConfig,
-    progress: str | None = None,
+    progress: bool = False,
     chunk: int = CHUNK,
 ) -> dict[str, Any]:
     """Metrics of one predictor over the test windows, streamed in chunks.
@@ -81,19 +81,19 @@ def score(
         test: the windows that are evaluated.
         all_test: every test window; multimodal sets are drawn from all of them.
         options: which windows share their futures.
-        progress: label of a bar; None shows none.
+        progress: show a bar on stderr.
         chunk: windows that `predict` is given at a time.
 
     Returns:
         `MetricTable.summary`.
     """
-    number = {(c, s): i for i, (c, s) in enumerate(zip(all_test.clip.tolist(), all_test.start.tolist(), strict=True))}
-    ids = [number[key] for key in zip(test.clip.tolist(), test.start.tolist(), strict=True)]
+    every, some = ([*zip(part.clip.tolist(), part.start.tolist(), strict=True)] for part in (all_test, test))
+    number = {window: i for i, window in enumerate(every)}
+    ids = [number[window] for window in some]
     sets = multimodal_futures(all_test.x_history[:, -1], all_test.x_future, options.mm_threshold)
     body, clips = Bodies.of(all_test.motions), all_test.clip.tolist()
     table = MetricTable(sets, all_test.actions, body.skeleton, options.mm_singletons, body.fps, clips, all_test.x_history)
-    for first in tqdm(range(0, len(test), chunk), desc=progress, disable=progress is None, leave=False):
-        part = slice(first, first + chunk)
+    for part in chunks(len(test), chunk, progress):
         table.update(predict(test.x_history[part], ids[part]), test.x_future[part], ids[part])
     found = table.summary()
     found["multimodal_apd"] = float(multimodal_apd(sets)[ids].mean())
@@ -124,9 +124,8 @@ def evaluate(cfg: Config, get_model: Callable[[], Predictor], split: Split, prog
     every = test_windows(split, cfg.windows)
     test = every.thin(cfg.windows.test_windows)
     predict, chunk = make_predict(cfg, get_model, split)
-    found = score(predict, test, every, cfg.evaluation, cfg.sampling.method if progress else None, chunk)
-    actions = {action: row["mean"] for action, row in found["actions"].items()}
-    return {**{k: v for k, v in found.items() if k != "actions"}, "windows": len(test), "actions": actions}
+    found = score(predict, test, every, cfg.evaluation, progress, chunk)
+    return found | {"windows": len(test), "actions": {action: row["mean"] for action, row in found["actions"].items()}}
 
 
 def load_data(cfg: Config, loaded: Sequence[Motion] | None = None) -> Split:
@@ -140,17 +139,17 @@ def load_data(cfg: Config, loaded: Sequence[Motion] | None = None) -> Split:
         ValueError: as in `split_motions`, or no clip of a part is longer than a window.
     """
     split, frames = split_motions(cfg.data, loaded=loaded), cfg.windows.frames
+    at = f"{frames} frames (history + future) at {cfg.data.fps:g} Hz"
     for name, part in split._asdict().items():
-        if part and max(map(len, part)) <= frames:
+        short = [m.name or "a clip without a name" for m in too_short(part, frames)]
+        if part and len(short) == len(part):
             longest = max(part, key=len)
             raise ValueError(
-                f"no {name} clip is longer than {frames} frames (history + future) at {cfg.data.fps:g} Hz; the longest, "
-                f"{longest.name!r}, has {len(longest)}. Longer clips, a smaller history or future, or a smaller fps would do"
+                f"no {name} clip is longer than {at}; the longest, {longest.name!r}, has {len(longest)}. "
+                "Longer clips, a smaller history or future, or a smaller fps would do"
             )
-    for name, part in split._asdict().items():
-        if short := [m.name or "a clip without a name" for m in too_short(part, frames)]:
+        if short:
             names = ", ".join(short[:MOST_NAMES]) + " ..." * (len(short) > MOST_NAMES)
-            at = f"{frames} frames (history + future) at {cfg.data.fps:g} Hz"
             warnings.warn(f"{len(short)} of {len(part)} {name} clips are left out, no longer than {at}: {names}", stacklevel=2)
     return split
 

@@ -5,7 +5,7 @@ import json
 import os
 import time
 from collections.abc import Mapping
-from itertools import chain
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -21,8 +21,6 @@ from mwlib.paths import CONFIG
 from mwlib.settings import Settings
 
 Chosen = TypeVar("Chosen", bound=Settings)
-
-
 Tensors = dict[str, Tensor]  # by their names
 Texts = Mapping[str, str]
 
@@ -54,42 +52,24 @@ def load_tensors(file: Path) -> tuple[Tensors, dict[str, str]]:
     try:
         with safe_open(file, framework="pt") as handle:
             tensors = {name: handle.get_tensor(name) for name in sorted(handle.keys())}
+            text, expected = json.loads(handle.metadata()["mwlib"])
     except SafetensorError as error:
         raise DamagedFileError(f"{file} is damaged: {error}; expected a whole file as mwlib wrote it") from None
-    text, expected = _said(file)
-    found = _sha256(tensors, text)
-    if found != expected:
+    except (KeyError, ValueError, TypeError):
+        raise DamagedFileError(
+            f"{file} has no SHA-256 of mwlib's in its head; expected a file written by mwlib 0.2 or later"
+        ) from None
+    if (found := _sha256(tensors, text)) != expected:
         raise DamagedFileError(f"{file} is damaged: its content has SHA-256 {found[:12]}…; expected {expected[:12]}…")
     return tensors, json.loads(text)
 
 
-def load_metadata(file: Path) -> dict[str, str]:
-    """The text of a tensor file alone, unchecked.
-
-    Raises:
-        FileNotFoundError, DamagedFileError: as in `load_tensors`.
-    """
-    return json.loads(_said(file)[0])
-
-
-def _said(file: Path) -> tuple[str, str]:
-    """Text and SHA-256 in a file's head."""
-    try:
-        with safe_open(file, framework="pt") as handle:
-            text, expected = json.loads((handle.metadata() or {})["mwlib"])
-    except (SafetensorError, KeyError, ValueError, TypeError):
-        raise DamagedFileError(
-            f"{file} has no SHA-256 of mwlib's in its head; expected a file written by mwlib 0.2 or later"
-        ) from None
-    return text, expected
-
-
 def _sha256(tensors: Mapping[str, Tensor], text: str) -> str:
     """Of the text, then each tensor's name, type, shape and bytes."""
-    parts = (
-        (f"{name} {x.dtype} {tuple(x.shape)}", x.reshape(-1).view(torch.uint8).numpy().tobytes()) for name, x in tensors.items()
-    )
-    return sha256(chain([text], chain.from_iterable(parts)))
+    parts: list[bytes | str] = [text]
+    for name, x in tensors.items():
+        parts += f"{name} {x.dtype} {tuple(x.shape)}", x.reshape(-1).view(torch.uint8).numpy().tobytes()
+    return sha256(parts)
 
 
 class MovingAverage:
@@ -110,9 +90,8 @@ class MovingAverage:
     @torch.no_grad()
     def update(self, step: int) -> None:
         """Take in the weights after step 1, 2, ..."""
-        decay = self.decay if step > self.start else 0.0
-        average = get_ema_multi_avg_fn(decay)
-        average([*self.weights.values()], [p.detach() for p in self.network.parameters()], step)
+        average = get_ema_multi_avg_fn(self.decay if step > self.start else 0.0)
+        average([*self.weights.values()], [*self.network.parameters()], step)
 
     def averaged(self) -> nn.Module:
         """A copy of the network, in evaluation mode, with the averaged weights."""
@@ -124,6 +103,7 @@ class MovingAverage:
 CHECKPOINT, PREVIOUS, MODEL, CURVES = "checkpoint.safetensors", "previous.safetensors", "model.safetensors", "curves.json"
 
 
+@dataclass(eq=False)
 class State:
     """Everything that training changes, and how it is saved.
 
@@ -133,18 +113,25 @@ class State:
         optimiser: AdamW over its parameters.
         learnt: what the objective learnt before the first step (scales, a fitted transform).
         key: hash of what the training depends on.
-        scaler: of the losses in half precision, where there is one.
         about: short texts that the finished model carries.
+        scaler: of the losses in half precision, where there is one.
+        step: steps taken.
+        curve: their losses.
+        validation: step and loss on data held out, where it was taken.
     """
 
-    def __init__(
-        self, network: nn.Module, average: MovingAverage, optimiser: torch.optim.Optimizer, learnt: Tensors,
-        key: str, about: Texts, scaler: torch.amp.GradScaler | None = None,
-    ) -> None:  # fmt: skip
-        self.network, self.average, self.optimiser, self.learnt = network, average, optimiser, learnt
-        self.key, self.about, self.scaler = key, dict(about), scaler
-        self.step, self.curve, self.validation = 0, [], []
-        self._seconds, self._since = 0.0, time.monotonic()
+    network: nn.Module
+    average: MovingAverage
+    optimiser: torch.optim.Optimizer
+    learnt: Tensors
+    key: str
+    about: dict[str, str]
+    scaler: torch.amp.GradScaler | None = None
+    step: int = 0
+    curve: list[float] = field(default_factory=list)
+    validation: list[tuple[int, float]] = field(default_factory=list)
+    _seconds: float = 0.0
+    _since: float = field(default_factory=time.monotonic)
 
     @property
     def seconds(self) -> float:
@@ -156,7 +143,7 @@ class State:
         out = _prefixed("net.", self.network.state_dict()) | _prefixed("objective.", self.learnt)
         out |= _prefixed("ema.", self.average.weights)
         for name, parameter in self.network.named_parameters():
-            out |= {f"adam.{key}.{name}": value for key, value in self.optimiser.state.get(parameter, {}).items()}
+            out |= {f"adam.{key}.{name}": value for key, value in self.optimiser.state[parameter].items()}
         out["curve"] = torch.tensor(self.curve, dtype=torch.float64)
         out["validation"] = torch.tensor(self.validation, dtype=torch.float64).reshape(-1, 2)
         return out
@@ -165,9 +152,8 @@ class State:
         """Inverse of `tensors`."""
         self.step, self._seconds = int(metadata["step"]), float(metadata["seconds"])
         self.network.load_state_dict(part(tensors, "net."))
-        for name, average in self.average.weights.items():
-            average.copy_(tensors[f"ema.{name}"])
         for name, parameter in self.network.named_parameters():
+            self.average.weights[name].copy_(tensors[f"ema.{name}"])
             moments = {k: tensors[f"adam.{k}.{name}"] for k in ("step", "exp_avg", "exp_avg_sq")}
             self.optimiser.state[parameter] = {k: v.to(parameter.device) for k, v in moments.items()}
         self.curve, self.validation = tensors["curve"].tolist(), [(int(at), loss) for at, loss in tensors["validation"].tolist()]
@@ -221,22 +207,20 @@ def read_checkpoint(folder: Path | None, key: str) -> tuple[Tensors, dict[str, s
         DamagedFileError: there are checkpoints, and all are damaged.
         ValueError: it belongs to a training with other settings.
     """
-    if folder is None:
-        return {}, {}
-    damage = None
-    for name in (CHECKPOINT, PREVIOUS):
-        if not (folder / name).exists():
-            continue
+    damaged = []
+    for file in [folder / CHECKPOINT, folder / PREVIOUS] if folder else []:
         try:
-            tensors, metadata = load_tensors(folder / name)
+            tensors, metadata = load_tensors(file)
+        except FileNotFoundError:
+            continue
         except DamagedFileError as error:
-            damage = damage or error
+            damaged.append(error)
             continue
         if metadata["key"] != key:
-            raise ValueError(f"{folder / name} was made with configuration {metadata['key']}; expected {key}: use another folder")
+            raise ValueError(f"{file} was made with configuration {metadata['key']}; expected {key}: use another folder")
         return tensors, metadata
-    if damage is not None:
-        raise DamagedFileError(f"{damage} No earlier checkpoint is whole; delete {folder} to train again")
+    if damaged:
+        raise DamagedFileError(f"{damaged[0]} No earlier checkpoint is whole; delete {folder} to train again")
     return {}, {}
 
 
@@ -249,7 +233,7 @@ def read_model(folder: Path) -> tuple[Tensors, Tensors, dict[str, str]]:
     """
     file = folder / MODEL
     again = f"; {CHECKPOINT} is there: train with the run's settings, and the model is made from it"
-    remedy = again if (folder / CHECKPOINT).exists() else ""
+    remedy = again * (folder / CHECKPOINT).exists()
     if not file.exists():
         raise FileNotFoundError(f"{file} is missing: no finished training run in this folder{remedy}")
     try:
@@ -329,5 +313,5 @@ def read_outcome(folder: Path) -> dict[str, Any]:
     """Of a finished training: last loss, last validation loss (None without one), and seconds over all restarts."""
     curves = json.loads((folder / CURVES).read_text(encoding="utf-8"))
     validation = curves["validation"][-1][1] if curves["validation"] else None
-    seconds = float(load_metadata(folder / CHECKPOINT)["seconds"])
+    seconds = float(load_tensors(folder / CHECKPOINT)[1]["seconds"])
     return {"loss": curves["loss"][-1], "validation": validation, "steps": len(curves["loss"]), "seconds": seconds}

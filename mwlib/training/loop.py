@@ -102,8 +102,9 @@ def train(
     accelerator = Accelerator(mixed_precision=settings.mixed_precision)
     objective, state = _start(make_objective, settings, folder, key, accelerator)
     state.about |= about or {}
-    if state.step == settings.train_steps and folder is not None and accelerator.is_main_process:
-        state.mend(folder)
+    kept = folder if accelerator.is_main_process else None
+    if kept and state.step == settings.train_steps:
+        state.mend(kept)
     network, optimiser = accelerator.prepare(state.network, state.optimiser)
     share = max(settings.batch // accelerator.num_processes, 1)
     while state.step < settings.train_steps:
@@ -119,27 +120,28 @@ def train(
                 accelerator.clip_grad_norm_(network.parameters(), settings.clip_gradient)
             optimiser.step()
             optimiser.zero_grad()
-        _check_finite(loss, state)
+        state.curve.append(_finite(loss, state.step + 1))
         state.step += 1
         state.average.update(state.step)
-        state.curve.append(float(loss.detach()))
         # now and then: validation and checkpoint
         is_last, value = state.step == settings.train_steps, None
         if is_last or state.step % settings.checkpoint_every == 0:
             value = objective.validate(state.average.averaged())
             if value is not None:
                 state.validation.append((state.step, value))
-            if folder is not None and accelerator.is_main_process:
-                state.save(folder, is_last)
+            if kept:
+                state.save(kept, is_last)
         yield TrainingStep(state.step, state.curve[-1], optimiser.param_groups[0]["lr"], value)
 
 
-def _check_finite(loss: Tensor, state: State) -> None:
-    if not math.isfinite(float(loss.detach())):
+def _finite(loss: Tensor, step: int) -> float:
+    value = float(loss.detach())
+    if not math.isfinite(value):
         raise ValueError(
-            f"the loss of step {state.step + 1} is {float(loss.detach())}; expected a number. A smaller lr, clip_gradient=1 or "
-            "mixed_precision=no may help; windows that hold still or jump may be the reason"
+            f"the loss of step {step} is {value}; expected a number. A smaller lr, clip_gradient=1 or mixed_precision=no "
+            "may help; windows that hold still or jump may be the reason"
         )
+    return value
 
 
 def _start(

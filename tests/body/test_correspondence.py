@@ -119,4 +119,4 @@ def test_the_three_publications_of_one_body_agree(data_folder):
     assert np.all(np.diff([up[H36M17.joints.index(name)] for name in order]) > 0)
     away = np.linalg.norm(daz.positions[:, [4, 11]] - daz.positions[:, [1, 14]], axis=-1).mean(axis=0)
     assert np.all((0.1 < away) & (away < 0.5))  # hips and shoulders are apart
-    assert [s.name for s in SKELETONS.values() if s.h36m17] == ["BANDAI21", "CMU", "LAFAN1", "HUMANML22"]
+    assert [s.name for s in SKELETONS.values() if s.h36m17] == ["BANDAI21", "CMU", "LAFAN1", "H36M17", "HUMANML22"]

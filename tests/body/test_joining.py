@@ -45,7 +45,7 @@ def test_another_body_is_refused_with_what_differs():
         check_one_body(one, longer(one, "LeftLeg", 0.02))
     with pytest.raises(ValueError, match=r"it is 0.435 m in start and 0.455 m in end; expected bones of the same length"):
         check_one_body(one, longer(one, "LeftLeg", 0.02))
-    with pytest.raises(ValueError, match=r"only start has mixamorig:Head under .*, and only end has Head under Neck"):
+    with pytest.raises(ValueError, match="only end has Head under Neck; expected the same joints .52 are not"):
         check_one_body(one, lafan_motion())
     tree = one.rig.skeleton
     more = Skeleton("more", (*tree.joints, "tail"), (*tree.parents, 0))

@@ -147,7 +147,9 @@ def test_a_judge_with_other_settings_does_not_judge(tmp_path):
 
 def test_text_that_is_none_is_refused_by_name(run):
     (run / CONFIG).write_bytes((run / CONFIG).read_bytes().replace(b"system", b"sy\xffem", 1))
-    with pytest.raises(ValueError, match=re.escape(f"{run / CONFIG} is not UTF-8: byte 2 is 0xff")):
+    with pytest.raises(
+        ValueError, match=re.escape(f"{run / CONFIG} is not YAML: 'utf-8' codec can't decode byte 0xff in position 2")
+    ):
         load_run(run)
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import pytest
 import torch
@@ -92,15 +94,25 @@ def test_mm_dist_by_hand():
     assert mm_dist(TEXT, MOTION) == pytest.approx(2.32135, abs=5e-6)
 
 
+def drawn(count: int, pairs: int, seed: int) -> list[list[int]]:
+    """The pairs of items that a seed gives: two draws without replacement, one after the other."""
+    generator = torch.Generator().manual_seed(seed)
+    return [torch.randperm(count, generator=generator)[:pairs].tolist() for _ in range(2)]
+
+
 def test_diversity_by_hand(generator):
     x = torch.tensor([[0.0, 0.0], [3.0, 4.0], [6.0, 8.0], [0.0, 1.0]])
-    assert diversity(x, chosen=torch.tensor([[0, 1], [2, 3]])) == pytest.approx(7.12132, abs=5e-6)
+    first, second = drawn(4, 2, seed=3)
+    expected = np.mean([math.dist(x[a].tolist(), x[b].tolist()) for a, b in zip(first, second, strict=True)])
+    assert expected > 0 and diversity(x, 2, torch.Generator().manual_seed(3)) == pytest.approx(expected)
     assert diversity(normal(5000, 64), 4000, generator) == pytest.approx(128**0.5, rel=0.01)
 
 
 def test_multimodality_by_hand(generator):
     x = torch.tensor([[[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]], [[2.0, 2.0], [2.0, 5.0], [6.0, 2.0]]])
-    assert multimodality(x, chosen=torch.tensor([[0, 1], [1, 2]])) == pytest.approx(2.60355, abs=5e-6)
+    first, second = drawn(3, 2, seed=3)
+    expected = np.mean([math.dist(y[a].tolist(), y[b].tolist()) for y in x for a, b in zip(first, second, strict=True)])
+    assert expected > 0 and multimodality(x, 2, torch.Generator().manual_seed(3)) == pytest.approx(expected)
     assert multimodality(normal(30, 1, 4).expand(30, 12, 4), 10, generator) == 0
 
 
@@ -122,7 +134,7 @@ def test_confidence_by_hand():
 
 def test_it_computes_in_float64():
     far = torch.tensor([[1e4, 0.0], [1e4, 1e-3], [1e4, 3e-3]])
-    assert diversity(far, chosen=torch.tensor([[0], [1]])) == pytest.approx(1e-3, rel=1e-6)
+    assert mm_dist(far[:1], far[1:2]) == pytest.approx(1e-3, rel=1e-6)
     assert fid(far, far + torch.tensor([0.0, 1.0])) == pytest.approx(1.0, rel=1e-6)
     assert r_precision(far, far, 3).dtype == torch.float64
 

@@ -33,11 +33,9 @@ def test_velocities_on_a_straight_line():
         constant_velocity(x[:, :1], F)
 
 
-@pytest.mark.parametrize("align", ["none", "heading"])
-@pytest.mark.parametrize("distance", ["history", "last_frame"])
-def test_a_training_window_finds_its_own_future(align, distance):
+def test_a_training_window_finds_its_own_future():
     x = _walks()
-    p = NearestHistory(x, H, samples=5, align=align, distance=distance).predict(x[3:8, :H])
+    p = NearestHistory(x, H, samples=5).predict(x[3:8, :H])
     assert p.shape == (5, 5, F, C)
     torch.testing.assert_close(p[:, 0], x[3:8, H:])
 
@@ -47,15 +45,19 @@ def test_a_turned_training_window_finds_its_turned_future(up):
     x = _walks()
     angle = torch.tensor([0.5, 2.0, -3.0], dtype=x.dtype)
     query = turn_heading(x[:3], angle, up)
-    p = NearestHistory(x, H, samples=2, align="heading", up=up).predict(query[:, :H])
+    p = NearestHistory(x, H, samples=2, up=up).predict(query[:, :H])
     torch.testing.assert_close(p[:, 0], query[:, H:])
 
 
-def test_neighbours_without_alignment_are_the_nearest():
+def test_neighbours_are_the_nearest_of_all_that_windows_may_be_turned_to():
     x, queries = _walks(), _walks(6, seed=1)[:, :H]
-    distance = torch.stack([(x[:, :H] - q).flatten(1).norm(dim=1) for q in queries])
-    expected = x[distance.argsort(1)[:, :4], H:]
-    torch.testing.assert_close(NearestHistory(x, H, samples=4, align="none").predict(queries), expected)
+    angle = torch.linspace(0, 2 * math.pi, 3601, dtype=x.dtype)
+    every = torch.stack([turn_heading(window.expand(len(angle), -1, -1), angle) for window in x])  # (M, angles, T, C)
+    for query, found in zip(queries, NearestHistory(x, H, samples=4).predict(queries), strict=True):
+        distance, turn = (every[:, :, :H] - query).flatten(2).norm(dim=2).min(1)
+        near = distance.argsort()[:4]
+        expected = every[near, turn[near], H:]
+        assert (found - expected).flatten(1).norm(dim=1).max() < 0.002 * expected.norm()
 
 
 def test_heading_is_the_best_angle():
@@ -78,15 +80,16 @@ def test_displacements_go_on_from_the_last_pose():
     """The neighbours are the same; what they do is added to where the query is."""
     x = _walks()
     queries = x[3:8, :H] + 0.2
-    poses, moves = (NearestHistory(x, H, samples=4, align="none", futures=kind).predict(queries) for kind in FUTURES)
-    near = torch.cdist(queries.flatten(1), x[:, :H].flatten(1)).topk(4, largest=False).indices
-    torch.testing.assert_close(moves, poses - x[near][:, :, H - 1 : H] + queries[:, None, -1:], atol=1e-5, rtol=0)
+    poses, moves = (NearestHistory(x, H, samples=4, futures=kind).predict(queries) for kind in FUTURES)
+    torch.testing.assert_close(moves.diff(dim=2), poses.diff(dim=2), atol=1e-5, rtol=0)
+    own = NearestHistory(x, H, samples=1, futures="displacement").predict(x[3:8, :H])[:, 0]
+    torch.testing.assert_close(own, x[3:8, H:])
 
 
 def test_refusals():
     x = _walks(4)
     for wrong, message in (
-        (dict(align="mirror"), "align is 'mirror'; expected one of none, heading"),
+        (dict(futures="mirror"), "futures is 'mirror'; expected one of pose, displacement"),
         (dict(samples=5), "samples is 5; expected 1 to 4"),
         (dict(history=H + F, samples=1), "history is 16; expected 1 to 15"),
     ):

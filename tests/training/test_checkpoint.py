@@ -12,7 +12,7 @@ from mwlib.experiments.runs import CODE
 from mwlib.paths import CONFIG
 from mwlib.prediction.objective import PredictionObjective
 from mwlib.training import CHECKPOINT, MODEL, PREVIOUS, train
-from mwlib.training.checkpoint import DamagedFileError, MovingAverage, State, load_metadata, load_tensors, read_checkpoint
+from mwlib.training.checkpoint import DamagedFileError, MovingAverage, State, load_tensors, read_checkpoint
 from tests.sample_settings import small, two_people
 
 
@@ -36,7 +36,7 @@ def spoil(file):
 @pytest.mark.parametrize("damage", ["flipped", "cut", "gone"])
 def test_the_checkpoint_before_steps_in(stopped, tmp_path, damage):
     folder = shutil.copytree(stopped / "stopped", tmp_path / "run")
-    assert [load_metadata(folder / name)["step"] for name in (CHECKPOINT, PREVIOUS)] == ["6", "3"]
+    assert [load_tensors(folder / name)[1]["step"] for name in (CHECKPOINT, PREVIOUS)] == ["6", "3"]
     file = folder / CHECKPOINT
     if damage == "flipped":
         spoil(file)

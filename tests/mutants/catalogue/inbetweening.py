@@ -77,7 +77,7 @@ MUTANTS = [
     ),
     *of(
         "body/standing.py", "body/test_standing.py",
-        ("high-feet-stand", "still: Bool[np.ndarray, \" T\"] = low &", "still: Bool[np.ndarray, \" T\"] = True &"),
+        ("high-feet-stand", "label(low & (slow", "label(True & (slow"),
         ("held-jerkily", "share**2 * (3 - 2 * share)", "share.round()"),
         ("legs-that-stretch", "STRAIGHT * (thigh + shin)", "2 * (thigh + shin)"),
     ),

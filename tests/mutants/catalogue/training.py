@@ -6,7 +6,7 @@ MUTANTS = [
     *of(
         "training/checkpoint.py", "training/test_average.py",
         ("average-never", "self.decay if step > self.start else 0.0", "0.0"),
-        ("average-inverted", "get_ema_multi_avg_fn(decay)", "get_ema_multi_avg_fn(1 - decay)"),
+        ("average-inverted", "get_ema_multi_avg_fn(self.decay if", "get_ema_multi_avg_fn(1 - self.decay if"),
         ("average-begins-a-step-early", "step > self.start", "step >= self.start"),
     ),
     *of(
@@ -52,7 +52,7 @@ MUTANTS = [
     ),
     *of(
         "training/loop.py", "experiments/test_believed_runs.py",
-        ("nothing-is-mended-at-the-end", "        state.mend(folder)\n", "        pass\n"),
+        ("nothing-is-mended-at-the-end", "        state.mend(kept)\n", "        pass\n"),
     ),
     *of(
         "training/checkpoint.py", "experiments/test_believed_runs.py",
@@ -60,7 +60,7 @@ MUTANTS = [
         ("curves-are-not-mended", "or read_curves(folder) != json.loads(", "or False and json.loads("),
         ("any-hash-will-do", 'if (found := cfg.training_hash()) == (key := about.get("key")):',
          'if (found := cfg.training_hash()) and (key := about.get("key")):'),
-        ("no-remedy", "remedy = again if", "remedy = '' if"),
+        ("no-remedy", "remedy = again *", "remedy = '' *"),
     ),
     *of(
         "training/model.py", "training/test_model.py",
