@@ -34,7 +34,7 @@ class Chapter(NamedTuple):
 def read_chapter(folder: Path) -> Chapter:
     """What a run of a chapter left in its folder."""
     found = result_of(folder)
-    status = "not run" if found.get("status", "finished") == "finished" else found["status"]
+    status = said if (said := found.get("status")) in ("ok", "refused", "failed") else "not run"
     claims = {claim["sentence"]: Claim(**claim) for claim in found.get("claims", [])}
     reason = str(found.get("reason", "")).partition("\n")[0].removeprefix(f"{folder.name}: ")
     return Chapter(status, reason, claims, tuple(found.get("left_out", ())))

@@ -217,8 +217,9 @@ def _execute(
         (folder / results.RESULT).unlink(missing_ok=True)
         if page and (folder / EXECUTED).is_file():
             write_atomic(folder / PAGE, _page(folder / EXECUTED))
-        refused = isinstance(error, PapermillExecutionError) and error.ename == results.REFUSED
-        reason = error.evalue if refused else f"{_reason(error, folder)}\n(see {folder / EXECUTED})"
+        reason, refused = f"{_reason(error, folder)}\n(see {folder / EXECUTED})", False
+        if isinstance(error, PapermillExecutionError) and error.ename == results.REFUSED:
+            reason, refused = error.evalue, True
         raise NotDone(f"{notebook.stem}: {reason}", refused) from error
 
 

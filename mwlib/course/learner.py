@@ -9,8 +9,7 @@ from urllib.parse import quote
 import nbformat
 from nbformat import NotebookNode
 
-from mwlib.course.notebooks import WRONG, tags
-from mwlib.course.working_copy import PACKAGE
+from mwlib.course.notebooks import PACKAGE, WRONG, tags
 from mwlib.files import write_atomic
 
 BLANK = "# Your turn: write your answer here, then run the check below."

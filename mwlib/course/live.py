@@ -136,7 +136,7 @@ def _written(motion: Motion, places: np.ndarray) -> dict[str, str]:
 def filters() -> dict[str, dict[str, list[float]]]:
     """Filters of PyWavelets by the wavelet's name."""
     kinds = ("dec_lo", "dec_hi", "rec_lo", "rec_hi")
-    return {name: dict(zip(kinds, pywt.Wavelet(name).filter_bank, strict=True)) for name in WAVELETS}
+    return {name: {kind: list(getattr(pywt.Wavelet(name), kind)) for kind in kinds} for name in WAVELETS}
 
 
 def schedules() -> dict[str, list[float]]:

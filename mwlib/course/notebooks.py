@@ -1,16 +1,18 @@
-"""Notebooks of the course: their files, hashes of their sources, their parameters, and the exhibits that they make."""
+"""Notebooks of the course: files, hashes of their sources, parameters, exhibits that they make, and working copies."""
 
 import ast
 import json
 import re
 from collections.abc import Mapping, Sequence
+from importlib.metadata import PackageNotFoundError, distribution, requires
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from mwlib.experiments.grids import HYPHENED, LIST, WORDS, Place, check_fields, one_of
+from mwlib.experiments.results import rendered
 from mwlib.files import write_atomic
 from mwlib.hashing import sha256
-from mwlib.paths import course_folder
+from mwlib.paths import carried, course_folder, installed
 from mwlib.settings import near, read_yaml
 
 ROOT = course_folder()  # of the folder that the process was started in
@@ -164,7 +166,7 @@ def read_parameters(notebook: Mapping) -> dict[str, Parameter]:
         tree = ast.parse(source)
     except SyntaxError as error:
         raise ParameterError(f"parameters cell: {error}; expected lines of the form 'name: type = literal  # comment'") from None
-    parameters = [_parameter(node, source.encode().splitlines()[node.end_lineno - 1]) for node in tree.body]
+    parameters = [_parameter(node, source.encode().splitlines()) for node in tree.body]
     return {parameter.name: parameter for parameter in parameters}
 
 
@@ -234,11 +236,12 @@ def _fit(parameter: Parameter, value: Any) -> Any:
     return fitted if several else fitted[0]
 
 
-def _parameter(node: Any, line: bytes) -> Parameter:
+def _parameter(node: Any, lines: list[bytes]) -> Parameter:
     text = ast.unparse(node)
     if not (isinstance(node, ast.AnnAssign) and isinstance(node.target, ast.Name) and node.value is not None):
         raise ParameterError(f"parameters cell: {text!r} is not of the form 'name: type = literal  # comment'")
-    kind, comment = ast.unparse(node.annotation), line[node.end_col_offset :].decode().strip("# ")
+    comment = lines[node.end_lineno - 1][node.end_col_offset :].decode().strip("# ")
+    kind = ast.unparse(node.annotation)
     if kind not in KINDS:
         raise ParameterError(f"parameters cell: {text!r} has the type {kind}; expected one of {', '.join(KINDS)}")
     if not comment:
@@ -324,3 +327,68 @@ def _check_row(where: Place, row: dict[str, Any]) -> None:
     if missing := {*needed} - {*row.get("files", ())}:
         expected = f"a {row['kind']} consists of {', '.join(needed)}"
         raise ValueError(f"{where.of(row, 'files')}: files lack {sorted(missing)}: {expected}")
+
+
+PACKAGE = "motion-wavelet-notebooks"
+
+
+class LaidOut(NamedTuple):
+    """What `lay_out` did, as paths relative to the folder."""
+
+    written: list[Path]
+    kept: list[Path]  # were there already
+    changed: list[Path]  # of those kept, the ones that are not as this mwlib has them
+
+
+def lay_out(folder: Path) -> LaidOut:
+    """Copy notebooks, grids, the list of figures, committed results and Snakefile into a folder; overwrite nothing.
+
+    Args:
+        folder: made if missing. What is there already stays as it is, so a second call brings back what was deleted.
+
+    Raises:
+        NotADirectoryError: the path is a file, or goes through one.
+        PermissionError: the folder cannot be written to.
+    """
+    if folder.exists() and not folder.is_dir():
+        raise NotADirectoryError(f"{folder} is a file; expected a folder, or a name that is still free")
+    out = LaidOut([], [], [])
+    source = installed()
+    for file in carried(source):
+        name = file.relative_to(source)
+        target, content = folder / name, file.read_bytes()
+        if not target.exists() and not target.is_symlink():
+            write_atomic(target, content)
+            out.written.append(name)
+            continue
+        out.kept.append(name)
+        if not target.is_file() or target.read_bytes() != content:
+            out.changed.append(name)
+    return out
+
+
+def to_install(extra: str) -> str:
+    """The command that brings the packages of an extra that are missing, by their own names: it works wherever mwlib is from.
+
+    Empty if none is missing.
+    """
+    try:
+        lines = requires(PACKAGE) or []
+    except PackageNotFoundError:  # a checkout that is on the path, not installed
+        return f'pip install ".[{extra}]"'
+    of_extra = [line.partition(";")[0].strip() for line in lines if f"extra == '{extra}'" in line]
+    missing = [f'"{line}"' for line in of_extra if not _is_there(re.split(r"[^\w.-]", line)[0])]
+    return " ".join(["pip install", *missing]) if missing else ""
+
+
+def _is_there(package: str) -> bool:
+    try:
+        return bool(distribution(package))
+    except PackageNotFoundError:
+        return False
+
+
+def told(folder: Path, done: LaidOut, version: str) -> str:
+    """What was done, and what a reader can do next, for the terminal."""
+    missing = to_install("notebooks")
+    return rendered("course/working_copy.md.jinja", folder=folder, done=done, version=version, missing=missing).rstrip()

@@ -135,7 +135,8 @@ def act_out(attributes: Attributes, figure: Figure, rng: np.random.Generator) ->
 
 def _drawn(clip: Performance, action: str, word: str | float) -> float:
     """A number within what a word claims of an action."""
-    return clip.rng.uniform(*map(float, RANGES[f"{word} {action}"].split()))
+    least, most = map(float, RANGES[f"{word} {action}"].split())
+    return clip.rng.uniform(least, most)
 
 
 def _go(clip: Performance, at: float, attributes: Attributes) -> float:

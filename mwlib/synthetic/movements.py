@@ -5,7 +5,7 @@ Gaits are foot paths as functions of the phase, with joint angles by inverse kin
 
 import re
 from functools import cache
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from jaxtyping import Float
@@ -239,7 +239,7 @@ def gesture_tracks(name: str, near: str, share: PerFrame) -> tuple[list[int], Tr
     far = "right" if near == "left" else "left"
     sides = {"near": (near,), "far": (far,), "both": (near, far)}
     share = np.clip(share, 0.0, 1.0)
-    found: dict[int, PerFrame] = {}
+    found: dict[int, Any] = {}
     for track, curve in _curves(name).items():
         unit = 1.0 if track == "lift" else np.deg2rad(1.0)
         if track.endswith(("_roll", "_yaw")):
