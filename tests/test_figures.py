@@ -28,10 +28,11 @@ def first_long() -> list[Path]:
 
 
 @pytest.mark.parametrize("path", first_long(), ids=lambda path: path.stem)
-def test_notebook_prints_what_is_committed_and_leaves_its_exhibits(path, tmp_path):
+def test_notebook_prints_what_is_committed_and_leaves_its_exhibits(path, tmp_path, monkeypatch):
+    monkeypatch.setenv("MWLIB_EXECUTED", str(KEPT))
     offered = read_parameters(json.loads(path.read_text(encoding="utf-8")))
     assert offered["data"].default != "synthetic"  # by the preset alone; a parameter of another value must arrive
-    folder = run_notebook(path, tmp_path, {"data": "synthetic"}, kept=KEPT, page=False)
+    folder = run_notebook(path, tmp_path, {"data": "synthetic"}, page=False)
     assert compared(nbformat.read(folder / EXECUTED, as_version=4)) == compared(nbformat.read(path, as_version=4))
     for row in read_manifest():
         if row.notebook == path.stem and row.status == "made":

@@ -18,7 +18,7 @@ import yaml
 
 from mwlib import __version__
 from mwlib.cli import main
-from mwlib.course.working_copy import lay_out
+from mwlib.course.notebooks import lay_out
 from mwlib.data.formats.h36m import write_h36m
 from mwlib.paths import carried, course_folder, home, installed
 from mwlib.synthetic.motions import synthetic_motions
@@ -169,6 +169,6 @@ def test_a_command_says_what_to_install(monkeypatch, capsys, tmp_path):
         monkeypatch.setitem(sys.modules, name, None)
     for name in ("learner", "exhibits"):
         monkeypatch.delitem(sys.modules, f"mwlib.course.{name}", raising=False)
-    monkeypatch.setattr("mwlib.course.working_copy._is_there", lambda package: package != "nbformat")
+    monkeypatch.setattr("mwlib.course.notebooks._is_there", lambda package: package != "nbformat")
     assert main(["learner-copies", "--out", str(tmp_path)]) == 1
     assert re.search(r'; pip install "nbformat[<>=,.\d]+" brings it$', capsys.readouterr().err)

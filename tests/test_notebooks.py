@@ -417,7 +417,7 @@ def test_text_is_read_as_the_parameter_is_typed():
 
 def test_a_file_of_values_says_each_name_once(tmp_path):
     (tmp_path / "values.yaml").write_text("level: 1\nlevel: 2\n")
-    with pytest.raises(ParameterError, match=r"values.yaml, line 2: 'level' is already in line 1; expected each key once"):
+    with pytest.raises(ValueError, match=r"values.yaml, line 2: 'level' is already in line 1; expected each key once"):
         read_values(tmp_path / "values.yaml")
 
 

@@ -173,7 +173,7 @@ def main(words: Sequence[str] | None = None) -> int:
     except ModuleNotFoundError as error:
         if error.name is None or error.name.partition(".")[0] == "mwlib":
             raise
-        from mwlib.course.working_copy import to_install
+        from mwlib.course.notebooks import to_install
 
         print(f"mwlib: {error}; {to_install('notebooks') or f'pip install {error.name}'} brings it", file=sys.stderr)
     except (ImportError, OSError, ValueError) as error:

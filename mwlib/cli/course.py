@@ -27,9 +27,7 @@ def course(folder: Path) -> None:
     Args:
         folder: made if missing.
     """
-    from mwlib.course.working_copy import lay_out, told
-
-    print(told(folder, lay_out(folder), __version__))
+    print(chapters.told(folder, chapters.lay_out(folder), __version__))
 
 
 def run_notebook(

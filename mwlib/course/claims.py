@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Sequence
+from itertools import count
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -33,7 +34,7 @@ class Chapter(NamedTuple):
 def read_chapter(folder: Path) -> Chapter:
     """What a run of a chapter left in its folder."""
     found = result_of(folder)
-    status = {"ok": "ok", "refused": "refused", "failed": "failed"}.get(str(found.get("status")), "not run")
+    status = said if (said := found.get("status")) in ("ok", "refused", "failed") else "not run"
     claims = {claim["sentence"]: Claim(**claim) for claim in found.get("claims", [])}
     reason = str(found.get("reason", "")).partition("\n")[0].removeprefix(f"{folder.name}: ")
     return Chapter(status, reason, claims, tuple(found.get("left_out", ())))
@@ -65,43 +66,39 @@ def named(builds: Sequence[Path]) -> dict[str, Path]:
         ValueError: one is given twice.
     """
     whole = [build.resolve() for build in builds]
-    if twice := sorted({str(build) for build in whole if whole.count(build) > 1}):
+    if twice := [str(build) for build, times in Counter(whole).items() if times > 1]:
         raise ValueError(f"builds are given twice: {', '.join(twice)}; expected each once")
-    for length in range(1, max(len(build.parts) for build in whole) + 1):
-        names = ["/".join(build.parts[-length:]) for build in whole]
-        if len({*names}) == len(names):
+    for length in count(1):
+        found = {"/".join(build.parts[-length:]): build for build in whole}
+        if len(found) == len(whole):
             break
-    return dict(zip(names, whole, strict=True))
+    return found
 
 
 def fates(builds: dict[str, dict[str, Chapter]]) -> list[dict[str, str]]:
     """What became of each chapter in each build, a row a chapter: "ok", "ok, in part" if something was left out, "refused" ..."""
+    names, *_ = builds.values()
     return [
         {"chapter": name} | {build: of[name].status + ", in part" * bool(of[name].left_out) for build, of in builds.items()}
-        for name in _names(builds)
+        for name in names
     ]
-
-
-def _names(builds: dict[str, dict[str, Chapter]]) -> list[str]:
-    return [*dict.fromkeys(name for chapters in builds.values() for name in chapters)]
 
 
 def report(builds: dict[str, dict[str, Chapter]], whole: bool = False) -> str:
     """Builds side by side, as Markdown: what became of the chapters, and the claims with the embedded people's.
 
     Args:
-        builds: name -> chapters.
+        builds: name -> chapters, the same in each.
         whole: all claims; else those that do not hold in one of the builds.
     """
-    rows = []
-    for chapter in _names(builds):
-        of = {EMBEDDED: stored_claims(chapter)}
-        of |= {name: chapters[chapter].claims for name, chapters in builds.items() if chapter in chapters}
+    (chapters, *_), rows = builds.values(), []
+    for chapter in chapters:
+        of = {EMBEDDED: stored_claims(chapter)} | {name: read[chapter].claims for name, read in builds.items()}
         for sentence in dict.fromkeys(sentence for claims in of.values() for sentence in claims):
             made = {name: claims.get(sentence) for name, claims in of.items()}
             if whole or any(claim is not None and not claim.holds for claim in made.values()):
                 rows.append(_row(chapter, sentence, made))
-    told = {"fates": results_table(fates(builds)) if len(builds) > 1 else "", "rows": results_table(rows) if rows else ""}
+    told = {"fates": len(builds) > 1 and results_table(fates(builds)), "rows": rows and results_table(rows)}
     return rendered("course/claims.md.jinja", builds=builds, whole=whole, summed_up=summed_up, **told)
 
 
@@ -114,6 +111,6 @@ def tree(builds: dict[str, dict[str, Chapter]]) -> dict[str, Any]:
 
 
 def _row(chapter: str, sentence: str, made: dict[str, Claim | None]) -> dict[str, Any]:
-    first = next((claim for name, claim in made.items() if claim is not None and name != EMBEDDED), None)
-    signed = {name: claim and f"{SIGNS[claim.holds]} {claim.like(first).shown()}".strip() for name, claim in made.items()}
+    *_, last = filter(None, made.values())  # the embedded people's, stored by name, come first
+    signed = {name: claim and f"{SIGNS[claim.holds]} {claim.like(last).shown()}".strip() for name, claim in made.items()}
     return {"chapter": chapter.partition("_")[0], "claim": sentence, **signed}

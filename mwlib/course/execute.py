@@ -39,21 +39,20 @@ KEPT_CELL_METADATA = ("tags", "jupyter", WRONG, ALWAYS)
 KEPT_METADATA = (*PICTURES, "mwlib")  # alternative texts, and the stem of an exhibit
 
 
-def execute_notebook(path: Path, timeout: float = 600.0) -> None:
+def execute_notebook(path: Path) -> None:
     """Run a notebook from top to bottom in a new kernel, in its own folder, and write it back, filtered.
 
     Args:
-        path: the notebook; replaced only if every cell ran.
-        timeout: seconds for one cell.
+        path: the notebook; replaced only if every cell ran, each within ten minutes.
 
     Raises:
-        CellExecutionError: a cell raised; the file is left as it was.
+        CellExecutionError: a cell raised, or took longer; the file is left as it was.
         DeadKernelError: the kernel died; the file is left as it was.
     """
     notebook = nbformat.read(path, as_version=4)
     # With its state kept, a widget swallows what it draws; without, that would land in the page beside the static figure.
     client = NotebookClient(
-        notebook, timeout=timeout, startup_timeout=120, kernel_name="python3", store_widget_state=True,
+        notebook, timeout=600, startup_timeout=120, kernel_name="python3", store_widget_state=True,
         record_timing=False, extra_arguments=QUIET,
         resources={"metadata": {"path": str(path.resolve().parent)}},
     )  # fmt: skip
@@ -98,10 +97,8 @@ def _joined(outputs: list[NotebookNode]) -> list[NotebookNode]:
 
 
 def _filtered(output: NotebookNode) -> NotebookNode | None:
-    if output.output_type == "stream":
-        return output if output.name == "stdout" else None
-    if output.output_type == "error":
-        return output  # only a cell that is allowed to fail leaves one; the structure rules report it
+    if output.output_type in ("stream", "error"):  # an error is of a cell that is allowed to fail; the structure rules report it
+        return output if output.get("name") != "stderr" else None
     if WIDGET in output.data:
         return None
     data = {kind: value for kind, value in output.data.items() if kind in KEPT_TYPES or is_table(kind, value)}
@@ -128,7 +125,9 @@ class NotDone(RuntimeError):
         refused: whether the notebook refused its data at its head (`Page.needs`), in place of failing.
     """
 
-    refused = False
+    def __init__(self, reason: str, refused: bool = False) -> None:
+        super().__init__(reason)
+        self.refused = refused
 
 
 def run_notebook(
@@ -137,11 +136,13 @@ def run_notebook(
     given: Mapping[str, Any],
     timeout: float = TIMEOUT,
     *,
-    kept: Path | None = None,
     page: bool = True,
     go_on: bool = False,
 ) -> Path:
     """Run a notebook with some parameters changed; everything it leaves lies in one folder.
+
+    MWLIB_EXECUTED names a folder in which executions are kept. One of the same notebook, parameters, data and code is copied from
+    there in place of another; a new one is copied there.
 
     Args:
         notebook: the notebook file; it is read, never written.
@@ -149,8 +150,6 @@ def run_notebook(
             None = build/runs/<notebook>-<hash of the parameters>. What an earlier run of the notebook left there is removed.
         given: parameter name -> value; the others keep the notebook's defaults.
         timeout: seconds for one cell; then the kernel is killed.
-        kept: folder in which executions are kept; None = what MWLIB_EXECUTED names, else none. One of the same notebook,
-            parameters, data and code is copied from there in place of another; a new one is copied there.
         page: whether `notebook.html` is written.
         go_on: whether a notebook that does not get to its end leaves a result that says why, with the status "refused" or
             "failed": what is made of many notebooks goes on with the others.
@@ -174,8 +173,8 @@ def run_notebook(
     digest = results.parameters_hash(values)
     folder = (out or home() / "build" / "runs" / f"{notebook.stem}-{digest}").resolve()
     folder.mkdir(parents=True, exist_ok=True)
-    kept = kept or (Path(named) if (named := os.environ.get("MWLIB_EXECUTED")) else None)
-    before = kept / f"{notebook.stem}-{digest}" if kept else None
+    kept = os.environ.get("MWLIB_EXECUTED")
+    before = Path(kept, f"{notebook.stem}-{digest}") if kept else None
     with results.locked(folder.with_suffix(".lock")):
         _forget(folder, notebook.stem)
         if before and results.result_of(before).get("depends", {}).get("surroundings") == surroundings():
@@ -218,19 +217,18 @@ def _execute(
         (folder / results.RESULT).unlink(missing_ok=True)
         if page and (folder / EXECUTED).is_file():
             write_atomic(folder / PAGE, _page(folder / EXECUTED))
-        not_done = NotDone(f"{notebook.stem}: {_reason(error, folder)}\n(see {folder / EXECUTED})")
+        reason, refused = f"{_reason(error, folder)}\n(see {folder / EXECUTED})", False
         if isinstance(error, PapermillExecutionError) and error.ename == results.REFUSED:
-            not_done = NotDone(f"{notebook.stem}: {error.evalue}")
-            not_done.refused = True
-        raise not_done from error
+            reason, refused = error.evalue, True
+        raise NotDone(f"{notebook.stem}: {reason}", refused) from error
 
 
 def _copied(source: Path, target: Path, kept: Path, page: bool = False) -> Path:
     """Copy what a run left, its result last; with its page, made if it has none. One of them is kept for other runs."""
     with results.locked(kept.with_suffix(".lock")):
         (target / results.RESULT).unlink(missing_ok=True)
-        files = sorted((file for file in source.rglob("*") if file.is_file()), key=lambda file: file.name == results.RESULT)
-        for file in files:
+        files = [file for file in source.rglob("*") if file.is_file()]
+        for file in sorted(files, key=lambda file: file.name == results.RESULT):
             write_atomic(target / file.relative_to(source), file.read_bytes())
     if page and not (target / PAGE).exists():
         write_atomic(target / PAGE, _page(target / EXECUTED))
@@ -288,13 +286,9 @@ def _forget(folder: Path, notebook: str) -> None:
     for name in (results.RESULT, EXECUTED, PAGE):
         (folder / name).unlink(missing_ok=True)
     for sidecar in folder.glob("*.json"):
-        try:
-            about = json.loads(sidecar.read_text(encoding="utf-8"))
-        except (OSError, ValueError):
-            continue
-        kind = next((kind for kind in FILES if isinstance(about, dict) and about.get(kind) == sidecar.stem), None)
-        if kind and about.get("notebook") == notebook:
-            for ending in reversed(FILES[kind]):  # the sidecar, which proves that the others are there, first
+        about = results.read_tree(sidecar)
+        if about.get("notebook") == notebook and sidecar.stem in map(about.get, FILES):
+            for ending in reversed(FILES["figure"]):  # the sidecar, which proves that the others are there, first
                 sidecar.with_suffix(f".{ending}").unlink(missing_ok=True)
 
 
@@ -309,14 +303,19 @@ def _check(executed: Path) -> None:
     Raises:
         NotDone: it names the cell.
     """
-    cells = [cell for cell in nbformat.read(executed, as_version=4).cells if cell.cell_type == "code" and cell.source.strip()]
-    for number, cell in enumerate(cells, 1):
-        left = next((output.ename for output in cell.outputs if output.output_type == "error"), None)
-        if left:
-            raise NotDone(f"cell {number}, {_begins(cell)}, was left by {left}")
+    for number, (name, cell) in enumerate(_cells(executed), 1):
+        for output in cell.outputs:
+            if output.output_type == "error":
+                raise NotDone(f"{name} was left by {output.ename}")
         if cell.execution_count != number:
-            count = "was not run" if cell.execution_count is None else f"was run as number {cell.execution_count}"
-            raise NotDone(f"cell {number}, {_begins(cell)}, {count}; expected every cell to run once, in order")
+            count = "not run" if cell.execution_count is None else f"run as number {cell.execution_count}"
+            raise NotDone(f"{name} was {count}; expected every cell to run once, in order")
+
+
+def _cells(executed: Path) -> list[tuple[str, NotebookNode]]:
+    """The cells that hold code, with what messages call them."""
+    cells = [cell for cell in nbformat.read(executed, as_version=4).cells if cell.cell_type == "code" and cell.source.strip()]
+    return [(f"cell {n}, {cell.source.strip().splitlines()[0][:60]!r},", cell) for n, cell in enumerate(cells, 1)]
 
 
 def _page(executed: Path) -> str:
@@ -327,16 +326,11 @@ def _page(executed: Path) -> str:
     return page.replace("</head>", f"<style>{WHOLE_WORDS}</style></head>", 1)
 
 
-def _begins(cell: Any) -> str:
-    return repr(cell.source.strip().splitlines()[0][:60])
-
-
 def _reason(error: Exception, folder: Path) -> str:
     """An error in few words: the cell's own traceback stands in the executed notebook."""
     if isinstance(error, PapermillExecutionError):
         return f"cell {error.exec_count} raised {error.ename}: {error.evalue}"
     if isinstance(error, CellTimeoutError):
-        cells = [cell for cell in nbformat.read(folder / EXECUTED, as_version=4).cells if cell.cell_type == "code"]
-        number, cell = [(n, cell) for n, cell in enumerate(cells, 1) if cell.metadata.papermill.get("start_time")][-1]
-        return f"cell {number}, {_begins(cell)}, took longer than the timeout; the kernel was killed"
+        name = [name for name, cell in _cells(folder / EXECUTED) if cell.metadata.papermill.get("start_time")][-1]
+        return f"{name} took longer than the timeout; the kernel was killed"
     return str(error) or type(error).__name__

@@ -5,7 +5,6 @@ Exhibits are written as Markdown. Sphinx reads it as it is; a build's `index.htm
 
 import csv
 import json
-import os
 import re
 from base64 import b64decode
 from collections.abc import Callable, Mapping, Sequence
@@ -20,7 +19,7 @@ from mwlib.course.claims import read_build, summed_up
 from mwlib.course.execute import PAGE, outdated
 
 from mwlib.course.notebooks import (  # isort: skip
-    MANIFEST, Exhibit, exhibits_kept, from_text, read_manifest, read_notebook, read_parameters, resolve,
+    MANIFEST, Exhibit, exhibits_kept, from_text, read_manifest, read_notebook, read_parameters, resolve, title_of,
 )  # fmt: skip
 from mwlib.data.sources import data_fingerprint
 from mwlib.experiments.grids import read_grids
@@ -28,19 +27,8 @@ from mwlib.experiments.results import parameters_hash, rendered
 from mwlib.files import write_atomic
 from mwlib.plots import significant
 
-FIRST = ("data", "preset", "seed", "seeds")
-LINKS = {"csv": "numbers", "pdf": "for print", "txt": "alternative text", "json": "data and settings"}
-LONGEST_TABLE = 60  # rows shown; the CSV has them all
 FOLDER = "exhibits"  # of the site
-COMMITTED_PAGE = "../figures/cmu/index"
-OWN = "The chapters' own exhibits"
-OWN_IN_A_BUILD = "The course's own"
-REAL = "Results on real people"
-COMMITTED = f"""# {REAL}
-
-Measured on clips of the CMU motion capture database. The settings beside each table say which clips, people and seeds.
-[RESULTS.md](../../RESULTS.md) says what they show. The data used in this project was obtained from mocap.cs.cmu.edu.
-The database was created with funding from NSF EIA-0196217."""
+KINDS = ("png", "md", "csv", "pdf", "txt", "json")  # of files that belong to an exhibit
 
 
 def write_index(build: Path, notebooks: Sequence[Path], manifest: Path = MANIFEST, given: Sequence[str] = ()) -> Path:
@@ -70,7 +58,6 @@ def write_index(build: Path, notebooks: Sequence[Path], manifest: Path = MANIFES
         name=build.resolve().name,
         notebooks=[_notebook(build, path, given, fingerprint) for path in notebooks],
         sections=in_order(rows),
-        heading=lambda system: f"The tables and figures of {system}" if system else OWN_IN_A_BUILD,
         claims=summed_up(chapters),
         chapters=chapters,
         found=found,
@@ -100,7 +87,7 @@ def saved_exhibits(build: Path) -> tuple[dict[tuple[str, str], str], list[str]]:
     found, broken = {}, []
     for sidecar in sorted(build.glob("[0-9][0-9]*_*/**/*.json")):
         if sidecar.with_suffix(".csv").is_file():
-            place = quote(Path(os.path.relpath(sidecar.parent, build)).as_posix()) + "/"
+            place = quote(sidecar.parent.relative_to(build).as_posix()) + "/"
             try:
                 told = json.loads(sidecar.read_text(encoding="utf-8"))
                 if not isinstance(told, dict):
@@ -115,18 +102,22 @@ def from_files(file: Path, place: str, facts: Mapping[str, Any] | None = None) -
     """A picture or table that lies in a folder, as Markdown, with links to the files beside it.
 
     Args:
-        file: any of its files.
+        file: any of its files, with its ending or without.
         place: where the folder is, seen from the page; ends in a slash.
         facts: its provenance: the first facts become a line that unfolds to the others.
+
+    Raises:
+        ValueError: there are none.
     """
-    near = {kind: file.with_suffix(f".{kind}") for kind in ("png", "md", *LINKS) if file.with_suffix(f".{kind}").is_file()}
-    header, *rows = [[]]
+    near = {kind: found for kind in KINDS if (found := file.with_suffix(f".{kind}")).is_file()}
+    if not near:
+        raise ValueError(f"{file}.md and {file}.png are missing; the manifest says that one of them is committed")
+    rows: list[list[str]] = []
     if not {"png", "md"} & {*near}:
         with near["csv"].open(newline="", encoding="utf-8") as lines:
-            header, *rows = [*csv.reader(lines)] or [[]]
-    told = {"near": near, "place": place, "links": LINKS, "facts": facts, "first": FIRST, "value": _value, "plain": _plain}
-    told |= {"alt": _text(near["txt"]) if "txt" in near else "", "header": header, "rows": rows, "longest": LONGEST_TABLE}
-    return rendered("course/exhibit.md.jinja", short=_short, **told).rstrip()
+            rows = [*csv.reader(lines)] or [[]]
+    told = {"near": near, "place": place, "facts": facts, "rows": rows, "value": _value, "plain": _plain, "short": _short}
+    return rendered("course/exhibit.md.jinja", **told).rstrip()
 
 
 def _value(value: Any) -> str:
@@ -141,7 +132,7 @@ def _value(value: Any) -> str:
 def _short(cell: str) -> str:
     """Numbers with a fraction to three digits: the CSV has them all."""
     try:
-        return significant(float(cell)) if cell.strip("-").count(".") or "e" in cell else cell
+        return significant(float(cell)) if "." in cell or "e" in cell else cell
     except ValueError:
         return cell
 
@@ -151,21 +142,19 @@ def _plain(text: str) -> str:
     return re.sub(r"([\\`*_\[\]<>&$#|~])", r"\\\1", " ".join(text.split()))
 
 
-def _text(file: Path) -> str:
-    return file.read_text(encoding="utf-8").strip()
-
-
 def in_order(rows: Sequence[Exhibit]) -> dict[str, dict[str, list[Exhibit]]]:
     """Exhibits by system and by the paper's item, in its order; last, under an empty name, the chapters' own by notebook."""
     found = {row.paper["system"]: {} for row in rows if row.paper}
-    for row in [*sorted((row for row in rows if row.paper), key=_place_in_paper), *(row for row in rows if not row.paper)]:
-        system, item = (row.paper["system"], row.paper["item"]) if row.paper else ("", row.notebook)
-        found.setdefault(system, {}).setdefault(item, []).append(row)
+    for row in sorted(rows, key=_place_in_paper):
+        items = found.setdefault(row.paper.get("system", ""), {})
+        items.setdefault(row.paper.get("item", row.notebook), []).append(row)
     return found
 
 
 def _place_in_paper(row: Exhibit) -> tuple[str, int, str]:
-    """Figures before tables, by number."""
+    """Figures before tables, by number; behind them what is of no paper."""
+    if not row.paper:
+        return "~", 0, ""
     kind, number = re.fullmatch(r"(\D+?)\s*(\d+).*", row.paper["item"]).groups()  # pyright: ignore[reportOptionalMemberAccess]
     return kind, int(number), row.notebook
 
@@ -186,15 +175,12 @@ def exhibit_pages(root: Path, notebooks: Mapping[str, Mapping[str, Any]]) -> dic
     rows = read_manifest(root / "figures" / "manifest.yaml")
     kept = {(name, stem): output for name, tree in notebooks.items() for stem, output in exhibits_kept(tree)}
     told = {
-        "titles": {name: "".join(tree["cells"][0]["source"]).splitlines()[0].lstrip("# ") for name, tree in notebooks.items()},
-        "committed": lambda name: from_files(_file(root / "figures" / name), "../figures/cmu/"),
+        "titles": {name: title_of(tree) for name, tree in notebooks.items()},
+        "committed": lambda name: from_files(root / "figures" / name, "../figures/cmu/"),
         "page_of": lambda system: re.sub(r"[^a-z0-9]+", "-", system.lower()) or "own",
         "anchor": lambda title: re.sub(r"[^\w -]", "", title.lower()).replace(" ", "-"),  # as MyST makes them
         "first_sentence": first_sentence,
         "plain": _plain,
-        "own": OWN,
-        "real": REAL,
-        "committed_page": COMMITTED_PAGE,
         "results": _results(root, rows),
         "kept": kept,
         "sections": in_order(rows),
@@ -210,13 +196,6 @@ def exhibit_pages(root: Path, notebooks: Mapping[str, Mapping[str, Any]]) -> dic
     return pages
 
 
-def _file(place: Path) -> Path:
-    found = [file for file in (place.with_suffix(".md"), place.with_suffix(".png")) if file.is_file()]
-    if not found:
-        raise ValueError(f"{place}.md and {place}.png are missing; the manifest says that one of them is committed")
-    return found[0]
-
-
 def committed_page(root: Path) -> str:
     """All committed tables and pictures of CMU: what each shows, in words, and links to its files.
 
@@ -224,7 +203,7 @@ def committed_page(root: Path) -> str:
         root: a checkout. A table is named by its grid, a picture by its exhibit or else by its alternative text.
     """
     results = _results(root, read_manifest(root / "figures" / "manifest.yaml"))
-    return "\n\n".join([COMMITTED, *(f"## {title}\n\n{words}.\n\n{from_files(file, '')}\n" for title, words, file in results)])
+    return rendered("course/committed.md.jinja", results=results, from_files=from_files)
 
 
 def _results(root: Path, rows: Sequence[Exhibit]) -> list[tuple[str, str, Path]]:
@@ -233,8 +212,8 @@ def _results(root: Path, rows: Sequence[Exhibit]) -> list[tuple[str, str, Path]]
     said = {name.removeprefix("cmu/"): row.caption for row in rows for name in row.committed}
     said |= {name: grid.title for name, grid in read_grids(root / "figures" / "grids.yaml").items()}
     files = sorted([*folder.glob("*.md"), *folder.glob("*.png")])
-    words = [(said.get(file.stem) or _text(file.with_suffix(".txt"))).rstrip(".") for file in files]
-    return [(file.stem.replace("_", " ").capitalize(), text, file) for file, text in zip(files, words, strict=True)]
+    words = {file: said.get(file.stem) or file.with_suffix(".txt").read_text(encoding="utf-8") for file in files}
+    return [(file.stem.replace("_", " ").capitalize(), text.rstrip(".\n"), file) for file, text in words.items()]
 
 
 def first_sentence(text: str) -> str:

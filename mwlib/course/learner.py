@@ -9,8 +9,7 @@ from urllib.parse import quote
 import nbformat
 from nbformat import NotebookNode
 
-from mwlib.course.notebooks import WRONG, tags
-from mwlib.course.working_copy import PACKAGE
+from mwlib.course.notebooks import PACKAGE, WRONG, tags
 from mwlib.files import write_atomic
 
 BLANK = "# Your turn: write your answer here, then run the check below."
@@ -25,9 +24,16 @@ def learner_copy(notebook: NotebookNode) -> NotebookNode:
     `name = expression  # your turn: hint`, or one with `return`, loses its expression; a function whose first line ends so loses
     its body. Run as it is, it stops there and says so: further down it would fail in the middle of the library.
     """
-    copy = NotebookNode(notebook.copy())
+    copy = without(notebook, "mwlib")
     copy.cells = [_emptied(cell) for cell in notebook.cells]
-    copy.metadata = NotebookNode({key: value for key, value in notebook.metadata.items() if key != "mwlib"})
+    return copy
+
+
+def without(node: NotebookNode, entry: str) -> NotebookNode:
+    """A copy of a notebook, or of a cell, whose metadata lack an entry."""
+    copy = NotebookNode(node)
+    copy.metadata = NotebookNode(node.metadata)
+    copy.metadata.pop(entry, None)
     return copy
 
 
@@ -51,32 +57,15 @@ def opened(source: str) -> str:
     half = ...  # your turn: half of four
     assert half is not ..., 'fill in the line half = ...: half of four'
     """
-    return FUNCTION.sub(_without_body, HOLE.sub(_left_open, source))
-
-
-def answered(source: str, answer: str) -> str:
-    """A cell's code with one of its holes filled by another answer: a line, or a function, that begins as the right one does.
-
-    Raises:
-        ValueError: the code has no such hole.
-
-    >>> answered("half = 4 / 2  # your turn: half of four", "half = 4 * 2")
-    'half = 4 * 2'
-    """
-    for hole in (*FUNCTION.finditer(source), *HOLE.finditer(source)):
-        head = hole[2].split("(")[0] + "(" if hole.re is FUNCTION else f"{hole[2]} "
-        if answer.startswith(head):
-            text = "\n".join(hole[1] + line for line in answer.rstrip().split("\n"))
-            return source[: hole.start()] + text + ("\n" if hole[0].endswith("\n") else "") + source[hole.end() :]
-    raise ValueError(f"{answer!r} answers no hole; expected it to begin as one of {[hole[2] for hole in HOLE.finditer(source)]}")
+    lines_opened = HOLE.sub(lambda line: _open_line(*line.group(1, 2, 4)), source)
+    return FUNCTION.sub(_without_body, lines_opened)
 
 
 def _emptied(cell: NotebookNode) -> NotebookNode:
-    cell = NotebookNode(cell.copy())
+    cell = without(cell, WRONG)
     if cell.cell_type == "code":
         cell.outputs, cell.execution_count = [], None
         cell.source = opened(cell.source)
-        cell.metadata = NotebookNode({key: value for key, value in cell.metadata.items() if key != WRONG})
     if "solution" in tags(cell):
         cell.source = BLANK if cell.cell_type == "code" else "*Your turn.*"
         cell.metadata = NotebookNode(tags=["exercise"])
@@ -85,12 +74,10 @@ def _emptied(cell: NotebookNode) -> NotebookNode:
 
 def _without_body(function: re.Match[str]) -> str:
     indent, head, hint, _ = function.groups()
-    body = _left_open(re.fullmatch(HOLE, f"{indent}    return x  # your turn: {hint}"))  # pyright: ignore[reportArgumentType]
-    return f"{indent}{head}\n{body}" + ("\n" if function[0].endswith("\n") else "")
+    return f"{indent}{head}\n{_open_line(f'{indent}    ', 'return', hint)}" + "\n" * function[0].endswith("\n")
 
 
-def _left_open(line: re.Match[str]) -> str:
-    indent, head, _, hint = line.groups()
+def _open_line(indent: str, head: str, hint: str) -> str:
     target = head.removesuffix(" =")
     name = target if target.isidentifier() and target != "return" else "answer"
     lines = [f"{name} = ...  # your turn: {hint}", f"assert {name} is not ..., {f'fill in the line {name} = ...: {hint}'!r}"]
@@ -155,7 +142,7 @@ def launched_copy(notebook: NotebookNode, source: str) -> NotebookNode:
         notebook: as committed.
         source: what pip installs, such as `source_of` gives, or the path of a wheel.
     """
-    copy = NotebookNode(notebook.copy())
+    copy = NotebookNode(notebook)
     cell = nbformat.v4.new_code_cell(INSTALL.format(source=source, widgets=WIDGETS), id="install", metadata={"tags": ["install"]})
     copy.cells = [notebook.cells[0], cell, *notebook.cells[1:]]
     return copy

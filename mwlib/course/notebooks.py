@@ -1,19 +1,18 @@
-"""Notebooks of the course: their files, hashes of their sources, their parameters, and the exhibits that they make."""
+"""Notebooks of the course: files, hashes of their sources, parameters, exhibits that they make, and working copies."""
 
 import ast
-import io
 import json
 import re
-import tokenize
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Mapping, Sequence
+from importlib.metadata import PackageNotFoundError, distribution, requires
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from mwlib.experiments.grids import HYPHENED, LIST, WORDS, Place, check_fields, one_of
+from mwlib.experiments.results import rendered
 from mwlib.files import write_atomic
 from mwlib.hashing import sha256
-from mwlib.paths import course_folder
+from mwlib.paths import carried, course_folder, installed
 from mwlib.settings import near, read_yaml
 
 ROOT = course_folder()  # of the folder that the process was started in
@@ -53,10 +52,10 @@ def find_notebook(name: str, folder: Path = NOTEBOOKS) -> Path:
     stems = {path.stem: path for path in course(folder)}
     found = [path for stem, path in stems.items() if stem == name or chapter_number(path) in (name, f"0{name}")]
     if len(found) != 1:
-        names, number = ", ".join(stems) or "nothing", re.match(r"\d+", name)
-        alike = [stem for stem in stems if number and int(stem[:2]) == int(number[0])]  # 5c is 05, or 05b
-        hint = near(alike[0], alike) if alike else near(name, stems)
-        raise FileNotFoundError(f"no notebook {name!r}{hint}; expected a path, a name or a number of: {names}")
+        number = re.match(r"\d+", name)
+        meant = next((stem for stem in stems if number and int(stem[:2]) == int(number[0])), name)  # 5c is 05, or 05b
+        names = ", ".join(stems) or "nothing"
+        raise FileNotFoundError(f"no notebook {name!r}{near(meant, stems)}; expected a path, a name or a number of: {names}")
     return found[0]
 
 
@@ -78,10 +77,10 @@ def read_notebook(path: Path) -> dict[str, Any]:
 
 
 def _is_cell(cell: Any) -> bool:
-    if not isinstance(cell, dict) or not isinstance(cell.get("cell_type"), str) or not isinstance(cell.get("metadata", {}), dict):
-        return False
-    source = cell.get("source")
-    return isinstance(source, str) or (isinstance(source, list) and all(isinstance(line, str) for line in source))
+    match cell:
+        case {"cell_type": str(), "source": str() | list() as lines}:
+            return isinstance(cell.get("metadata", {}), dict) and all(isinstance(line, str) for line in lines)
+    return False
 
 
 def source_hash(notebook: Path | Mapping[str, Any]) -> str:
@@ -91,18 +90,20 @@ def source_hash(notebook: Path | Mapping[str, Any]) -> str:
         FileNotFoundError, ValueError: as in `read_notebook`.
     """
     tree = read_notebook(notebook) if isinstance(notebook, Path) else notebook
-    cells = [
-        (cell["cell_type"], cell.get("metadata", {}).get("tags", []), "".join(cell["source"]).strip())
-        for cell in tree["cells"]
-    ]  # fmt: skip
+    cells = [(cell["cell_type"], tags(cell), "".join(cell["source"]).strip()) for cell in tree["cells"]]
     return sha256([json.dumps(cells)])
 
 
 def exhibits_kept(notebook: Mapping[str, Any]) -> list[tuple[str, Mapping[str, Any]]]:
     """The stored pictures and tables that `page.show` and `page.table` gave a stem, in order, with their stems."""
     outputs = [output for cell in notebook["cells"] for output in cell.get("outputs", [])]
-    marks = [output.get("metadata", {}).get("mwlib", {}) for output in outputs]
-    return [(mark["stem"], output) for mark, output in zip(marks, outputs, strict=True) if "stem" in mark]
+    marked = [(output.get("metadata", {}).get("mwlib", {}), output) for output in outputs]
+    return [(mark["stem"], output) for mark, output in marked if "stem" in mark]
+
+
+def title_of(notebook: Mapping[str, Any]) -> str:
+    """The heading of a notebook."""
+    return "".join(notebook["cells"][0]["source"]).splitlines()[0].lstrip("# ")
 
 
 def write_hashes(folder: Path, hashes: Mapping[str, str]) -> None:
@@ -125,8 +126,7 @@ class ParameterError(ValueError):
     """A notebook's parameters cell, or a value given for it, is not as it should be."""
 
 
-@dataclass(frozen=True)
-class Parameter:
+class Parameter(NamedTuple):
     """One line of a parameters cell: ``name: kind = default  # comment``, or ``# comment; from 1 to 100``."""
 
     name: str
@@ -166,8 +166,7 @@ def read_parameters(notebook: Mapping) -> dict[str, Parameter]:
         tree = ast.parse(source)
     except SyntaxError as error:
         raise ParameterError(f"parameters cell: {error}; expected lines of the form 'name: type = literal  # comment'") from None
-    comments = _comments(source)
-    parameters = [_parameter(node, comments) for node in tree.body]
+    parameters = [_parameter(node, source.encode().splitlines()) for node in tree.body]
     return {parameter.name: parameter for parameter in parameters}
 
 
@@ -207,12 +206,9 @@ def read_values(file: Path) -> dict[str, Any]:
 
     Raises:
         FileNotFoundError: there is no such file.
-        ParameterError: it is not YAML, has a name twice, or is not a mapping.
+        ValueError: it is not YAML, has a name twice, or is not a mapping.
     """
-    try:
-        tree = read_yaml(file)
-    except ValueError as error:
-        raise ParameterError(str(error)) from None
+    tree = read_yaml(file)
     if not isinstance(tree, dict | None) or not all(isinstance(name, str) for name in tree or {}):
         raise ParameterError(f"{file} holds {str(tree)[:40]!r}; expected a mapping of parameters, e.g. preset: tiny")
     return tree or {}
@@ -227,27 +223,25 @@ def _literal(parameter: Parameter, text: str) -> Any:
 
 def _fit(parameter: Parameter, value: Any) -> Any:
     """The value, whole numbers turned to float where a float is wanted; papermill alone would pass anything."""
-    kind = parameter.kind.removeprefix("list[").removesuffix("]")
-    if kind == parameter.kind and _is(kind, value):
-        if (limits := parameter.range) and not limits[0] <= value <= limits[1]:
-            raise ParameterError(f"{parameter.name} is {value!r}; expected {limits[0]:g} to {limits[1]:.10g}")
-        return SCALARS[kind](value)
-    if kind != parameter.kind and isinstance(value, list | tuple) and all(_is(kind, item) for item in value):
-        return [SCALARS[kind](item) for item in value]
-    found = f"{parameter.name} is {value!r} ({type(value).__name__})"
-    hint = " (YAML reads 1e-3 as text; write 1.0e-3)" if kind == "float" and isinstance(value, str) else ""
-    raise ParameterError(f"{found}; expected {parameter.kind}, e.g. {parameter.default!r}{hint}")
+    several = parameter.kind.startswith("list")
+    kind = SCALARS[parameter.kind.removeprefix("list[").removesuffix("]")]
+    parts = value if several else [value]
+    if not isinstance(parts, list | tuple) or not all(type(part) in (kind, int if kind is float else kind) for part in parts):
+        hint = " (YAML reads 1e-3 as text; write 1.0e-3)" if kind is float and isinstance(value, str) else ""
+        found = f"{parameter.name} is {value!r} ({type(value).__name__})"
+        raise ParameterError(f"{found}; expected {parameter.kind}, e.g. {parameter.default!r}{hint}")
+    if (limits := parameter.range) and not all(limits[0] <= part <= limits[1] for part in parts):
+        raise ParameterError(f"{parameter.name} is {value!r}; expected {limits[0]:g} to {limits[1]:.10g}")
+    fitted = [kind(part) for part in parts]
+    return fitted if several else fitted[0]
 
 
-def _is(kind: str, value: Any) -> bool:
-    return type(value) is SCALARS[kind] or (kind == "float" and type(value) is int)
-
-
-def _parameter(node: ast.stmt, comments: Mapping[int, str]) -> Parameter:
+def _parameter(node: Any, lines: list[bytes]) -> Parameter:
     text = ast.unparse(node)
     if not (isinstance(node, ast.AnnAssign) and isinstance(node.target, ast.Name) and node.value is not None):
         raise ParameterError(f"parameters cell: {text!r} is not of the form 'name: type = literal  # comment'")
-    kind, comment = ast.unparse(node.annotation), comments.get(node.end_lineno or 0, "")
+    comment = lines[node.end_lineno - 1][node.end_col_offset :].decode().strip("# ")
+    kind = ast.unparse(node.annotation)
     if kind not in KINDS:
         raise ParameterError(f"parameters cell: {text!r} has the type {kind}; expected one of {', '.join(KINDS)}")
     if not comment:
@@ -259,11 +253,6 @@ def _parameter(node: ast.stmt, comments: Mapping[int, str]) -> Parameter:
     parameter = Parameter(node.target.id, kind, value, comment)
     _fit(parameter, value)
     return parameter
-
-
-def _comments(source: str) -> dict[int, str]:
-    tokens = tokenize.generate_tokens(io.StringIO(source).readline)
-    return {token.start[0]: token.string.lstrip("# ").strip() for token in tokens if token.type == tokenize.COMMENT}
 
 
 def _listing(offered: Mapping[str, Parameter]) -> str:
@@ -279,8 +268,7 @@ FIELDS |= {"files": LIST, "committed": LIST}
 FIELDS["paper"] = "'system' and 'item'", lambda value: isinstance(value, dict) and {*value} in (set(), {"system", "item"})
 
 
-@dataclass(frozen=True)
-class Exhibit:
+class Exhibit(NamedTuple):
     """One row of the manifest.
 
     Args:
@@ -301,11 +289,11 @@ class Exhibit:
     caption: str
     notebook: str
     stem: str
-    files: tuple[str, ...]
+    files: Sequence[str]
     data: str
     status: str
-    paper: dict[str, str] = field(default_factory=dict, hash=False)
-    committed: tuple[str, ...] = ()
+    paper: Mapping[str, str] = {}
+    committed: Sequence[str] = ()
 
 
 def read_manifest(path: Path = MANIFEST) -> list[Exhibit]:
@@ -319,22 +307,88 @@ def read_manifest(path: Path = MANIFEST) -> list[Exhibit]:
     rows = tree.get("exhibits", []) if isinstance(tree, dict) else None
     if not isinstance(rows, list) or not all(isinstance(row, dict) for row in rows):
         raise ValueError(f"{path} holds {str(tree)[:40]!r}; expected exhibits: a list of mappings")
-    problems = [text for number, row in enumerate(rows, 1) for text in _problems(path, number, row)]
+    problems = []
+    for number, row in enumerate(rows, 1):
+        try:
+            _check_row(Place(path, f"row {number} ({row.get('id', '?')})"), row)
+        except ValueError as error:
+            problems.append(str(error))
     for name, keys in (("id", ["id"]), ("notebook and stem", ["notebook", "stem"])):
         values = [tuple(row.get(key) for key in keys) for row in rows]
         problems += [f"{value}: the same {name} twice" for value in sorted(set(values), key=str) if values.count(value) > 1]
     if problems:
         raise ValueError(f"{path}:\n" + "\n".join(problems))
-    return [Exhibit(**{**row, **{key: tuple(row.get(key, ())) for key in ("files", "committed")}}) for row in rows]
+    return [Exhibit(**row) for row in rows]
 
 
-def _problems(path: Path, number: int, row: dict[str, Any]) -> Iterator[str]:
-    where = Place(path, f"row {number} ({row.get('id', '?')})")
+def _check_row(where: Place, row: dict[str, Any]) -> None:
+    check_fields(where, row, NEEDED, FIELDS)
+    needed = FILES[row["kind"]]
+    if missing := {*needed} - {*row.get("files", ())}:
+        expected = f"a {row['kind']} consists of {', '.join(needed)}"
+        raise ValueError(f"{where.of(row, 'files')}: files lack {sorted(missing)}: {expected}")
+
+
+PACKAGE = "motion-wavelet-notebooks"
+
+
+class LaidOut(NamedTuple):
+    """What `lay_out` did, as paths relative to the folder."""
+
+    written: list[Path]
+    kept: list[Path]  # were there already
+    changed: list[Path]  # of those kept, the ones that are not as this mwlib has them
+
+
+def lay_out(folder: Path) -> LaidOut:
+    """Copy notebooks, grids, the list of figures, committed results and Snakefile into a folder; overwrite nothing.
+
+    Args:
+        folder: made if missing. What is there already stays as it is, so a second call brings back what was deleted.
+
+    Raises:
+        NotADirectoryError: the path is a file, or goes through one.
+        PermissionError: the folder cannot be written to.
+    """
+    if folder.exists() and not folder.is_dir():
+        raise NotADirectoryError(f"{folder} is a file; expected a folder, or a name that is still free")
+    out = LaidOut([], [], [])
+    source = installed()
+    for file in carried(source):
+        name = file.relative_to(source)
+        target, content = folder / name, file.read_bytes()
+        if not target.exists() and not target.is_symlink():
+            write_atomic(target, content)
+            out.written.append(name)
+            continue
+        out.kept.append(name)
+        if not target.is_file() or target.read_bytes() != content:
+            out.changed.append(name)
+    return out
+
+
+def to_install(extra: str) -> str:
+    """The command that brings the packages of an extra that are missing, by their own names: it works wherever mwlib is from.
+
+    Empty if none is missing.
+    """
     try:
-        check_fields(where, row, NEEDED, FIELDS)
-    except ValueError as error:
-        yield str(error)
-    else:
-        if missing := {*FILES[row["kind"]]} - {*row.get("files", ())}:
-            expected = f"a {row['kind']} consists of {', '.join(FILES[row['kind']])}"
-            yield f"{where.of(row, 'files')}: files lack {sorted(missing)}: {expected}"
+        lines = requires(PACKAGE) or []
+    except PackageNotFoundError:  # a checkout that is on the path, not installed
+        return f'pip install ".[{extra}]"'
+    of_extra = [line.partition(";")[0].strip() for line in lines if f"extra == '{extra}'" in line]
+    missing = [f'"{line}"' for line in of_extra if not _is_there(re.split(r"[^\w.-]", line)[0])]
+    return " ".join(["pip install", *missing]) if missing else ""
+
+
+def _is_there(package: str) -> bool:
+    try:
+        return bool(distribution(package))
+    except PackageNotFoundError:
+        return False
+
+
+def told(folder: Path, done: LaidOut, version: str) -> str:
+    """What was done, and what a reader can do next, for the terminal."""
+    missing = to_install("notebooks")
+    return rendered("course/working_copy.md.jinja", folder=folder, done=done, version=version, missing=missing).rstrip()

@@ -3,7 +3,6 @@
 Chapters, committed results and texts keep their places relative to each other, so that the links between them hold.
 """
 
-import json
 import re
 from collections.abc import Mapping
 from importlib import import_module
@@ -16,8 +15,8 @@ import nbformat
 from nbformat import NotebookNode
 
 from mwlib.course.exhibits import committed_page, exhibit_pages
-from mwlib.course.learner import COPIES, badges, launched_copy, learner_copy, repository, source_of
-from mwlib.course.notebooks import CHAPTER, FOLDED, WRONG, chapter_number, exhibits_kept, tags
+from mwlib.course.learner import COPIES, badges, launched_copy, learner_copy, repository, source_of, without
+from mwlib.course.notebooks import CHAPTER, FOLDED, WRONG, chapter_number, exhibits_kept, tags, title_of
 from mwlib.experiments.results import rendered
 from mwlib.files import sweep, write_atomic
 
@@ -62,26 +61,29 @@ def write_site_sources(folder: Path, root: Path) -> list[Path]:
     pages |= {name: (root / place).read_bytes() for name, place in EXAMPLES.items()}
     for card in sorted((root / "mwlib" / "models").glob("*/card.md")):
         pages[card.relative_to(root).as_posix()] = "---\norphan: true\n---\n" + card.read_text(encoding="utf-8")
-    notebooks, address = sorted((root / "notebooks").glob("*.ipynb")), repository(root)
-    for path in notebooks:
-        tree = nbformat.read(path, as_version=4)
+    trees, address = {}, repository(root)
+    for path in sorted((root / "notebooks").glob("*.ipynb")):
+        trees[path.stem] = tree = nbformat.read(path, as_version=4)
         launch = badges(address, path.name) if CHAPTER.fullmatch(chapter_number(path)) else ""
         pages[f"notebooks/{path.name}"] = nbformat.writes(site_copy(tree, path.name, launch))
         if launch:
             pages[f"{COPIES}/{path.name}"] = nbformat.writes(launched_copy(tree, source_of(address)))
         pages[f"notebooks/executed/{path.name}"] = path.read_bytes()
         pages[f"notebooks/learner/{path.name}"] = nbformat.writes(learner_copy(tree))
-    committed = [file for folder in ("cmu", "lafan1", "bandai_namco", "synthetic") for file in _files(root / "figures" / folder)]
-    for file in [*(root / "figures" / name for name in ("claims.yaml", "verdicts.png")), *committed]:
-        if file.suffix != ".md":
-            pages[file.relative_to(root).as_posix()] = file.read_bytes()
-    trees = {path.stem: json.loads(path.read_text(encoding="utf-8")) for path in notebooks}
+    for name in ("cmu", "lafan1", "bandai_namco", "synthetic", "claims.yaml", "verdicts.png"):
+        for file in _files(root / "figures" / name):
+            if file.suffix != ".md":
+                pages[file.relative_to(root).as_posix()] = file.read_bytes()
     pages |= exhibit_pages(root, trees)
     pages["figures/cmu/index.md"] = committed_page(root)
     cards = chapter_cards(trees, (root / "README.md").read_text(encoding="utf-8"), address)
     pages["chapters.md"] = (root / "docs" / "chapters.md").read_text(encoding="utf-8").replace(CHAPTERS, cards)
     pages["api/index.rst"] = library_page()
-    return _written(folder, pages)
+    for place in {(folder / name).parent for name in pages}:
+        sweep(place)
+    for name, content in pages.items():
+        write_atomic(folder / name, content)
+    return [folder / name for name in pages]
 
 
 def library_page() -> str:
@@ -106,8 +108,7 @@ def chapter_cards(notebooks: Mapping[str, Mapping[str, Any]], readme: str, addre
         pictures = ((name, out) for name, out in exhibits_kept(tree) if "image/png" in out["data"])
         taught = re.search(TAUGHT.format(stem=stem), readme, re.MULTILINE)
         if taught and (first := next(pictures, None)):
-            title = "".join(tree["cells"][0]["source"]).splitlines()[0].lstrip("# ")
-            chapters.append((stem, title, taught[1], first[0], first[1]["metadata"]["image/png"]["alt"]))
+            chapters.append((stem, title_of(tree), taught[1], first[0], first[1]["metadata"]["image/png"]["alt"]))
     return rendered("course/chapters.md.jinja", chapters=chapters, badges_of=lambda name: badges(address, name))
 
 
@@ -129,24 +130,21 @@ def site_copy(notebook: NotebookNode, name: str, launch: str = "") -> NotebookNo
         name: of its file.
         launch: links that open it elsewhere.
     """
-    copy = NotebookNode(notebook.copy())
+    copy = without(notebook, "mwlib")
     copy.cells = [_folded(cell) for cell in notebook.cells]
-    has_solutions = any("solution" in tags(cell) for cell in notebook.cells)
-    without = f" {{download}}`without its solutions <learner/{name}>`," if has_solutions else ""
-    opens = f" open it in {launch}," if launch else ""
-    here = f"Download it {{download}}`as it is here <executed/{name}>`,{without}"
-    text = f"*This page is a notebook. {here}{opens} or run `make lab`.*"
+    text = f"*This page is a notebook. Download it {{download}}`as it is here <executed/{name}>`,"
+    if any("solution" in tags(cell) for cell in notebook.cells):
+        text += f" {{download}}`without its solutions <learner/{name}>`,"
+    text += f"{f' open it in {launch},' if launch else ''} or run `make lab`.*"
     if (page := PLAYED.get(name.partition("_")[0])) is not None:
         text += f"\n\n*Play with it in your browser: [{page}](../live/{page}.md).*"
     copy.cells.insert(1, nbformat.v4.new_markdown_cell(text, id="downloads"))
-    copy.metadata = NotebookNode({key: value for key, value in notebook.metadata.items() if key != "mwlib"})
     return copy
 
 
 def _folded(cell: NotebookNode) -> NotebookNode:
     """Solutions in words fold themselves: the structure rules of the notebooks see to it. Links to folders go to their pages."""
-    cell = NotebookNode(cell.copy())
-    cell.metadata = NotebookNode({key: value for key, value in cell.metadata.items() if key != WRONG})
+    cell = without(cell, WRONG)
     if cell.cell_type == "markdown":
         cell.source = FOLDER_LINK.sub(FOLDER_PAGE, cell.source)
     if cell.cell_type == "code" and (kind := next((name for name in FOLDED if name in tags(cell)), "")):
@@ -164,11 +162,3 @@ def _files(place: Path) -> list[Path]:
     if not place.exists():
         raise FileNotFoundError(f"{place} is missing; expected a checkout of the repository, with its docs/")
     return [place] if place.is_file() else sorted(file for file in place.rglob("*") if file.is_file())
-
-
-def _written(folder: Path, pages: Mapping[str, str | bytes]) -> list[Path]:
-    for place in {(folder / name).parent for name in pages}:
-        sweep(place)
-    for name, content in pages.items():
-        write_atomic(folder / name, content)
-    return [folder / name for name in pages]

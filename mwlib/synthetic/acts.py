@@ -1,14 +1,13 @@
 """Actions of synthetic people with given attributes: how fast, where to, with which hand or foot, how often, how high."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Float
 from scipy.ndimage import gaussian_filter1d
 
 from mwlib.synthetic.movements import GAITS, PoseTrack, gait_pose, gesture_tracks, stand_pose
-from mwlib.synthetic.person import AT, POSE, SIDES, Figure, draw_figure, figure_positions
+from mwlib.synthetic.person import AT, POSE, SIDES, Figure, PerFrame, Positions, draw_figure, figure_positions
 from mwlib.synthetic.sentences import Attributes, captions_of, draw_attributes, read_table
 
 RATE = 40.0  # frames per second at which poses are made; every second one is kept
@@ -62,10 +61,6 @@ class Performance(PoseTrack):
         """Change the heading by so many radians, to the left where positive."""
         self.heading += angle * self.rise(at, seconds)
 
-    def curve(self, rate: float) -> None:
-        """Change the heading all the time, radians per second."""
-        self.heading += rate * self.time
-
     def gesture(
         self,
         name: str,
@@ -73,7 +68,7 @@ class Performance(PoseTrack):
         at: float,
         seconds: float,
         onset: float,
-        share: Float[np.ndarray, " T"] | None = None,
+        share: PerFrame | None = None,
         limbs: tuple[str, ...] = (),
         factor: float = 1.0,
     ) -> float:
@@ -99,12 +94,12 @@ class Performance(PoseTrack):
         ahead = np.stack([np.cos(self.heading), np.sin(self.heading)], axis=-1)
         self.travel += gaussian_filter1d(forward * seconds * share, 0.05 * RATE)[:, None] * ahead
 
-    def film(self, seconds: float) -> Float[np.ndarray, "T 22 3"]:
-        """Positions from time 0 on, metres, y up, 20 frames a second; the first frame stands over the origin and faces +z."""
+    def film(self, seconds: float) -> Positions:
+        """(T, 22, 3) metres from time 0 on, y up, 20 frames a second; the first frame stands over the origin and faces +z."""
         end = 2 * _BEFORE + int(round(seconds * RATE))
         pose = self.finished(end)
         heading = self.heading[:end] - self.heading[_BEFORE]
-        positions = figure_positions(pose, heading, self.figure, RATE, self.travel[:end])[_BEFORE : end - _BEFORE + 1 : 2]
+        positions = figure_positions(pose, heading, self.figure, RATE, self.travel[:end, None])[_BEFORE : end - _BEFORE + 1 : 2]
         return positions - positions[0, 0] * [1.0, 0.0, 1.0]
 
 
@@ -117,10 +112,9 @@ slow wave: 1 1.25; normal wave: 1.8 2.1; fast wave: 2.9 3.4
 low jump: 0.07 0.12; normal jump: 0.22 0.29; high jump: 0.42 0.5
 low kick: 0.46 0.58; normal kick: 0.88 1.02; high kick: 1.28 1.4
 """)  # metres per second, degrees per second as the mean over the turn, hertz, metres, and of a kick at hip height
-_TO_THE = {"left": 1.0, "right": -1.0}
 
 
-def act_out(attributes: Attributes, figure: Figure, rng: np.random.Generator) -> Float[np.ndarray, "T 22 3"]:
+def act_out(attributes: Attributes, figure: Figure, rng: np.random.Generator) -> Positions:
     """Positions of a person who does what the attributes say, and nothing more.
 
     Args:
@@ -129,7 +123,7 @@ def act_out(attributes: Attributes, figure: Figure, rng: np.random.Generator) ->
         rng: for everything the attributes leave open: exact speed, when it begins, how long it lasts.
 
     Returns:
-        Positions, metres, y up, 20 frames a second, 41 to 121 frames, one more than a multiple of four.
+        (T, 22, 3) metres, y up, 20 frames a second, 41 to 121 frames, one more than a multiple of four.
     """
     clip, end = Performance(figure, rng), 0.0
     actions = [attributes[key] for key in ("action", "then") if key in attributes]
@@ -157,10 +151,10 @@ def _go(clip: Performance, at: float, attributes: Attributes) -> float:
     clip.go(action, -0.6 if first else at, speed, backward)
     if "then" in attributes:
         return clip.halt(at + seconds) if first else at + seconds
-    side = _TO_THE.get(path.split("_")[0], 0.0)
+    side = SIDES.get(path.split("_")[0], 0.0)
     if path.endswith("circle"):
         seconds = rng.uniform(4.2, 5.8)
-        clip.curve(side * np.deg2rad(rng.uniform(220.0, 350.0)) / seconds)
+        clip.heading += side * np.deg2rad(rng.uniform(220.0, 350.0)) / seconds * clip.time
         return seconds
     seconds = rng.uniform(2.9, 5.0)
     if path.endswith("turn"):
@@ -178,7 +172,7 @@ def _turn(clip: Performance, at: float, attributes: Attributes) -> float:
     degrees = attributes["degrees"] * clip.rng.uniform(0.92, 1.08)
     seconds = degrees / _drawn(clip, "turn", attributes.get("pace", "normal"))
     clip.go("march", at)
-    clip.turn(at + 0.1, _TO_THE[attributes["turn"]] * np.deg2rad(degrees), seconds)
+    clip.turn(at + 0.1, SIDES[attributes["turn"]] * np.deg2rad(degrees), seconds)
     return clip.halt(at + seconds)
 
 
@@ -267,7 +261,7 @@ def _stand(clip: Performance, at: float, attributes: Attributes) -> float:
     hanging = [AT[f"{side}_{limb}"] for side in SIDES for limb in ("arm_flex", "arm_abd", "elbow")]
     arms = stand_pose()[hanging] + np.deg2rad(clip.rng.normal(0.0, 3.0, len(hanging)))
     seconds = clip.rng.uniform(1.4, 3.0)
-    clip.overlay(hanging, np.tile(arms, (len(clip.time), 1)), at, seconds, 0.4)
+    clip.overlay(hanging, arms, at, seconds, 0.4)
     return at + seconds
 
 
@@ -293,8 +287,7 @@ PEOPLE = 60
 _SPLITS = ("train",) * 16 + ("val",) + ("test",) * 3
 
 
-@dataclass(frozen=True, eq=False)
-class ActedClip:
+class ActedClip(NamedTuple):
     """One clip of a synthetic person as joint positions, and what it shows.
 
     Args:
@@ -305,7 +298,7 @@ class ActedClip:
         split: "train", "val" or "test".
     """
 
-    positions: Float[np.ndarray, "T 22 3"]
+    positions: Positions
     captions: tuple[str, ...]
     attributes: Attributes
     name: str

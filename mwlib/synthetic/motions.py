@@ -5,12 +5,11 @@ turns of the heading. Every event has a random moment and takes over within a fe
 """
 
 import numpy as np
-from jaxtyping import Float
 
 from mwlib.body.motion import Motion
 from mwlib.body.skeleton import H36M17
 from mwlib.synthetic.movements import GAITS, GESTURES, PoseTrack, gait_pose, gesture_tracks, stand_pose
-from mwlib.synthetic.person import FPS, Body, draw_body, positions_of
+from mwlib.synthetic.person import FPS, Body, Positions, draw_body, positions_of
 from mwlib.synthetic.sentences import read_table
 
 MARGIN = 10  # frames made before and after the clip and cut off, where smoothing has no neighbours
@@ -95,8 +94,7 @@ class _Script(PoseTrack):
         """Change the heading to either side; someone who stands steps round. Returns when it is done."""
         angle = np.deg2rad(self.rng.uniform(*degrees)) * self.rng.choice((-1.0, 1.0))
         lasts = self.rng.uniform(*seconds)
-        stood = self.legs == "stand"
-        if stood:
+        if stood := self.legs == "stand":
             at, lasts = self.set_legs("march", at), lasts + 0.3
         self.heading += angle * self.rise(at, lasts)
         return self.set_legs("stand", at + lasts) if stood else at + lasts
@@ -104,9 +102,10 @@ class _Script(PoseTrack):
     def gesture(self, name: str, at: float) -> float:
         """Lay a gesture over whatever the legs do, stopping first if it needs the legs; returns when it is over."""
         gesture, rng = GESTURES[name], self.rng
-        if gesture.whole_body and self.legs != "stand":
+        if self.legs != "stand" and any("hip" in track or "knee" in track for track in gesture.tracks):
             at = self.set_legs("stand", at) + 0.15
-        self.near = self.near if rng.random() < 0.5 else ("left" if self.near == "right" else "right")
+        if rng.random() >= 0.5:
+            self.near = "left" if self.near == "right" else "right"
         lasts = gesture.seconds / self.body.tempo * rng.uniform(0.85, 1.2)
         entries, values = gesture_tracks(name, self.near, (self.time - at) / lasts)
         onset = gesture.onset * rng.uniform(0.7, 1.3)
@@ -127,7 +126,7 @@ class _Script(PoseTrack):
         return self.set_legs(event, at) + rng.uniform(0.5, 2.0)
 
 
-def _perform(action: str, body: Body, frames: int, rng: np.random.Generator) -> Float[np.ndarray, "T joints 3"]:
+def _perform(action: str, body: Body, frames: int, rng: np.random.Generator) -> Positions:
     """World positions of one clip, which starts at the origin, amid something already under way."""
     chain, script = ACTIONS[action], _Script(body, frames, rng)
     event, at = str(rng.choice(list(chain))), -rng.uniform(0.5, 1.4)

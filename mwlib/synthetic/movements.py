@@ -3,8 +3,9 @@
 Gaits are foot paths as functions of the phase, with joint angles by inverse kinematics; gestures are tables of key poses.
 """
 
-from dataclasses import dataclass
+import re
 from functools import cache
+from typing import Any, NamedTuple
 
 import numpy as np
 from jaxtyping import Float
@@ -13,9 +14,10 @@ from scipy.ndimage import gaussian_filter1d
 
 from mwlib.synthetic.person import AT, FPS, POSE, SIDES, Body, PerFrame, Poses
 
+Tracks = Float[np.ndarray, "*T tracks"]
 
-@dataclass(frozen=True)
-class Gait:
+
+class Gait(NamedTuple):
     """One way of moving on two feet; lengths in leg lengths, angles in degrees, phase 0 to 1 from contact to contact.
 
     Args:
@@ -78,9 +80,8 @@ def gait_pose(gait: Gait, body: Body, phase: PerFrame, size: float = 1.0) -> Pos
         clear[side] = body.leg * np.sqrt(size) * _periodic(gait.clearance)(own)
         forward = body.leg * size * body.stride * gait.stride * _foot_path(gait)(own)
         # the foot falls inward of the hip, and the pelvis sways over the leg that stands
-        sway = 0.022 * body.sway * np.sin(turn)
-        side_step = np.broadcast_to(-0.045 + sign * -sway, own.shape)
-        flex, abduction, knee = _leg_angles(body, forward, side_step, body.leg * high - clear[side])
+        outward = -0.045 - sign * (0.022 * body.sway * np.sin(turn))
+        flex, abduction, knee = _leg_angles(body, forward, outward, body.leg * high - clear[side])
         back = np.cos(2 * np.pi * own)
         swing = gait.swing * body.swing * np.sqrt(size)
         limbs = {
@@ -126,9 +127,7 @@ def _periodic(keys: tuple[str, str]) -> PchipInterpolator:
     return PchipInterpolator(around, np.concatenate([value[:-1], value, value[1:]]))
 
 
-def _leg_angles(
-    body: Body, forward: np.ndarray, outward: np.ndarray, down: np.ndarray
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _leg_angles(body: Body, forward: PerFrame, outward: PerFrame, down: PerFrame) -> tuple[PerFrame, PerFrame, PerFrame]:
     """Hip flexion, hip abduction and knee flexion that put the foot there, seen from the hip; out of reach: nearly straight."""
     thigh, shin = body.thigh, body.shin
     reach = np.minimum(np.sqrt(forward**2 + outward**2 + down**2), 0.998 * body.leg)
@@ -139,8 +138,7 @@ def _leg_angles(
     return flex, abduction, knee
 
 
-@dataclass(frozen=True)
-class Gesture:
+class Gesture(NamedTuple):
     """Key values spread evenly over the duration, interpolated without overshoot; pose entries not named are left alone.
 
     Args:
@@ -153,25 +151,13 @@ class Gesture:
     seconds: float
     onset: float
 
-    @property
-    def whole_body(self) -> bool:
-        """Whether the legs take part, so that it needs a standing person."""
-        return any("hip" in track or "knee" in track for track in self.tracks)
-
-
-STAND = "hip_flex 4 | hip_abd 2 | knee 8 | arm_flex 1 | arm_abd 8 | arm_turn -10 | elbow 15"  # degrees, both sides
-
 
 def _read(table: str) -> dict[str, Gesture]:
     """Lines of "name: seconds onset", each with indented lines of tracks below it: an entry and its keys, parted by bars."""
-    found: dict[str, Gesture] = {}
-    for line in table.strip().splitlines():
-        name, _, times = line.partition(": ")
-        if times:
-            found[name] = Gesture({}, *_numbers(times))
-        else:
-            entries = (track.split(maxsplit=1) for track in line.split("|"))
-            found[[*found][-1]].tracks.update({entry: _numbers(keys) for entry, keys in entries})
+    found = {}
+    for name, times, lines in re.findall(r"(\w+): (.*)((?:\n +.*)+)", table):
+        tracks = (track.split(maxsplit=1) for track in re.split(r"[|\n]", lines.strip()))
+        found[name] = Gesture({entry: _numbers(keys) for entry, keys in tracks}, *_numbers(times))
     return found
 
 
@@ -228,20 +214,22 @@ punch: 0.62 0.3
 reach_forward: 1.7 0.2
   near_arm_flex 15 60 84 86 60 20 | near_elbow 40 70 12 8 60 40 | near_arm_abd 6 3 0 0 3 8 | near_arm_turn -10
   spine_pitch 2 8 18 18 8 2 | spine_yaw 0 -6 -16 -16 -6 0 | neck_pitch 0 -2 -8 -8 -2 0
-""")  # gestures of the captioned set alone
+stand: 1 0
+  both_hip_flex 4 | both_hip_abd 2 | both_knee 8 | both_arm_flex 1 | both_arm_abd 8 | both_arm_turn -10 | both_elbow 15
+  spine_pitch 2 | neck_pitch 2
+""")  # gestures of the captioned set alone, and the pose under all others
 _TABLES = GESTURES | CAPTIONED
 
 
-def stand_pose() -> Float[np.ndarray, " pose"]:
+def stand_pose() -> Poses:
     """Standing at ease, arms hanging."""
+    entries, values = gesture_tracks("stand", "left", np.zeros(1))
     pose = np.zeros(len(POSE))
-    pose[[AT["spine_pitch"], AT["neck_pitch"]]] = np.deg2rad(2.0)
-    for limb, degrees in map(str.split, STAND.split(" | ")):
-        pose[[AT[f"{side}_{limb}"] for side in SIDES]] = np.deg2rad(float(degrees))
+    pose[entries] = values[0]
     return pose
 
 
-def gesture_tracks(name: str, near: str, share: PerFrame) -> tuple[list[int], Float[np.ndarray, "T tracks"]]:
+def gesture_tracks(name: str, near: str, share: PerFrame) -> tuple[list[int], Tracks]:
     """The entries of the pose that a gesture sets, and their values.
 
     Args:
@@ -251,26 +239,22 @@ def gesture_tracks(name: str, near: str, share: PerFrame) -> tuple[list[int], Fl
     far = "right" if near == "left" else "left"
     sides = {"near": (near,), "far": (far,), "both": (near, far)}
     share = np.clip(share, 0.0, 1.0)
-    entries, values = [], []
+    found: dict[int, Any] = {}
     for track, curve in _curves(name).items():
         unit = 1.0 if track == "lift" else np.deg2rad(1.0)
         if track.endswith(("_roll", "_yaw")):
             unit *= SIDES[near]  # the tables roll and turn the trunk as the left hand would
         who, _, limb = track.partition("_")
         names = [f"{side}_{limb}" for side in sides[who]] if who in sides else [track]
-        entries += [AT[name] for name in names]
-        values += [unit * curve(share)] * len(names)
-    return entries, np.stack(values, axis=1)
+        found |= dict.fromkeys([AT[name] for name in names], unit * curve(share))
+    return [*found], np.stack([*found.values()], axis=1)
 
 
 @cache
 def _curves(name: str) -> dict[str, PchipInterpolator]:
     """Every track of a gesture as a function of the share of its duration; a single key is held."""
-    curves = {}
-    for track, keys in _TABLES[name].tracks.items():
-        keys = keys if len(keys) > 1 else keys * 2
-        curves[track] = PchipInterpolator(np.linspace(0.0, 1.0, len(keys)), keys)
-    return curves
+    tracks = {track: keys if len(keys) > 1 else keys * 2 for track, keys in _TABLES[name].tracks.items()}
+    return {track: PchipInterpolator(np.linspace(0.0, 1.0, len(keys)), keys) for track, keys in tracks.items()}
 
 
 NOISE_FRAMES = 16.0  # standard deviation of the smoothing: involuntary movement below about half a hertz
@@ -293,22 +277,25 @@ class PoseTrack:
         self.time = (np.arange(frames + 2 * margin) - margin) / fps
         self.pose = np.tile(stand_pose(), (len(self.time), 1))
         self.heading = np.zeros(len(self.time))
-        self._gestures: list[tuple[list[int], np.ndarray, np.ndarray]] = []
+        self._gestures: list[tuple[list[int], Tracks, PerFrame]] = []
 
     def rise(self, start: float, seconds: float) -> PerFrame:
         """0 before start, 1 after start + seconds, with zero slope and curvature at both ends."""
         share = np.clip((self.time - start) / seconds, 0.0, 1.0)
         return share**3 * (10 - 15 * share + 6 * share**2)
 
-    def change_to(self, pose: Float[np.ndarray, "*T pose"], at: float, seconds: float) -> None:
+    def change_to(self, pose: Poses, at: float, seconds: float) -> None:
         """Go over to another pose, or row of poses, within so many seconds."""
         self.pose += self.rise(at - 0.05, seconds)[:, None] * (pose - self.pose)
 
-    def overlay(self, entries: list[int], values: Float[np.ndarray, "T tracks"], at: float, seconds: float, onset: float) -> None:
-        """Lay values over these entries of the pose, from `at` on, for so many seconds; later ones cover earlier ones."""
+    def overlay(self, entries: list[int], values: Tracks, at: float, seconds: float, onset: float) -> None:
+        """Lay values, or a row for each frame, over these entries of the pose from `at` on, for so many seconds.
+
+        Later ones cover earlier ones.
+        """
         self._gestures.append((entries, values, self.rise(at - onset / 2, onset) - self.rise(at + seconds - onset, 1.3 * onset)))
 
-    def finished(self, end: int | None = None) -> Float[np.ndarray, "_ pose"]:
+    def finished(self, end: int | None = None) -> Poses:
         """The first `end` frames (None: all): gestures over legs, then what nobody does on purpose.
 
         That is a posture, leading with the shoulders into a turn, swaying, and trembling.
@@ -326,6 +313,6 @@ class PoseTrack:
         pose += NOISE * noise
         for side, sign in SIDES.items():
             pose[:, AT[f"{side}_hip_abd"]] += sign * shift
-            for joint in ("knee", "elbow"):
-                pose[:, AT[f"{side}_{joint}"]] = np.maximum(pose[:, AT[f"{side}_{joint}"]], np.deg2rad(2.0))
+        bent = [AT[f"{side}_{joint}"] for side in SIDES for joint in ("knee", "elbow")]
+        pose[:, bent] = np.maximum(pose[:, bent], np.deg2rad(2.0))
         return gaussian_filter1d(pose, 1.2 * self.fps / FPS, axis=0, mode="nearest")  # rounds the corners left by keys and limits

@@ -5,7 +5,7 @@ clinic's, the same on both sides: flexion swings a limb forward and bends knees 
 away from the midline, turn rotates it outward. The trunk pitches forward, rolls to the left, yaws to the left.
 """
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -31,12 +31,12 @@ _FLIGHT = 0.03  # metres: with the lower foot this high nothing holds the body
 
 
 PerFrame = Float[np.ndarray, " T"]
-Poses = Float[np.ndarray, "T pose"]
+Poses = Float[np.ndarray, "*T pose"]
 Positions = Float[np.ndarray, "T joints 3"]
+Turns = Float[np.ndarray, "*axes 3 3"]
 
 
-@dataclass(frozen=True)
-class Body:
+class Body(NamedTuple):
     """Bones and manner of one synthetic person.
 
     Args:
@@ -50,7 +50,7 @@ class Body:
     offsets: Float[np.ndarray, "joints 3"]
     thigh: float
     shin: float
-    posture: Float[np.ndarray, " pose"]
+    posture: Poses
     pace: float
     stride: float
     swing: float
@@ -88,7 +88,7 @@ def draw_body(rng: np.random.Generator) -> Body:
     height, offsets, bones = rng.uniform(1.55, 1.92), np.zeros((len(H36M17), 3)), {}
     for joint, share, *direction in (line.split() for line in _BONES.strip().splitlines()):
         bones[joint] = height * float(share) * rng.uniform(0.94, 1.06)
-        vector = bones[joint] * np.array([*map(float, direction)])
+        vector = bones[joint] * np.array(direction, float)
         for name, sign in ((f"left_{joint}", 1.0), (f"right_{joint}", -1.0), (joint, 1.0)):
             if name in H36M17.joints[1:]:
                 offsets[H36M17.joints.index(name)] += vector * [1.0, sign, 1.0]
@@ -114,7 +114,7 @@ def positions_of(pose: Poses, heading: PerFrame, body: Body) -> Positions:
     return standing + root_path(standing[:, FEET], pose[:, AT["lift"]])[:, None]
 
 
-def _set_upright(local: Float[np.ndarray, "T joints 3 3"], heading: Float[np.ndarray, "T 3 3"], skeleton: Skeleton) -> None:
+def _set_upright(local: Turns, heading: Turns, skeleton: Skeleton) -> None:
     """Turn the body into its heading; leg angles are measured against the upright, not a pelvis that tilts and sways."""
     pelvis = local[:, 0].copy()
     for side in SIDES:
@@ -123,7 +123,7 @@ def _set_upright(local: Float[np.ndarray, "T joints 3 3"], heading: Float[np.nda
     local[:, 0] = heading @ pelvis
 
 
-def _about(axis: str, angle: Float[np.ndarray, "*axes"]) -> Float[np.ndarray, "*axes 3 3"]:
+def _about(axis: str, angle: Float[np.ndarray, "*axes"]) -> Turns:
     """Rotation matrices about one axis. By rotation vectors: SciPy's Euler angles take twenty times as long."""
     vectors = angle[..., None] * np.eye(3)["xyz".index(axis)]
     return Rotation.from_rotvec(vectors.reshape(-1, 3)).as_matrix().reshape(*vectors.shape, 3)
@@ -156,7 +156,7 @@ def joint_angles(pose: Poses, skeleton: Skeleton, spine: tuple[str, ...]) -> Pos
     return euler
 
 
-def root_path(feet: Float[np.ndarray, "T 2 3"], lift: PerFrame, fps: float = FPS) -> Float[np.ndarray, "T 3"]:
+def root_path(feet: Positions, lift: PerFrame, fps: float = FPS) -> Float[np.ndarray, "T 3"]:
     """Root path, metres, for feet given relative to the root: see `positions_of`."""
     frames = fps / FPS
     height = feet[..., 2]
@@ -184,8 +184,7 @@ _STANDS = 0.012  # metres: an ankle no higher above its height in stance belongs
 _FLAT = 0.035  # metres: from here on a foot may hold its toes up as far as it can
 
 
-@dataclass(frozen=True)
-class Figure:
+class Figure(NamedTuple):
     """A body on 22 joints.
 
     Args:
@@ -223,11 +222,7 @@ def draw_figure(rng: np.random.Generator) -> Figure:
 
 
 def figure_positions(
-    pose: Poses,
-    heading: PerFrame,
-    figure: Figure,
-    fps: float,
-    travel: Float[np.ndarray, "T 2"] | None = None,
+    pose: Poses, heading: PerFrame, figure: Figure, fps: float, travel: Float[np.ndarray, "T 1 2"] | float = 0.0
 ) -> Positions:
     """World positions of 22 joints, metres, y up, the person's left at +x while it faces +z; the toes of a foot that stands at 0.
 
@@ -243,14 +238,13 @@ def figure_positions(
     _set_upright(turns, _local_turns(np.stack([0 * heading, 0 * heading, heading], axis=-1)), HUMANML22)
     joints = forward_kinematics(turns, figure.offsets, np.zeros((len(pose), 3)), HUMANML22)
     joints += root_path(joints[:, ANKLES], pose[:, AT["lift"]], fps)[:, None]
-    if travel is not None:
-        joints[..., :2] += travel[:, None]
+    joints[..., :2] += travel
     joints[:, TOES] = joints[:, ANKLES] + _feet(joints, heading, figure)
     joints[..., 2] -= figure.offsets[TOES[0], 2]
     return joints[..., [1, 2, 0]]
 
 
-def _local_turns(angles: Float[np.ndarray, "*axes 3"]) -> Float[np.ndarray, "*axes 3 3"]:
+def _local_turns(angles: Float[np.ndarray, "*axes 3"]) -> Turns:
     """Rotation matrices for angles about y, then x, then z, moving axes; arms lift their collar bones."""
     angles = angles.copy()
     if angles.ndim == 3:
@@ -266,7 +260,7 @@ def _local_turns(angles: Float[np.ndarray, "*axes 3"]) -> Float[np.ndarray, "*ax
     return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
 
 
-def _feet(joints: Positions, heading: PerFrame, figure: Figure) -> np.ndarray:
+def _feet(joints: Positions, heading: PerFrame, figure: Figure) -> Positions:
     """From ankle to toes, (T, 2, 3) metres, x forward, y left, z up in the world: flat in stance, following the shin in swing."""
     toes = np.zeros((len(joints), 2, 3))
     for column, side in enumerate(SIDES):

@@ -9,7 +9,8 @@ list: a sentence with other words keeps its meaning.
 """
 
 import re
-from typing import Any, Literal, NamedTuple, get_args
+from functools import cache
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -52,7 +53,6 @@ PAIRS = [
 ]
 SHARE_OF_PAIRS = 0.25
 _IN_A_PAIR = read_table("count: 1; height: normal; direction: in_place; path: straight; pace: normal; ends: seated")
-_NUMBERS = {"count": int, "degrees": float}
 
 
 def draw_attributes(rng: np.random.Generator) -> Attributes:
@@ -60,8 +60,7 @@ def draw_attributes(rng: np.random.Generator) -> Attributes:
 
     In a clip of two actions everything is normal and happens once, but for the speed of walking.
     """
-    pair = rng.random() < SHARE_OF_PAIRS
-    if pair:
+    if rng.random() < SHARE_OF_PAIRS:
         actions = PAIRS[rng.integers(len(PAIRS))]
     else:
         weights = np.array(list(WEIGHTS.values()))
@@ -78,7 +77,7 @@ def _drawn(actions: tuple[str, ...], rng: np.random.Generator) -> Attributes:
     for action in actions:
         for name, values in RECIPES[action].items():
             value = str(rng.choice((_IN_A_PAIR.get(name, values) if pair else values).split()))
-            attributes[name] = _NUMBERS.get(name, str)(value)
+            attributes[name] = int(value) if value.isdigit() else value
     return attributes
 
 
@@ -173,7 +172,7 @@ times: count; number: count; punches: count; kicks: count; squats: count
 _SLOT = re.compile(r"<(\w+)>")
 
 
-def captions_of(attributes: Attributes, rng: np.random.Generator) -> tuple[str, str, str]:
+def captions_of(attributes: Attributes, rng: np.random.Generator) -> tuple[str, ...]:
     """Three different sentences that describe a clip with these attributes: lower case, words parted by single spaces.
 
     Args:
@@ -183,8 +182,7 @@ def captions_of(attributes: Attributes, rng: np.random.Generator) -> tuple[str, 
     found: dict[str, None] = {}
     while len(found) < CAPTIONS:
         found[_sentence("<subject> <two>" if "then" in attributes else "<subject> <action>", attributes, rng)] = None
-    first, second, third = found
-    return first, second, third
+    return tuple(found)
 
 
 def examples() -> dict[str, str]:
@@ -197,6 +195,7 @@ def examples() -> dict[str, str]:
     return {action: captions_of(_drawn((action,), rng), rng)[0] for action in RECIPES}
 
 
+@cache
 def vocabulary() -> tuple[str, ...]:
     """All words that a caption may hold, in alphabetical order."""
     words = {word for text in RULES.values() for word in _SLOT.sub(" ", text).replace("|", " ").split()}
@@ -217,10 +216,7 @@ def _rule(slot: str, attributes: Attributes) -> str:
     if slot in RULES:
         return slot
     value = next(attributes[name] for name in _CHOSEN_BY.get(slot, slot).split() if name in attributes)
-    return f"{slot}-{value:g}" if isinstance(value, float | int) else f"{slot}-{value}"
-
-
-Kind = Literal["seen", "held_out", "nonsense"]
+    return f"{slot}-{value}"
 
 
 class Synonyms(NamedTuple):
@@ -302,7 +298,7 @@ still: motionless | immobile, unmoving | dabe
 SYNONYMS = {word: Synonyms(*(tuple(words.split(", ")) for words in lists.split(" | "))) for word, lists in _SYNONYMS.items()}
 
 
-def perturbed(text: str, replacements: int, kind: Kind, rng: np.random.Generator) -> str:
+def perturbed(text: str, replacements: int, kind: str, rng: np.random.Generator) -> str:
     """The sentence with some of its words replaced, one by one, by others; as many words in the same order.
 
     An article agrees with the word that follows it. Left and right, numbers and "not" stay (the synonym test of SATO, with
@@ -320,8 +316,9 @@ def perturbed(text: str, replacements: int, kind: Kind, rng: np.random.Generator
     >>> perturbed("a person turns to the left", 2, "nonsense", np.random.default_rng(0))
     'a blenk yindles to the left'
     """
-    if kind not in get_args(Kind) or replacements < 0:
-        raise ValueError(f"kind is {kind!r} and replacements {replacements}; expected one of {get_args(Kind)} and at least 0")
+    kinds = Synonyms._fields
+    if kind not in kinds or replacements < 0:
+        raise ValueError(f"kind is {kind!r} and replacements {replacements}; expected one of {kinds} and at least 0")
     words = text.split()
     places = [place for place, word in enumerate(words) if word in SYNONYMS]
     for place in rng.permutation(places)[:replacements]:

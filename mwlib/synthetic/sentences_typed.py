@@ -123,7 +123,7 @@ def forms() -> dict[str, str]:
     found = dict(PAST)
     for said in " ".join(ACTIONS.values()).split():
         base = _base(said)
-        stem = base[:-1] if base.endswith("e") else base
+        stem = base.removesuffix("e")
         if re.fullmatch(r"(?:qu|[^aeiou])*[aeiou][^aeiouwxy]", base):  # one short vowel: running
             stem += base[-1]
         found |= {base: said, f"{stem}ing": said, f"{stem}ed": said}
@@ -184,11 +184,9 @@ def _actions(text: str) -> tuple[str, ...]:
 @cache
 def _named() -> dict[str, str]:
     """A word of the grammar -> the action that it belongs to."""
-    known = vocabulary()
-    rows = [(word, action) for action, words in ACTIONS.items() for word in words.split() if action]
-    told = {word: action for word, action in rows} | {_base(word): action for word, action in rows if _base(word) in known}
-    ing = {form: told[said] for form, said in forms().items() if form.endswith("ing") and form in known and said in told}
-    return told | ing | {word: action for action, words in NOUNS.items() for word in words.split()}
+    rows = [*ACTIONS.items(), *NOUNS.items()]
+    told = {word: action for action, words in rows for word in words.split() if action}
+    return {form: told[said] for form, said in forms().items() if form in vocabulary() and said in told} | told
 
 
 def tables() -> dict[str, Any]:

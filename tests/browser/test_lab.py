@@ -19,8 +19,7 @@ import nbformat
 import pytest
 from playwright.sync_api import Browser, Locator, Page
 
-from mwlib.course.notebooks import FOLDED, find_notebook, tags
-from mwlib.course.working_copy import lay_out
+from mwlib.course.notebooks import FOLDED, find_notebook, lay_out, tags
 from mwlib.files import write_atomic
 from tests.browser.chromium import PATIENCE, SHOTS, asked_for
 

@@ -124,19 +124,21 @@ def test_an_execution_is_kept_for_whoever_asks_for_the_same(tmp_path, monkeypatc
     asked = []
     monkeypatch.setattr(execute.papermill, "execute_notebook", lambda *words, **more: (asked.append(words), pretend(*words)))
     monkeypatch.setattr(execute, "_page", lambda executed: "<html>")
-    notebook, kept = save(runnable(), tmp_path), tmp_path / "kept"
-    first = run_notebook(notebook, tmp_path / "first", {}, kept=kept, page=False)
+    monkeypatch.setenv("MWLIB_EXECUTED", str(tmp_path / "kept"))
+    notebook = save(runnable(), tmp_path)
+    first = run_notebook(notebook, tmp_path / "first", {}, page=False)
     (tmp_path / "second" / "deep").mkdir(parents=True)
-    second = run_notebook(notebook, tmp_path / "second", {}, kept=kept)
+    second = run_notebook(notebook, tmp_path / "second", {})
     assert (
         len(asked) == 1 and results.result_of(second) == results.result_of(first) and results.result_of(first)["status"] == "ok"
     )
     assert {path.name for path in second.iterdir()} - {path.name for path in first.iterdir()} == {"notebook.html", "deep"}
-    run_notebook(notebook, tmp_path / "second", {"level": 3}, kept=kept)
-    run_notebook(save(runnable("1"), tmp_path), tmp_path / "second", {}, kept=kept)
+    run_notebook(notebook, tmp_path / "second", {"level": 3})
+    run_notebook(save(runnable("1"), tmp_path), tmp_path / "second", {})
     monkeypatch.setenv("MW_STATIC", "another")
-    run_notebook(save(runnable("1"), tmp_path), tmp_path / "second", {}, kept=kept)
+    run_notebook(save(runnable("1"), tmp_path), tmp_path / "second", {})
     assert len(asked) == 4
+    monkeypatch.delenv("MWLIB_EXECUTED")
     run_notebook(notebook, tmp_path / "second", {})
     assert len(asked) == 5, "only who names a folder gets what is kept"
 

@@ -7,8 +7,9 @@ import ast
 import nbformat
 import pytest
 
-from mwlib.course.learner import answered, learner_copy, opened
+from mwlib.course.learner import learner_copy, opened
 from mwlib.course.notebooks import course
+from tests.course.test_wrong_answers import answered
 
 
 @pytest.mark.parametrize(

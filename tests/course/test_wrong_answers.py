@@ -20,7 +20,7 @@ import torch
 from nbformat import NotebookNode
 from nbformat.v4 import new_code_cell, new_markdown_cell, new_notebook
 
-from mwlib.course.learner import FUNCTION, HOLE, answered, opened
+from mwlib.course.learner import FUNCTION, HOLE, opened
 from mwlib.course.notebooks import NOTEBOOKS, WRONG, course, tags
 
 
@@ -29,6 +29,16 @@ class Trial(NamedTuple):
 
     source: str
     hint: str
+
+
+def answered(source: str, answer: str) -> str:
+    """A cell's code with one of its holes filled by another answer: a line, or a function, that begins as the right one does."""
+    for hole in (*FUNCTION.finditer(source), *HOLE.finditer(source)):
+        head = hole[2].split("(")[0] + "(" if hole.re is FUNCTION else f"{hole[2]} "
+        if answer.startswith(head):
+            text = "\n".join(hole[1] + line for line in answer.rstrip().split("\n"))
+            return source[: hole.start()] + text + ("\n" if hole[0].endswith("\n") else "") + source[hole.end() :]
+    raise ValueError(f"{answer!r} answers no hole; expected it to begin as one of {[hole[2] for hole in HOLE.finditer(source)]}")
 
 
 def trials(cell: NotebookNode) -> Iterator[Trial]:

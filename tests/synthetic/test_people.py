@@ -287,5 +287,5 @@ def test_a_foot_that_stands_keeps_its_direction_while_the_body_turns(figure):
 def test_in_flight_the_body_travels_as_told(figure):
     pose = np.tile(stand_pose(), (10, 1))
     travel = np.stack([np.linspace(0, 1, 10), np.linspace(0, 0.2, 10)], axis=-1)
-    still, moved = (figure_positions(pose, np.zeros(10), figure, RATE, t) for t in (None, travel))
+    still, moved = (figure_positions(pose, np.zeros(10), figure, RATE, t) for t in (0.0, travel[:, None]))
     np.testing.assert_allclose((moved - still)[-1], np.tile([0.2, 0.0, 1.0], (22, 1)), atol=1e-12)
