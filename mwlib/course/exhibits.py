@@ -110,7 +110,7 @@ def from_files(file: Path, place: str, facts: Mapping[str, Any] | None = None) -
         ValueError: there are none.
     """
     near = {kind: found for kind in KINDS if (found := file.with_suffix(f".{kind}")).is_file()}
-    if not near:
+    if not near.keys() & {"png", "md", "csv"}:
         raise ValueError(f"{file}.md and {file}.png are missing; the manifest says that one of them is committed")
     rows: list[list[str]] = []
     if not {"png", "md"} & {*near}:
