@@ -21,7 +21,7 @@ from mwlib.body.rig import Rig
 from mwlib.body.skeleton import Skeleton, is_cmu
 from mwlib.data.collections import COLLECTIONS, SKELETONS
 from mwlib.data.untrusted import PACKED, SMALL_TEXT, MotionFormatError, bare_name, check_names, number, read_text
-from mwlib.settings import choice, real, shown
+from mwlib.settings import real, shown
 
 Value = TypeVar("Value")
 Places = Float[np.ndarray, "T joints 3"]  # of a clip
@@ -396,9 +396,9 @@ def said_by(
     check_rate("file_fps", file_fps)
     skeleton = SKELETONS.get(skeleton, skeleton) if isinstance(skeleton, str) else skeleton
     if not isinstance(skeleton, Skeleton | None):
-        raise ValueError(f"skeleton is {shown(skeleton)}; expected a Skeleton or one of {', '.join(sorted(SKELETONS))}")
-    if up is not None:
-        choice("up", up, AXES)
+        raise ValueError(f"skeleton is {shown(skeleton)}; expected one of {', '.join(sorted(SKELETONS))}, or one of your own")
+    if up is not None and (not isinstance(up, str) or up not in AXES):
+        raise ValueError(f"up is {repr(up)[:40]}; expected {' or '.join(map(repr, AXES))}")
     metres = None if unit is None else metres_per_unit(unit)
     return Hints(stated(metres, source), stated(up, source), stated(file_fps, source), skeleton=skeleton)
 
