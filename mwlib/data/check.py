@@ -361,7 +361,7 @@ def check_data(
     source, _ = named_source(source)
     path = None if source == "synthetic" else find_source(source)
     clips, broken, alone = _read(path, given)
-    captioned = captioned_folder(path) if path and is_captioned(path) else None
+    captioned = _captions(path)
     cuts = captioned is None or any(given is not None for given in (fps, history, future))
     kinds: dict[tuple, list[Clip]] = {}
     for clip in clips:
@@ -385,6 +385,11 @@ def check_data(
     lines += _list("looks wrong", [*alone, *lists, *unsaid, *_doubts(named, people=captioned is None)])
     lines += [f"{len(broken)} files cannot be read" if broken else "every file could be read"]
     return Check("\n".join(lines), not (broken or alone or lists or unsaid), clips)
+
+
+def _captions(path: Path | None) -> CaptionedFolder | None:
+    """What is in a folder laid out as HumanML3D or KIT-ML; None of another source."""
+    return captioned_folder(path) if path and is_captioned(path) else None
 
 
 def _read(path: Path | None, given: Hints) -> tuple[list[Clip], list[str], list[str]]:

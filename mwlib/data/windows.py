@@ -85,7 +85,10 @@ class Bodies:
     def from_json(cls, text: str) -> Bodies:
         """Inverse of `to_json`."""
         tree = json.loads(text)
-        return cls(known_skeleton(Skeleton(**tree["skeleton"])), tree["fps"], tree["up"])
+        skeleton = tree["skeleton"]
+        parts = {name: tuple(joints) for name, joints in skeleton["parts"].items()}
+        rows = {name: tuple(skeleton[name]) for name in ("joints", "parents", "left", "right")}
+        return cls(known_skeleton(Skeleton(name=skeleton["name"], parts=parts, **rows)), tree["fps"], tree["up"])
 
 
 def prepare(motions: Sequence[Motion], fps: float) -> list[Motion]:
