@@ -17,7 +17,7 @@ from torch import Tensor
 from mwlib.body.motion import Motion
 from mwlib.body.skeleton import HUMANML22
 from mwlib.data.formats.humanml import HUMANML3D, LAYOUTS, CaptionedClip, FeatureLayout, TaggedCaption, read_folder
-from mwlib.data.formats.humanml_encoding import Heading, features_of, with_bones
+from mwlib.data.formats.humanml_encoding import features_of, with_bones
 from mwlib.data.load import data_folder, find_source, motion_files, read_motion_file, source_state
 from mwlib.data.meaning import clips_row
 from mwlib.data.normalisation import Statistics
@@ -192,7 +192,7 @@ class ClipBatches:
 
     def draw(self, batch: int, generator: torch.Generator) -> Batch:
         """Random clips of like lengths, a random caption of each, and a random piece of it."""
-        sizes = torch.tensor([len(bucket) for bucket in self.buckets], dtype=torch.float)
+        sizes = torch.tensor([*map(len, self.buckets)], dtype=torch.float)
         bucket = self.buckets[int(torch.multinomial(sizes, 1, generator=generator))]
         picked = bucket[torch.randint(len(bucket), (batch,), generator=generator)]
         lengths, start = piece(self.frames.lengths[picked], *(torch.rand(batch, generator=generator) for _ in range(2)))
@@ -223,9 +223,7 @@ LONGEST = 196  # rows of features of one clip, as HumanML3D has it
 FASTEST = 12.0  # metres a second from frame to frame at 20 Hz, of any joint; dancers reach 10.7, faster ones are glitches
 
 
-def captioned_cmu(
-    folder: Path | None = None, subjects: Collection[str] | None = None, heading: Heading = "correct"
-) -> list[CaptionedClip]:
+def captioned_cmu(folder: Path, subjects: Collection[str] | None = None) -> list[CaptionedClip]:
     """CMU's clips on HumanML3D's one body, at 20 Hz, as features; split by person.
 
     Captions are KIT-ML's, where captions_cmu.csv has some for the trial, then CMU's own words for it: keywords rather than
@@ -234,14 +232,12 @@ def captioned_cmu(
     a joint that jumps: left out. Subjects 2, 7 and 29 are for testing, 1 for validation. Own choice, all of it.
 
     Args:
-        folder: with cmu/asfamc and, if there, captions_cmu.csv; None: the folder of data.
+        folder: with cmu/asfamc and, if there, captions_cmu.csv.
         subjects: only these people, such as "7"; None: all.
-        heading: as in `features_of`.
 
     Raises:
         MotionFormatError: a file cannot be read.
     """
-    folder = data_folder() if folder is None else folder
     spoken = _kit_captions(folder / CMU_CAPTIONS)
     clips: list[CaptionedClip] = []
     for file in motion_files(folder / CMU_FOLDER):
@@ -251,7 +247,7 @@ def captioned_cmu(
         own = row.get("description") or row.get("action")
         captions = (*spoken.get(file.relative_to(folder).as_posix().removesuffix(".xz"), ()), *([own] if own else []))
         if captions:
-            clips += _pieces(read_motion_file(file)[0], captions, heading)
+            clips += _pieces(read_motion_file(file)[0], captions)
     return clips
 
 
@@ -268,7 +264,7 @@ def _kit_captions(file: Path) -> dict[str, list[str]]:
     return found
 
 
-def _pieces(motion: Motion, captions: tuple[str, ...], heading: Heading) -> Iterator[CaptionedClip]:
+def _pieces(motion: Motion, captions: tuple[str, ...]) -> Iterator[CaptionedClip]:
     at_20 = replace(motion, rig=None).with_up("y").retarget(HUMANML22).resample(HUMANML3D.fps)
     positions = with_bones(at_20.positions)
     rows = len(positions) - 1
@@ -281,5 +277,4 @@ def _pieces(motion: Motion, captions: tuple[str, ...], heading: Heading) -> Iter
     for part, (start, stop) in enumerate(zip(ends, ends[1:], strict=False), 1):
         name = motion.name if count == 1 else f"{motion.name} part {part}"
         attributes = {"subject": motion.subject, "kind": motion.action, "part": float(part), "parts": float(count)}
-        features = features_of(positions[start : stop + 1], HUMANML3D, heading)
-        yield CaptionedClip(features, captions, name, split, attributes)
+        yield CaptionedClip(features_of(positions[start : stop + 1]), captions, name, split, attributes)

@@ -14,21 +14,21 @@ from scipy.spatial import KDTree
 
 from mwlib.body.kinematics import bone_lengths
 from mwlib.body.motion import Motion
-from mwlib.body.skeleton import H36M17, to_h36m17
 from mwlib.data.captioned import CaptionsConfig
-from mwlib.data.collections import COLLECTIONS, h36m, named_source
-from mwlib.data.collections.record import Protocol
-from mwlib.data.doubts import MOST_NAMES, begin_with_a_jump, doubted, other_axis, rows_without_files, some
-from mwlib.data.load import caller_says, expect_source, find_source, motion_files, read_files, unread_entries
-from mwlib.data.meaning import ADULT, UNITS, UPRIGHT, Reading, Stated, adults, clips_row, height, standing
+from mwlib.data.collections import COLLECTIONS, Protocol, h36m, named_source
+from mwlib.data.doubts import MOST_NAMES, Clips, begin_with_a_jump, doubted, other_axis, rows_without_files, some
+from mwlib.data.load import expect_source, find_source, first_of, motion_files, read_files, unread_entries
 from mwlib.data.mirroring import unmirrored
 from mwlib.data.untrusted import MotionFormatError, bare_suffix
-from mwlib.data.windows import windows
+from mwlib.data.windows import prepare, windows
 from mwlib.hashing import sha256
 from mwlib.synthetic.motions import synthetic_motions
 
 from mwlib.data.formats.humanml import (  # isort: skip
     HUMANML3D, LAYOUTS, SPLITS, TEXTS, CaptionedClip, FeatureLayout, TaggedCaption, clip_lists, folder_contents, has_lists,
+)  # fmt: skip
+from mwlib.data.meaning import (  # isort: skip
+    ADULT, CALLER, UNITS, UPRIGHT, Hints, Reading, Stated, clips_row, fitting, height, said_by, standing,
 )  # fmt: skip
 from mwlib.data.normalisation import Statistics
 from mwlib.networks.text import words_of
@@ -73,10 +73,8 @@ def captioned_folder(path: Path) -> CaptionedFolder:
     except MotionFormatError as error:
         return CaptionedFolder([], [], [str(error)])
     broken = contents.broken()
-    lines, wrong = [("splits", _splits(path, contents.clips))], [*map(str, faults[:MOST_FAULTS])]
-    if len(faults) > MOST_FAULTS:
-        wrong.append(f"and {len(faults) - MOST_FAULTS} more faults of lists and captions")
-    wrong += broken
+    lines = [("splits", _splits(path, contents.clips))]
+    wrong = [*first_of([*map(str, faults)], MOST_FAULTS, "more faults of lists and captions"), *broken]
     if contents.clips:
         about, doubt = _statistics(path, contents.clips)
         lines += [*_clips(contents.clips), *_caption_lines(contents.clips), ("scale", about)]
@@ -169,17 +167,17 @@ def _frames_at(motion: Motion, fps: float) -> int:
     return len(replace(motion, rig=None).resample(fps))  # rotations would take far longer
 
 
-def _frames_fault(file: Path, motion: Motion) -> str | None:
-    """None if clips.csv lists no such file; else "" or what differs."""
-    row, table = clips_row(file)
-    listed = row.get("frames") or row.get("rows")
-    if listed is None:
-        return None
-    added = row.get("first_frame") or row.get("tpose_frame0") or str(int("rows" in row))
+def _frames_fault(row: dict[str, str], motion: Motion) -> str:
+    """What differs between a clip's length and its row in clips.csv; "" if nothing does."""
+    listed, added = _frames(row), row.get("first_frame") or row.get("tpose_frame0") or str(int("rows" in row))
     if not re.fullmatch(r"\d{1,12}", listed) or not (added in ("0", "1") or row.get("first_frame")):
-        return f"{motion.name} has {len(motion)}, {table.name} says {listed[:40]!r} less {added[:40]!r}"
+        return f"{motion.name} has {len(motion)}, clips.csv says {listed[:40]!r} less {added[:40]!r}"
     expected = int(listed) - int(added)
     return "" if len(motion) == expected else f"{motion.name} has {len(motion)}, clips.csv says {expected}"
+
+
+def _frames(row: dict[str, str]) -> str:
+    return row.get("frames") or row.get("rows", "")
 
 
 def _t_poses(clips: Sequence[Clip]) -> Iterator[str]:
@@ -190,10 +188,10 @@ def _t_poses(clips: Sequence[Clip]) -> Iterator[str]:
 
 def _known_frames(clips: Sequence[Clip]) -> Iterator[str]:
     """Lines on how many clips are as long as clips.csv says."""
-    faults = [_frames_fault(clip.file, clip.reading.motion) for clip in clips if clip.file]
-    if compared := [fault for fault in faults if fault is not None]:
-        yield _line("known", f"frames as clips.csv says in {compared.count('')} of {len(compared)} clips")
-        yield from (_line("DIFFERS", fault) for fault in compared if fault)
+    rows = [(clips_row(clip.file)[0], clip.reading.motion) for clip in clips if clip.file]
+    if faults := [_frames_fault(row, motion) for row, motion in rows if _frames(row)]:
+        yield _line("known", f"frames as clips.csv says in {faults.count('')} of {len(faults)} clips")
+        yield from (_line("DIFFERS", fault) for fault in faults if fault)
 
 
 def _known_windows(motions: list[Motion]) -> Iterator[str]:
@@ -207,9 +205,8 @@ def _known_windows(motions: list[Motion]) -> Iterator[str]:
             here, there = (sum(n for name, n in counts.items() if name.startswith(subject)) for counts in (found, h36m.WINDOWS))
             yield _line("known", f"{subject or 'S9 + S11'}: {here} test windows, published {there}")
         names = [name for name in h36m.WINDOWS | found if found.get(name) != h36m.WINDOWS.get(name)]
-        wrong = [f"{n}: {found.get(n, 'none')}, published {h36m.WINDOWS.get(n, 'none')}" for n in names[:MOST_NAMES]]
-        wrong += [f"and {len(names) - MOST_NAMES} more sequences"] if len(names) > MOST_NAMES else []
-        yield from (_line("DIFFERS", text) for text in wrong)
+        wrong = [f"{n}: {found.get(n, 'none')}, published {h36m.WINDOWS.get(n, 'none')}" for n in names]
+        yield from (_line("DIFFERS", text) for text in first_of(wrong, MOST_NAMES, "more sequences"))
         if not names:
             yield _line("known", _known_neighbours(motions))
 
@@ -227,13 +224,8 @@ def _known_neighbours(motions: list[Motion]) -> str:
 GLITCH = 25.0  # metres per second; above it are the marker glitches of CMU, below it its good clips
 
 
-def fastest(motion: Motion) -> float:
-    """Fastest joint between two frames, metres per second."""
-    return _fastest(motion)[0]
-
-
-def _fastest(motion: Motion) -> tuple[float, int, str]:
-    """The same, the frame that it is reached in, and the joint."""
+def fastest(motion: Motion) -> tuple[float, int, str]:
+    """Highest speed of a joint between two frames, metres per second; the frame that it is reached in, and the joint."""
     steps = np.linalg.norm(np.diff(motion.positions, axis=0), axis=-1)
     if not steps.size:
         return 0.0, 0, ""
@@ -248,7 +240,7 @@ def _left_out(clips: Sequence[Clip], protocol: Protocol) -> Iterator[str]:
         yield f"{len(short)} clips no longer than {history} + {future} frames at {fps:g} Hz: {some(short)}"
 
 
-def _doubts(clips: Sequence[tuple[str, Reading]], people: bool) -> Iterator[str]:
+def _doubts(clips: Clips, people: bool) -> Iterator[str]:
     """A line for each kind of doubt, with the names of the clips: size, axis, speed, copies, people, sides, skeletons.
 
     Lists of clips part them already, whoever the `people` are.
@@ -268,17 +260,18 @@ def _doubts(clips: Sequence[tuple[str, Reading]], people: bool) -> Iterator[str]
     yield from _skeletons(clips)
 
 
-def _bodies(clips: Sequence[tuple[str, Reading]]) -> Iterator[str]:
+def _bodies(clips: Clips) -> Iterator[str]:
     """Size, up-axis and speed."""
     small, other, wild = [], [], []
     for name, reading in clips:
         m = reading.motion
         tall, stands = height(m.positions, m.skeleton), standing(m.positions, m.skeleton, m.up)
-        better = [f"{tall / reading.unit.value * UNITS[unit]:.3g} m in {unit}" for unit in adults(tall / reading.unit.value)]
+        found = tall / reading.unit.value
+        better = [f"{found * UNITS[unit]:.3g} m in {unit}" for unit in fitting(found, ADULT)]
         small += [f"{name} ({', '.join([f'{tall:.3g} m', *better])})"] if not ADULT[0] <= tall <= ADULT[1] else []
         lies = (stands.is_clear or stands.share < UPRIGHT) and not other_axis(reading)
         other += [f"{name} (along {stands.axis})"] if lies else []
-        speed, frame, joint = _fastest(m)
+        speed, frame, joint = fastest(m)
         wild += [f"{name} ({speed:.0f} m/s, {joint} in row {reading.first.value + frame})"] if speed > GLITCH else []
     for names, said, remedy in (
         (small, "no adult's height", "State the unit if that is wrong"),
@@ -289,11 +282,11 @@ def _bodies(clips: Sequence[tuple[str, Reading]]) -> Iterator[str]:
             yield f"{said}: {some(names)}. {remedy}"
 
 
-def _skeletons(clips: Sequence[tuple[str, Reading]]) -> Iterator[str]:
+def _skeletons(clips: Clips) -> Iterator[str]:
     """Skeletons as training will have them: without pairs, or more than one."""
     kinds: dict[str, list[tuple[str, Motion]]] = {}
     for name, reading in clips:
-        m = reading.motion if to_h36m17(reading.motion.skeleton) is None else reading.motion.retarget(H36M17)
+        (m,) = prepare([reading.motion], reading.motion.fps)
         kinds.setdefault(m.skeleton.name, []).append((name, m))
     for group in kinds.values():
         if reason := unmirrored([m for _, m in group]):
@@ -363,8 +356,12 @@ def check_data(
         FileNotFoundError: there is no such path.
         ValueError: an argument makes no sense.
     """
-    clips, broken, alone = _read(source, **stated)
-    captioned = _captions(source)
+    expect_source(source)
+    given = said_by(CALLER, **stated)
+    source, _ = named_source(source)
+    path = None if source == "synthetic" else find_source(source)
+    clips, broken, alone = _read(path, given)
+    captioned = _captions(path)
     cuts = captioned is None or any(given is not None for given in (fps, history, future))
     kinds: dict[tuple, list[Clip]] = {}
     for clip in clips:
@@ -390,26 +387,19 @@ def check_data(
     return Check("\n".join(lines), not (broken or alone or lists or unsaid), clips)
 
 
-def _captions(source: str | Path) -> CaptionedFolder | None:
+def _captions(path: Path | None) -> CaptionedFolder | None:
     """What is in a folder laid out as HumanML3D or KIT-ML; None of another source."""
-    try:
-        path = find_source(named_source(source)[0])
-    except FileNotFoundError:  # synthetic
-        return None
-    return captioned_folder(path) if is_captioned(path) else None
+    return captioned_folder(path) if path and is_captioned(path) else None
 
 
-def _read(source: str | Path, **stated) -> tuple[list[Clip], list[str], list[str]]:
+def _read(path: Path | None, given: Hints) -> tuple[list[Clip], list[str], list[str]]:
     """Every clip, the errors of the files that have none, and what is said of rows of a clips.csv without files."""
-    expect_source(source)
-    given = caller_says(**stated)
-    source, _ = named_source(source)
-    if source == "synthetic":
+    if path is None:
         maker = "the generator"
         made = (Reading(m, Stated(1.0, maker), Stated(m.up, maker), Stated(m.fps, maker)) for m in synthetic_motions())
         return [Clip(None, reading) for reading in made], [], []
     try:
-        files = motion_files(find_source(source))
+        files = motion_files(path)
     except MotionFormatError as error:
         return [], [str(error)], []
     found, broken = read_files(files, given)
@@ -443,7 +433,7 @@ def _describe(motions: list[Motion], protocol: Protocol | None, files: str) -> I
         yield _line("windows", f"{count} of {history} + {future} frames at {fps:g} Hz, every {stride} frames")
     stretch = max(float(np.ptp(bone_lengths(m.positions, m.skeleton), axis=0).max()) for m in motions)
     yield _line("bones", f"lengths change by up to {1000 * stretch:.1f} mm within a clip")
-    speeds = [fastest(m) for m in motions]
+    speeds = [fastest(m)[0] for m in motions]
     yield _line("fastest", f"joint {max(speeds):.1f} m/s; {sum(s > GLITCH for s in speeds)} clips above {GLITCH:g} m/s")
 
 

@@ -12,8 +12,9 @@ import time
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
-from typing import Any, BinaryIO, cast
+from typing import Any, BinaryIO
 
 import numpy as np
 import pooch
@@ -23,10 +24,9 @@ from filelock import FileLock, Timeout
 from tqdm import tqdm
 
 from mwlib.body.motion import Motion
-from mwlib.data.collections import COLLECTIONS
-from mwlib.data.collections.record import Archive, Collection, Listed, list_file
+from mwlib.data.collections import COLLECTIONS, Archive, Collection, Listed
 from mwlib.data.formats.asf_amc import read_asf
-from mwlib.data.load import data_folder, motion_files, read_motion_file
+from mwlib.data.load import data_folder, read_motion_file
 from mwlib.data.meaning import clips_row
 from mwlib.data.untrusted import MOST_BYTES, PACKED, MotionFormatError, allowed, bare_name, read_bytes
 from mwlib.files import write_atomic, write_json
@@ -43,6 +43,7 @@ FINENESS = 1e-4  # metres
 BUSY = (408, 429, 500, 502, 503, 504)  # a later try may succeed
 POINTER = b"version https://git-lfs"  # how a stand-in of Git LFS begins
 PROOF = "fetched.json"  # written last: SHA-256 of every file of an archive
+SILENT = tqdm(disable=True)
 
 
 class FetchError(OSError):
@@ -76,8 +77,7 @@ class Patience:
     between: float = 0.5
 
 
-@dataclass(frozen=True)
-class _Line:
+def _receive(url: str, file: str, _: pooch.Pooch, *, most: int, patience: Patience, bar: tqdm) -> None:
     """What brings pooch a file: no more bytes and no more time than it may take, and no stand-in.
 
     What came before a line broke stays beside the file, and is not asked for again.
@@ -86,35 +86,24 @@ class _Line:
         _BrokenError: the connection broke, or the server is busy.
         NotOfferedError: the server has no such file, or it is too large or too slow.
     """
-
-    most: int
-    patience: Patience
-    bar: tqdm | None = None
-
-    def __call__(self, url: str, output_file: str, pooch: pooch.Pooch) -> None:
-        part = Path(output_file).with_name(f".{Path(url).name}.part")
-        part.touch()
-        with part.open("r+b") as stream:
-            self._wait(_Arrival(url, stream, self.most, self.patience.silence))
-        part.replace(Path(output_file))
-        if fault := _stand_in(Path(output_file)):
-            raise ValueError(fault)
-        time.sleep(self.patience.between)
-
-    def _wait(self, arrival: _Arrival) -> None:
-        """Until the file is there, unless the whole takes too long."""
+    part = Path(file).with_name(f".{Path(url).name}.part")
+    part.touch()
+    with part.open("r+b") as stream:
+        arrival = _Arrival(url, stream, most, patience.silence)
         begin, passed = time.monotonic(), 0.0
         arrival.start()
         while arrival.is_alive():
-            if passed > (limit := self.patience.grace + arrival.size / self.patience.slowest):
+            if passed > (limit := patience.grace + arrival.size / patience.slowest):
                 found = f"{arrival.size} bytes in {passed:.0f} s"
-                raise NotOfferedError(f"{found}; expected at least {self.patience.slowest:g} a second")
+                raise NotOfferedError(f"{found}; expected at least {patience.slowest:g} a second")
             arrival.join(min(GLANCE, limit - passed))
             passed = time.monotonic() - begin
-            if self.bar is not None:
-                self.bar.update(arrival.place - self.bar.n)
-        if arrival.error is not None:
-            raise arrival.error
+            bar.update(arrival.place - bar.n)
+    if arrival.error is not None:
+        raise arrival.error
+    if fault := _stand_in(part.replace(Path(file))):
+        raise ValueError(fault)
+    time.sleep(patience.between)
 
 
 class _Arrival(threading.Thread):
@@ -197,7 +186,7 @@ class _Registry:
             retry_if_failed=patience.retries,
         )
 
-    def get(self, name: str, most: int = MOST, bar: tqdm | None = None) -> Path:
+    def get(self, name: str, most: int = MOST, bar: tqdm = SILENT) -> Path:
         """The file in the staging folder, brought unless it is there already.
 
         Raises:
@@ -206,7 +195,8 @@ class _Registry:
         """
         url = self.pooch.get_url(name)
         try:
-            return Path(self.pooch.fetch(name, downloader=cast(Any, _Line(most, self.patience, bar))))
+            receive: Any = partial(_receive, most=most, patience=self.patience, bar=bar)
+            return Path(self.pooch.fetch(name, downloader=receive))
         except _BrokenError as error:
             tries = self.patience.retries + 1
             raise FetchError(f"{url}: {error}; tried {tries} times. The same command goes on from here") from error
@@ -257,7 +247,7 @@ def bring(collection: Collection, to: Path, patience: Patience = Patience()) -> 
     pooch.get_logger().setLevel("WARNING")
     clips, files = download.clips(), dict(download.files())
     is_whole = download.archive is None or _is_proven(folder)
-    if is_whole and not _missing(folder, files) and not _missing_clips(folder, clips) and (not clips or _labelled(folder, clips)):
+    if is_whole and not _missing(folder, files) and not _missing_clips(folder, clips) and _labelled(folder, clips):
         return folder
     with _workplace(to, collection.name) as staging:
         if clips:
@@ -318,8 +308,9 @@ def _bring_clips(url: str, clips: Sequence[Listed], folder: Path, staging: Path,
     if not _labelled(folder, clips):
         if (table := folder / "clips.csv").exists():
             raise FetchError(f"{table} says other things of the clips than the list that came with mwlib; move it away")
-        rows = [(clip.file, f"{clip.fps:g}", clip.subject, clip.action) for clip in clips]
-        write_atomic(table, _table_text(("file", "fps", "subject", "action"), rows))
+        text, rows = io.StringIO(), [(clip.file, f"{clip.fps:g}", clip.subject, clip.action) for clip in clips]
+        csv.writer(text, lineterminator="\n").writerows([("file", "fps", "subject", "action"), *rows])
+        write_atomic(table, text.getvalue())
     names = {name for clip in clips for name in (clip.file, _skeleton_of(clip))}
     registry = _Registry(url, {name: (name, None) for name in names}, staging, patience)
     missing, faults = _missing_clips(folder, clips), []
@@ -397,31 +388,6 @@ def motion_fault(file: Path, clip: Listed) -> str:
     return f"another motion ({len(motion)} frames, {found}); expected {clip.frames} frames, {clip.motion}"
 
 
-def clips_of(folder: Path) -> list[Listed]:
-    """The clips of a folder as they would be listed: for whoever keeps the lists, and for tests."""
-    clips = []
-    for file in motion_files(folder):
-        (motion,) = read_motion_file(file)
-        place = file.relative_to(folder).with_name(bare_name(file)).as_posix()
-        clips.append(Listed(place, motion.subject, motion.action, motion.fps, len(motion), motion_digest(motion), _digest(file)))
-    return clips
-
-
-def write_list(name: str, folder: Path) -> None:
-    """Make a collection's list again from a folder of the very files; CONTRIBUTING.md says when."""
-    rows = [(*clip[:3], f"{clip.fps:g}", *clip[4:]) for clip in clips_of(folder)]
-    write_atomic(list_file(name), _table_text(Listed._fields, rows))
-
-
-def _table_text(columns: Sequence[str], rows: Sequence[Sequence[object]]) -> str:
-    """Comma-separated values with a header line."""
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(columns)
-    writer.writerows(rows)
-    return text.getvalue()
-
-
 def at(folder: Path, file: str) -> Path | None:
     """A file of a folder, plain or packed, as `load_motions` would choose; None if it is not there."""
     plain = folder / file
@@ -432,10 +398,10 @@ def overview(to: Path) -> list[tuple[str, ...]]:
     """Rows of words, one for each collection, below a header: name, what, size, licence, what is there."""
     rows = [("name", "what", "download", "licence", "there")]
     for name, c in COLLECTIONS.items():
+        size, there = "by hand", "yes" if (to / c.place).exists() else "no"
         if c.download:
-            rows.append((name, c.title, c.download.size, c.licence, "{} of {} files".format(*brought(c, to / c.place))))
-        else:
-            rows.append((name, c.title, "by hand", c.licence, "yes" if (to / c.place).exists() else "no"))
+            size, there = c.download.size, "{} of {} files".format(*brought(c, to / c.place))
+        rows.append((name, c.title, size, c.licence, there))
     return rows
 
 
@@ -460,15 +426,13 @@ def _workplace(to: Path, name: str) -> Iterator[Path]:
     lock, folder = FileLock(to / f".fetch-{name}.lock"), to / f".fetch-{name}"
     try:
         lock.acquire(timeout=0)
+        lock.release()
     except Timeout:
         print(f"another mwlib fetch {name} is at work in {to}; waiting for it", file=sys.stderr)
-        lock.acquire()
-    try:
+    with lock:
         folder.mkdir(exist_ok=True)
         yield folder
         shutil.rmtree(folder)
-    finally:
-        lock.release()
 
 
 def _progress(what: str, total: int, unit: str = "file", of: Iterable[Any] | None = None) -> tqdm:

@@ -4,7 +4,7 @@ import os
 import re
 import sys
 import warnings
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from io import BytesIO
 from pathlib import Path
@@ -12,21 +12,20 @@ from pathlib import Path
 import pooch
 from tqdm import tqdm
 
-from mwlib.body.kinematics import AXES
 from mwlib.body.motion import Motion
 from mwlib.body.skeleton import Skeleton
-from mwlib.data.collections import NAMED_SOURCES, SKELETONS, named_source
+from mwlib.data.collections import NAMED_SOURCES, named_source
 from mwlib.data.collections.cmu import BENCHMARK_COLUMNS
 
 from mwlib.data.meaning import (  # isort: skip
-    CALLER, ENTRY, LEVELS_UP, TABLE, UNKNOWN, Hints, Reading, Stated, check_size, check_up, hints, hints_of, metres_per_unit,
-    stated,
+    CALLER, ENTRY, LEVELS_UP, TABLE, UNKNOWN, Hints, Reading, Stated, check_rate, check_size, check_up, hints, hints_of,
+    said_by,
 )  # fmt: skip
 from mwlib.data.untrusted import (  # isort: skip
     MOST_BYTES, BrokenFilesWarning, DoubtfulDataWarning, MotionFormatError, allowed, archive_names, array_header, bare_suffix,
     near_name, open_regular, read_archive, read_array, read_bytes, read_head, single, without_twins,
 )  # fmt: skip
-from mwlib.settings import choice, near, real, shown
+from mwlib.settings import near, shown
 
 HINTS = ("clips.csv", "skeleton.json")  # read along with motions that lie beside or below them
 MODELS = "body_models"  # and a folder of body models
@@ -80,11 +79,11 @@ def load_motions(
         MotionFormatError: the file cannot be read; or the folder holds no motion that can be, or, if strict, any that cannot.
         ValueError: an argument makes no sense, or no way to `skeleton` is known.
     """
-    _check_rate("fps", fps)
+    check_rate("fps", fps)
     expect_source(source)
     source, own_fps = named_source(source)
     fps = fps or own_fps
-    given = caller_says(unit, up, file_fps, skeleton)
+    given = said_by(CALLER, unit, up, file_fps, skeleton)
     if source == "synthetic":
         from mwlib.synthetic.motions import synthetic_motions
 
@@ -103,32 +102,6 @@ def expect_source(source: object) -> None:
     """
     if not isinstance(source, str | Path) or source == "":
         raise ValueError(f"source is {shown(source)}; expected a path, 'synthetic' or one of {', '.join(NAMED_SOURCES)}")
-
-
-def caller_says(
-    unit: float | str | None = None,
-    up: str | None = None,
-    file_fps: float | None = None,
-    skeleton: Skeleton | str | None = None,
-) -> Hints:
-    """What a caller says of all files, checked; arguments as in `load_motions`.
-
-    Raises:
-        ValueError: an unknown unit, axis or skeleton, or no rate.
-    """
-    _check_rate("file_fps", file_fps)
-    skeleton = SKELETONS.get(skeleton, skeleton) if isinstance(skeleton, str) else skeleton
-    if not isinstance(skeleton, Skeleton | None):
-        raise ValueError(f"skeleton is {shown(skeleton)}; expected a Skeleton or one of {', '.join(sorted(SKELETONS))}")
-    if up is not None:
-        choice("up", up, AXES)
-    metres = None if unit is None else metres_per_unit(unit)
-    return Hints(stated(metres, CALLER), stated(up, CALLER), stated(file_fps, CALLER), skeleton=skeleton)
-
-
-def _check_rate(name: str, rate: float | None) -> None:
-    if rate is not None and not real(name, rate) > 0:
-        raise ValueError(f"{name} is {rate}; expected a positive number")
 
 
 def data_folder() -> Path:
@@ -174,7 +147,7 @@ def motion_files(path: Path) -> list[Path]:
     from mwlib.data.formats.humanml import without_features
 
     unlisted: list[Path] = []
-    files = _inside(path, unlisted)
+    files = _inside(path, lambda error: unlisted.append(Path(error.filename)))
     found = without_features(without_twins([*unlisted, *(file for file in files if _is_motion(file))]))
     if not found:
         expected = f"at least one file with motions ({', '.join(READERS)}, plain or as .xz or .gz)"
@@ -182,10 +155,9 @@ def motion_files(path: Path) -> list[Path]:
     return found
 
 
-def _inside(path: Path, unlisted: list[Path] | None = None) -> list[Path]:
-    """The files of a folder, recursively, but for hidden ones; folders that cannot be listed are added to `unlisted`."""
-    failed = [] if unlisted is None else unlisted
-    walk = os.walk(path, onerror=lambda error: failed.append(Path(error.filename)))
+def _inside(path: Path, onerror: Callable[[OSError], None] | None = None) -> list[Path]:
+    """The files of a folder, recursively, but for hidden ones; `onerror` is told of folders that cannot be listed."""
+    walk = os.walk(path, onerror=onerror)
     return [Path(folder, name) for folder, _, names in walk for name in names if not name.startswith(".")]
 
 
@@ -218,17 +190,13 @@ def _read(path: Path, given: Hints, strict: bool) -> list[Motion]:
     files = motion_files(path)
     for alone in rows_without_files(files) if path.is_dir() else ():
         warnings.warn(alone, BrokenFilesWarning, stacklevel=3)
-    found, broken = read_files(files, given, strict or len(files) == 1)
+    found, broken = read_files(files, given)
     reasons = [*dict.fromkeys(map(str, broken))]  # a body model that is missing is one, for however many files
-    told = "".join(f"\n  {reason}" for reason in reasons[:MOST_REASONS])
-    if len(reasons) > MOST_REASONS:
-        told += f"\n  and {len(reasons) - MOST_REASONS} more"
+    told = "\n  ".join(["", *first_of(reasons, MOST_REASONS, "more")])
+    if broken and (strict or len(reasons) == 1 and not found):
+        raise broken[0]
     if broken and not found:
-        raise (
-            broken[0]
-            if len(reasons) == 1
-            else MotionFormatError(path, "folder", f"no file that can be read:{told}", "at least one")
-        )
+        raise MotionFormatError(path, "folder", f"no file that can be read:{told}", "at least one")
     if broken:
         which = f"{len(broken)} of {len(files)} files in {path} cannot be read and are left out (strict=True refuses them):"
         warnings.warn(which + told, BrokenFilesWarning, stacklevel=3)
@@ -237,10 +205,13 @@ def _read(path: Path, given: Hints, strict: bool) -> list[Motion]:
     return [reading.motion for _, reading in found]
 
 
-def read_files(
-    files: list[Path], given: Hints, strict: bool = False
-) -> tuple[list[tuple[Path, Reading]], list[MotionFormatError]]:
-    """Every clip of some files, and what is wrong with the files that cannot be read; if strict, the first of these is raised."""
+def first_of(items: Sequence[str], most: int, others: str) -> list[str]:
+    """The first of many, and how many others there are."""
+    return [*items[:most], *[f"and {len(items) - most} {others}"] * (len(items) > most)]
+
+
+def read_files(files: list[Path], given: Hints) -> tuple[list[tuple[Path, Reading]], list[MotionFormatError]]:
+    """Every clip of some files, and what is wrong with the files that cannot be read."""
     quiet = len(files) <= MANY_FILES or not sys.stderr.isatty()
     found: list[tuple[Path, Reading]] = []
     broken: list[MotionFormatError] = []
@@ -248,15 +219,13 @@ def read_files(
         try:
             found += [(file, reading) for reading in readings(file, given)]
         except MotionFormatError as error:
-            if strict:
-                raise
             broken.append(error)
     return found, broken
 
 
-def read_motion_file(file: Path, given: Hints = UNKNOWN) -> list[Motion]:
-    """The motions of one file, at their own rate, on their own skeleton; arguments and errors as in `readings`."""
-    return [reading.motion for reading in readings(file, given)]
+def read_motion_file(file: Path) -> list[Motion]:
+    """The motions of one file, at their own rate, on their own skeleton; errors as in `readings`."""
+    return [reading.motion for reading in readings(file)]
 
 
 def readings(file: Path, given: Hints = UNKNOWN) -> list[Reading]:

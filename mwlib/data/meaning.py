@@ -21,8 +21,10 @@ from mwlib.body.rig import Rig
 from mwlib.body.skeleton import Skeleton, is_cmu
 from mwlib.data.collections import COLLECTIONS, SKELETONS
 from mwlib.data.untrusted import PACKED, SMALL_TEXT, MotionFormatError, bare_name, check_names, number, read_text
+from mwlib.settings import real, shown
 
 Value = TypeVar("Value")
+Places = Float[np.ndarray, "T joints 3"]  # of a clip
 
 CALLER, TABLE, ENTRY, BESIDE = "the caller", "clips.csv", "its own entry", "skeleton.json"
 FILE, FORMAT, SKELETON, SIZE, DEFAULT = "the file", "the format", "the skeleton", "the body's size", "the default"
@@ -67,7 +69,7 @@ METRIC = ("m", "cm", "mm")
 USUAL = {c.skeleton.name: c.unit for c in COLLECTIONS.values() if c.skeleton and c.unit}
 LONGEST_UNIT = 1000.0
 HEIGHT_BY_REACH = 1.7 / 2.4  # of an adult: standing height by the way from a toe to the fingers of the other side
-SMALLEST, TALLEST = 0.5, 2.5  # metres, of a human
+SMALLEST, TALLEST = HUMAN = 0.5, 2.5  # metres
 ADULT = 1.2, 2.3  # metres; heights of known skeletons come out as 1.3 to 1.8
 SWING = 0.5  # a bone whose length varies by more of itself is none: it ties the body to the world's origin
 STATE = "(of load_motions, as a setting or an option; or a column {0} in clips.csv, or for arrays {0} in skeleton.json)"
@@ -90,23 +92,21 @@ def metres_per_unit(unit: float | str) -> float:
     except (TypeError, ValueError):
         metres = 0.0
     if not 0 < metres <= LONGEST_UNIT:
-        raise ValueError(f"unit is {unit!r}; expected metres per unit up to {LONGEST_UNIT:g}, or one of {', '.join(UNITS)}")
+        raise ValueError(f"unit is {shown(unit)}; expected metres per unit up to {LONGEST_UNIT:g}, or one of {', '.join(UNITS)}")
     return metres
 
 
-def height(positions: Float[np.ndarray, "T joints 3"], skeleton: Skeleton) -> float:
+def height(positions: Places, skeleton: Skeleton) -> float:
     """Standing height of the body whatever its pose, in the unit of `positions`.
 
     Own choice: the body is measured along its bones, from the toe to the fingers of the other side, and an adult's
     proportions do the rest; that is right to a quarter for skeletons with and without fingers, toes and the top of the head.
     Bone lengths are medians over at most 100 frames.
     """
-    if len(skeleton) < 2:
-        return 0.0
     return float(heights(looked_at(positions, 100)[None], skeleton)[0])
 
 
-def looked_at(positions: Float[np.ndarray, "T joints 3"], most: int = 200) -> Float[np.ndarray, "n joints 3"]:
+def looked_at(positions: Places, most: int = 200) -> Float[np.ndarray, "n joints 3"]:
     """Frames of a clip, at most so many, spread evenly."""
     return positions[np.linspace(0, len(positions) - 1, min(len(positions), most)).astype(int)]
 
@@ -135,17 +135,15 @@ def check_people(positions: Float[np.ndarray, "N T joints 3"], skeleton: Skeleto
     Raises:
         ValueError: a body is too small or too large; the message names the first one and the likely unit.
     """
-    tall = heights(np.asarray(positions, np.float64), skeleton) if len(skeleton) > 1 else np.ones(len(positions))
+    tall = heights(np.asarray(positions, np.float64), skeleton)
     if len(wrong := np.flatnonzero(~((tall >= SMALLEST) & (tall <= TALLEST)))):
         first = int(wrong[0])
-        readings = _readings(tall[first], [name for name in METRIC if name in _fitting(tall[first])])
+        readings = _readings(tall[first], [name for name in METRIC if name in fitting(tall[first])])
         size = f"{names[first]} shows a body of {tall[first]:.3g} m{readings}"
         raise ValueError(f"{size}; expected metres, and a human of {SMALLEST} to {TALLEST} m")
 
 
-def infer_unit(
-    positions: Float[np.ndarray, "T joints 3"], skeleton: Skeleton, file: Path, usual: str | None = None
-) -> Stated[float]:
+def infer_unit(positions: Places, skeleton: Skeleton, file: Path, usual: str | None = None) -> Stated[float]:
     """Metres per unit, so that the body has the size of a human.
 
     The usual unit of the skeleton's or the format's files is taken if it makes an adult; of CMU's people, who all are adults,
@@ -157,19 +155,20 @@ def infer_unit(
     """
     found = height(positions, skeleton)
     usual = usual or USUAL.get(skeleton.name)
-    if usual and ADULT[0] < found * UNITS[usual] < ADULT[1]:
+    adults = fitting(found, ADULT)
+    if usual in adults:
         return Stated(UNITS[usual], SKELETON)
-    adult = adults(found) if is_cmu(skeleton) else []  # published in CMU's units, inches and centimetres; no two make an adult
+    adult = adults if is_cmu(skeleton) else []  # published in CMU's units, inches and centimetres; no two make an adult
     if len(adult) == 1:
         return Stated(UNITS[adult[0]], SKELETON)
-    fitting = _fitting(found)
-    if len(fitting) == 1 and fitting[0] in METRIC:
-        return Stated(UNITS[fitting[0]], SIZE)
-    sizes = f"{found / HEIGHT_BY_REACH:.4g} units along the bones from end to end{_readings(found, fitting)}"
+    human = fitting(found)
+    if len(human) == 1 and human[0] in METRIC:
+        return Stated(UNITS[human[0]], SIZE)
+    sizes = f"{found / HEIGHT_BY_REACH:.4g} units along the bones from end to end{_readings(found, human)}"
     raise MotionFormatError(file, "body size", sizes, f"a human of {SMALLEST} to {TALLEST} m in one unit only; say {STATE_UNIT}")
 
 
-def check_size(positions: Float[np.ndarray, "T joints 3"], skeleton: Skeleton, unit: Stated[float], file: Path) -> None:
+def check_size(positions: Places, skeleton: Skeleton, unit: Stated[float], file: Path) -> None:
     """Refuse a body of no human's size, unless the user stated the unit.
 
     Args:
@@ -181,21 +180,16 @@ def check_size(positions: Float[np.ndarray, "T joints 3"], skeleton: Skeleton, u
     tall = height(positions, skeleton)
     if unit.is_users or SMALLEST <= tall <= TALLEST:
         return
-    readings = _readings(tall / unit.value, _fitting(tall / unit.value))
+    readings = _readings(tall / unit.value, fitting(tall / unit.value))
     sizes = f"a body of {tall:.3g} m in the unit of {unit.source}, {unit.value:.4g} m{readings}"
     raise MotionFormatError(
         file, "body size", sizes, f"a human of {SMALLEST} to {TALLEST} m; if the body is right, say {STATE_UNIT}"
     )
 
 
-def _fitting(found: float) -> list[str]:
-    """Units in which a height is a human's."""
-    return [name for name, metres in UNITS.items() if SMALLEST <= found * metres <= TALLEST]
-
-
-def adults(found: float) -> list[str]:
-    """Units in which a height is an adult's."""
-    return [name for name, metres in UNITS.items() if ADULT[0] <= found * metres <= ADULT[1]]
+def fitting(found: float, span: tuple[float, float] = HUMAN) -> list[str]:
+    """Units in which a height is a human's, or an `ADULT`'s."""
+    return [name for name, metres in UNITS.items() if span[0] <= found * metres <= span[1]]
 
 
 def _readings(found: float, names: list[str]) -> str:
@@ -225,34 +219,39 @@ class Standing(NamedTuple):
     is_clear: bool
 
 
-def standing(positions: Float[np.ndarray, "T joints 3"], skeleton: Skeleton, up: str) -> Standing:
+def standing(positions: Places, skeleton: Skeleton, up: str) -> Standing:
     """Along which axis the body stands.
 
     Own choice: the mean of head and neck above the mean of the feet, median over at most 200 frames. A short clip of
     somebody who lies still along an axis can look like another axis up; one who crawls or rolls does not.
     """
-    places, here = looked_at(positions), AXES[up]
+    places = looked_at(positions)
     ends = head_and_feet(skeleton)
     if all(ends):
         way = np.subtract(*(places[:, joints].mean(axis=1) for joints in ends))
-        length = np.maximum(np.linalg.norm(way, axis=-1), 1e-9)
-        lean = np.median(way / length[:, None], axis=0)
-        axis = int(np.argmax(np.abs(lean)))
-        low, high = np.percentile((places * np.sign(lean)).min(axis=1)[:, axis], (10, 90))
-        is_clear = (axis != here or lean[axis] < 0) and abs(lean[axis]) > OTHERWISE and lean[here] < UPRIGHT
-        is_clear = bool(is_clear and high - low < STEADY * length.max())
-        return Standing("-" * bool(lean[axis] < 0) + "xyz"[axis], float(lean[here]), is_clear)
+        found = leaning(way, up)
+        along = places[..., "xyz".index(found.axis[-1])]
+        low, high = np.percentile(-along.max(axis=1) if found.axis[0] == "-" else along.min(axis=1), (10, 90))
+        is_steady = high - low < STEADY * np.linalg.norm(way, axis=-1).max()
+        return found._replace(is_clear=found.is_clear and bool(is_steady))
     extent = np.median(np.ptp(places, axis=1), axis=0)
-    axis = int(np.argmax(extent))
-    others = np.delete(extent, axis)
-    is_clear = bool(axis != here and extent[axis] > LONGER * others.max())
+    axis, here = int(np.argmax(extent)), AXES[up]
+    is_clear = bool(axis != here and extent[axis] > LONGER * np.delete(extent, axis).max())
     return Standing("xyz"[axis], float(extent[here] / max(extent[axis], 1e-9)), is_clear)
+
+
+def leaning(way: Float[np.ndarray, "T 3"], up: str) -> Standing:
+    """Along which axis the way from a body's lower end to its upper one points, median over the frames."""
+    lean = np.median(way / np.maximum(np.linalg.norm(way, axis=-1, keepdims=True), 1e-9), axis=0)
+    axis, share = int(np.argmax(np.abs(lean))), float(lean[AXES[up]])
+    is_other = abs(lean[axis]) > OTHERWISE and share < UPRIGHT
+    return Standing("-" * bool(lean[axis] < 0) + "xyz"[axis], share, bool(is_other))
 
 
 TURN = "turn the positions so that y or z points up, and say which by up="
 
 
-def check_up(positions: Float[np.ndarray, "T joints 3"], skeleton: Skeleton, up: Stated[str], file: Path) -> None:
+def check_up(positions: Places, skeleton: Skeleton, up: Stated[str], file: Path) -> None:
     """Refuse a body that clearly stands along another axis, unless the user stated which one is up.
 
     Raises:
@@ -269,13 +268,9 @@ def check_up(positions: Float[np.ndarray, "T joints 3"], skeleton: Skeleton, up:
 
 def head_and_feet(skeleton: Skeleton) -> tuple[list[int], list[int]]:
     """Joints of the upper and of the lower end, each named by the first of the patterns that names any."""
-
-    def named(kinds: list[re.Pattern[str]]) -> list[int]:
-        """The joints of the first kind of name that there is."""
-        every = ([joint for joint, name in enumerate(skeleton.joints) if kind.search(name)] for kind in kinds)
-        return next((joints for joints in every if joints), [])
-
-    return named(UPPER), named(LOWER)
+    every = ([[j for j, name in enumerate(skeleton.joints) if kind.search(name)] for kind in kinds] for kinds in (UPPER, LOWER))
+    upper, lower = (next(filter(None, ends), []) for ends in every)
+    return upper, lower
 
 
 LEVELS_UP = 4  # folders above a file in which its clips.csv or skeleton.json may lie
@@ -321,7 +316,7 @@ class Hints:
     def reading(
         self,
         file: Path,
-        positions: Float[np.ndarray, "T joints 3"],
+        positions: Places,
         skeleton: Skeleton,
         unit: Stated[float],
         up: Stated[str],
@@ -373,24 +368,49 @@ def hints_of(said: dict[str, Any], file: Path, source: str, place: str = "") -> 
         MotionFormatError: a value makes no sense.
     """
     skeleton, unit, up, fps = (said.get(name) for name in ("skeleton", "unit", "up", "fps"))
-    if isinstance(skeleton, str):
-        skeleton = SKELETONS.get(skeleton, skeleton)
-    if not isinstance(skeleton, Skeleton | None):
-        raise MotionFormatError(file, f"{place}skeleton", repr(skeleton)[:40], f"one of {', '.join(sorted(SKELETONS))}")
-    if up is not None and (not isinstance(up, str) or up not in AXES):
-        raise MotionFormatError(file, f"{place}up", repr(up)[:40], " or ".join(map(repr, AXES)))
-    if unit is not None:
-        try:
-            unit = metres_per_unit(unit)
-        except ValueError as error:
-            raise MotionFormatError(file, f"{place}unit", repr(unit)[:40], str(error).split("expected ")[-1]) from error
     if fps is not None:
         if not isinstance(fps, str | int | float):
             raise MotionFormatError(file, f"{place}fps", type(fps).__name__, "a number")
         fps = number(str(fps), file, f"{place}fps")
         if not SLOWEST <= fps <= FASTEST:
             raise MotionFormatError(file, f"{place}fps", f"{fps:g} frames per second", f"{SLOWEST:g} to {FASTEST:g}")
-    return Hints(stated(unit, source), stated(up, source), stated(fps, source), skeleton=skeleton)
+    try:
+        return said_by(source, unit, up, fps, skeleton)
+    except ValueError as error:
+        name, _, found = str(error).partition(" is ")
+        raise MotionFormatError(file, place + name, *found.split("; expected ", 1)) from error
+
+
+def said_by(
+    source: str,
+    unit: float | str | None = None,
+    up: str | None = None,
+    file_fps: float | None = None,
+    skeleton: Skeleton | str | None = None,
+) -> Hints:
+    """What somebody says of all numbers of a file, checked; arguments as in `load_motions`.
+
+    Raises:
+        ValueError: an unknown unit, axis or skeleton, or no rate; the message has the form "name is value; expected values".
+    """
+    check_rate("file_fps", file_fps)
+    skeleton = SKELETONS.get(skeleton, skeleton) if isinstance(skeleton, str) else skeleton
+    if not isinstance(skeleton, Skeleton | None):
+        raise ValueError(f"skeleton is {shown(skeleton)}; expected one of {', '.join(sorted(SKELETONS))}, or one of your own")
+    if up is not None and (not isinstance(up, str) or up not in AXES):
+        raise ValueError(f"up is {repr(up)[:40]}; expected {' or '.join(map(repr, AXES))}")
+    metres = None if unit is None else metres_per_unit(unit)
+    return Hints(stated(metres, source), stated(up, source), stated(file_fps, source), skeleton=skeleton)
+
+
+def check_rate(name: str, rate: float | None) -> None:
+    """Refuse a rate that is none.
+
+    Raises:
+        ValueError: it is no positive number.
+    """
+    if rate is not None and not real(name, rate) > 0:
+        raise ValueError(f"{name} is {rate}; expected a positive number")
 
 
 def clips_row(file: Path) -> tuple[dict[str, str], Path]:
@@ -399,7 +419,7 @@ def clips_row(file: Path) -> tuple[dict[str, str], Path]:
     for depth, folder in enumerate(path.parents[:LEVELS_UP]):
         table = folder / "clips.csv"
         rows = rows_of(table) if table.is_file() else {}
-        keys = [_key(path.parts[start:]) for start in range(len(path.parts) - depth - 1, 0, -1)] if rows else []
+        keys = [_key(path.parts[start:]) for start in range(len(path.parts) - depth - 1, 0, -1)]
         if listed := [rows[key] for key in keys if key in rows]:
             if len(listed) > 1:
                 found = f"{' and '.join(row['file'] for row in listed)}, which are one file"
@@ -429,45 +449,43 @@ def _clips(table: Path, *_state: int) -> dict[str, dict[str, str]]:
     """Rows of one clips.csv by file; its time and size make an edited file be read again."""
     try:
         reader = csv.reader(read_text(table, SMALL_TEXT).splitlines(), strict=True)
-        columns = _header(next((cells for cells in reader if any(cells)), []), table)
-        lines = [(reader.line_num, cells) for cells in islice(reader, MOST_ROWS + 1)]
+        lines = [(reader.line_num, [*map(_plain, cells)]) for cells in islice(reader, MOST_ROWS + 2)]
     except csv.Error as error:
         raise MotionFormatError(table, "table", str(error), "comma-separated values with a header line") from error
-    if not columns or not any(any(cells) for _, cells in lines):
-        found = "a header without rows" if columns else "nothing"
-        raise MotionFormatError(table, "table", found, "a header with a column named file, and a row for each file")
-    if len(lines) > MOST_ROWS:
+    if len(lines) > MOST_ROWS + 1:
         raise MotionFormatError(table, "table", f"more than {MOST_ROWS} rows", "at most that")
+    (_, head), *lines = [(line, cells) for line, cells in lines if any(cells)] or [(0, [])]
+    columns = _header(head, table)
     rows: dict[str, dict[str, str]] = {}
     first: dict[str, int] = {}
     for line, cells in lines:
-        cells = [" ".join(_visible(cell).split()) for cell in cells]
-        if not any(cells):
-            continue
-        row = dict(zip(columns, cells, strict=False))
-        there = len(cells) if any(cells[len(columns) :]) else min(len(cells), len(columns))
-        if there != len(columns):
+        while len(cells) > len(columns) and not cells[-1]:
+            cells.pop()
+        if len(cells) != len(columns):
             expected = f"{len(columns)} cells, empty ones as well; a text with a comma stands in quotes"
-            raise MotionFormatError(table, f"line {line}", f"{there} cells", expected)
-        if not row.get("file"):
+            raise MotionFormatError(table, f"line {line}", f"{len(cells)} cells", expected)
+        row = dict(zip(columns, cells, strict=True))
+        if not row["file"]:
             raise MotionFormatError(table, f"line {line}", "no file", "a file in every row")
         key = _key(tuple(posixpath.normpath(row["file"].replace("\\", "/")).split("/")))
         if key in first:
             raise MotionFormatError(table, f"line {line}", f"{row['file']}, as in line {first[key]}", "one row for each file")
         first[key], rows[key] = line, row
+    if not rows:
+        found = "a header without rows" if columns else "nothing"
+        raise MotionFormatError(table, "table", found, "a header with a column named file, and a row for each file")
     return rows
 
 
-def _visible(cell: str) -> str:
-    """A text in the one spelling of all that look alike, as René has two; without marks of no width."""
+def _plain(cell: str) -> str:
+    """A text in the one spelling of all that look alike, as René has two; without marks of no width and blanks around it."""
     whole = unicodedata.normalize("NFC", cell)
-    return "".join(c for c in whole if unicodedata.category(c) != "Cf")
+    return " ".join("".join(c for c in whole if unicodedata.category(c) != "Cf").split())
 
 
-def _header(cells: list[str], table: Path) -> list[str]:
-    if len(cells) > MOST_COLUMNS:
-        raise MotionFormatError(table, "header", f"{len(cells)} columns", f"at most {MOST_COLUMNS}")
-    columns = [" ".join(cell.split()) for cell in cells]
+def _header(columns: list[str], table: Path) -> list[str]:
+    if len(columns) > MOST_COLUMNS:
+        raise MotionFormatError(table, "header", f"{len(columns)} columns", f"at most {MOST_COLUMNS}")
     while columns and not columns[-1]:  # spreadsheets end lines with commas
         columns.pop()
     check_names(columns, COLUMNS + MORE_COLUMNS, "column", table, "header")

@@ -2,7 +2,6 @@
 
 import re
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
 
 import numpy as np
 
@@ -12,8 +11,9 @@ from mwlib.data.collections import SKELETONS
 from mwlib.hashing import sha256
 
 # What says "left" in a name: the word, or one letter where a word begins (lThigh, J_Bip_L_Arm, thigh.L, ik_hand_l).
-WORDS = {"left": "right", "Left": "Right", "LEFT": "RIGHT"}
-LETTER = re.compile(r"(?<![A-Za-z])[lL]|(?<=[a-z0-9])L(?![a-z])")
+LEFT = re.compile(r"left|Left|LEFT|(?<![A-Za-z])[lL]|(?<=[a-z0-9])L(?![a-z])")
+RIGHT = {"left": "right", "Left": "Right", "LEFT": "RIGHT", "l": "r", "L": "R"}
+LUMBAR = re.compile(r"[lL]\d+(/End)?")  # vertebrae, not left joints
 
 
 def paired(joints: tuple[str, ...]) -> tuple[tuple[int, ...], tuple[int, ...]]:
@@ -21,9 +21,10 @@ def paired(joints: tuple[str, ...]) -> tuple[tuple[int, ...], tuple[int, ...]]:
 
     A joint is left if its name says so and the same name with "right" or "r" in that place is a joint, too: so "lowerback" and
     "lip" are neither. Mixamo, Biped, VRM, Rigify, Unreal, CMU, Daz, SMPL and HumanML3D name their joints so that this works.
+    End Sites, each called "<its joint>/End", pair up as their joints do, and come last.
     """
     pairs: dict[str, str] = {}
-    for name in joints:
+    for name in sorted(joints, key=lambda name: name.endswith("/End")):
         other = next((n for n in _counterparts(name) if n in joints and n not in pairs.values()), None)
         if other is not None and name not in pairs.values():
             pairs[name] = other
@@ -37,26 +38,14 @@ def own_skeleton(joints: tuple[str, ...], parents: tuple[int, ...]) -> Skeleton:
 
 
 def _counterparts(name: str) -> Iterator[str]:
-    """What the right-hand counterpart of a left joint may be called."""
-    for left, right in WORDS.items():
-        if left in name:
-            yield name.replace(left, right)
-    for found in LETTER.finditer(name):
-        if not re.fullmatch(r"[lL]\d+", name):  # lumbar vertebrae
-            yield name[: found.start()] + ("r" if found[0] == "l" else "R") + name[found.end() :]
+    """What the right-hand counterpart of a left joint may be called: a word or letter exchanged in one place or in all."""
+    if not LUMBAR.fullmatch(name):
+        for at in LEFT.finditer(name):
+            yield name[: at.start()] + RIGHT[at[0]] + name[at.end() :]
+            yield name.replace(at[0], RIGHT[at[0]])
 
 
-def rig_skeleton(joints: tuple[str, ...], parents: tuple[int, ...]) -> Skeleton:
-    """`own_skeleton` with End Sites among the joints, each called "<its joint>/End"; they pair up as their joints do."""
-    own = own_skeleton(joints, parents)
-    ends: dict[int, list[int]] = {}
-    for joint, parent in enumerate(parents):
-        if joints[joint].endswith("/End"):
-            ends.setdefault(parent, []).append(joint)
-    pairs = {left: right for left, right in zip(own.left, own.right, strict=True) if not joints[left].endswith("/End")}
-    for left, right in list(pairs.items()):
-        pairs |= dict(zip(ends.get(left, []), ends.get(right, []), strict=False))
-    return replace(own, left=tuple(pairs), right=tuple(pairs.values()))
+rig_skeleton = own_skeleton  # of all nodes of a file, End Sites among them
 
 
 MOST_CLIPS, MOST_FRAMES = 20, 50

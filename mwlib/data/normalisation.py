@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from io import BytesIO
 from pathlib import Path
-from typing import Literal, get_args
+from typing import Literal
 
 import numpy as np
 import torch
@@ -49,7 +49,7 @@ class Statistics:
     layout: FeatureLayout
 
     def __post_init__(self) -> None:
-        choice("kind", self.kind, get_args(Kind))
+        choice("kind", self.kind, WEIGHT)
         width = self.layout.width
         for name, values in (("mean", self.mean), ("deviation", self.deviation)):
             if values.shape != (width,):
@@ -116,7 +116,7 @@ class Statistics:
         The evaluators published with HumanML3D have a mean of their own for the root's height (0.9176 m, not 0.9386 m);
         `read` takes it from their files.
         """
-        choice("kind", kind, get_args(Kind))
+        choice("kind", kind, WEIGHT)
         deviation = self.deviation.clone()
         for name in WEIGHED:
             deviation[self.layout.blocks[name]] *= WEIGHT[self.kind] / WEIGHT[kind]

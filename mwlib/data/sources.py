@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from itertools import combinations
 from typing import Annotated, Literal, NamedTuple
 
 import numpy as np
@@ -49,8 +50,7 @@ class Split(NamedTuple):
 
 def load_source(source: SourceConfig) -> list[Motion]:
     """The configured data as `load_motions` gives them, at their own rate; nobody is held out."""
-    unit, up, file_fps = source.unit or None, source.up or None, source.file_fps or None
-    return load_motions(source.data, unit=unit, up=up, file_fps=file_fps)
+    return load_motions(source.data, unit=source.unit or None, up=source.up or None, file_fps=source.file_fps or None)
 
 
 def split_motions(
@@ -77,22 +77,22 @@ def split_motions(
     present = sorted({m.subject for m in motions})
     lists = {name: getattr(source, name) for name in ("train_subjects", "validation_subjects", "test_subjects")}
     _check_lists(lists, present, source.data)
-    unnamed = [subject for subject in present if not any(subject in people for people in lists.values())]
-    if len(motions) == 1 and not any(lists.values()):
-        (whole,) = motions
-        cut = len(whole) - len(whole) // 4
-        parts = Split([whole.cut(0, cut)], [], [whole.cut(cut, len(whole))]) if cut < len(whole) else Split(motions, [], [])
-    elif len(present) == 1 and not any(lists.values()):
-        cut = len(motions) - max(1, len(motions) // 4)
+    found = f"{source.data} has {len(motions)} clips of the subjects {', '.join(map(repr, present))}"
+    if len(present) == 1 and not any(lists.values()):
+        whole = motions[0]
+        if len(motions) == 1 and len(whole) > 3:
+            cut = len(whole) - len(whole) // 4
+            motions = [whole.cut(0, cut), whole.cut(cut, len(whole))]
+        cut = max(1, len(motions) - max(1, len(motions) // 4))
         parts = Split(motions[:cut], [], motions[cut:])
     else:
-        test = source.test_subjects or tuple(unnamed[-max(1, len(present) // 4) :])
-        train = source.train_subjects or tuple(subject for subject in unnamed if subject not in test)
+        unnamed = [subject for subject in present if not any(subject in people for people in lists.values())]
+        test = source.test_subjects or unnamed[-max(1, len(present) // 4) :]
+        train = source.train_subjects or [subject for subject in unnamed if subject not in test]
         chosen = (train, source.validation_subjects, test)
         parts = Split(*([m for m in motions if m.subject in people] for people in chosen))
     for name, part in (("training", parts.train), ("test", parts.test)):
         if not part:
-            found = f"{source.data} has {len(motions)} clips of the subjects {', '.join(map(repr, present))}"
             raise ValueError(f"no {name} clips: {found}; expected {REMEDY}")
     return parts
 
@@ -102,9 +102,9 @@ def _check_lists(lists: dict[str, tuple[str, ...]], present: Sequence[str], data
     for name, people in lists.items():
         if missing := sorted({*people} - {*present}):
             raise ValueError(f"{name} has {missing}; expected some of {present}, the subjects of {data}")
-        for other, others in lists.items():
-            if other != name and (both := sorted({*people} & {*others})):
-                raise ValueError(f"{both} stand in {name} and in {other}; expected every subject in one list at most")
+    for name, other in combinations(lists, 2):
+        if both := sorted({*lists[name]} & {*lists[other]}):
+            raise ValueError(f"{both} stand in {name} and in {other}; expected every subject in one list at most")
 
 
 def fingerprint(motions: Sequence[Motion]) -> str:

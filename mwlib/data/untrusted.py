@@ -7,6 +7,7 @@ import lzma
 import math
 import re
 import stat
+import sys
 import warnings
 import zipfile
 import zlib
@@ -42,6 +43,7 @@ class DoubtfulDataWarning(UserWarning):
     """What the numbers of a motion mean was not said, and was likely assumed wrongly; the message says how to state it."""
 
 
+Array = Shaped[np.ndarray, "*shape"]
 PACKED = (".xz", ".gz")
 # What a file of up to SMALL_FILE bytes on disk may unfold to; a larger one may in proportion. So many take less than 5 s and
 # 1 GiB. Own choice, by measurement: a byte on disk holds at most 7.2 bytes of text and 0.23 points in 309 public files, so that
@@ -76,10 +78,7 @@ def bare_suffix(path: Path) -> str:
 
 def without_twins(files: list[Path]) -> list[Path]:
     """The files, sorted; of walk.bvh beside walk.bvh.xz only the first, which is the plain one."""
-    first: dict[tuple[Path, str], Path] = {}
-    for file in sorted(files):
-        first.setdefault((file.parent, bare_name(file)), file)
-    return list(first.values())
+    return sorted({(file.parent, bare_name(file)): file for file in sorted(files, reverse=True)}.values())
 
 
 @contextlib.contextmanager
@@ -122,16 +121,15 @@ def read_head(path: Path, count: int) -> bytes:
     with open_regular(path) as stream:
         if new is None:
             return stream.read(min(count, path.stat().st_size + 1))  # Python sets aside all that is asked for
-        parts, size = [], 0
+        data = bytearray()
         try:
             for piece in _unpacked(stream, new):
-                parts.append(piece)
-                size += len(piece)
-                if size >= count:
+                data += piece
+                if len(data) >= count:
                     break
         except (lzma.LZMAError, EOFError, zlib.error) as error:
             raise MotionFormatError(path, "packing", str(error), f"a whole {path.suffix} file") from error
-        return b"".join(parts)[:count]
+        return bytes(data[:count])
 
 
 def _unpacked(stream: BinaryIO, new: Callable[[], Any]) -> Iterator[bytes]:
@@ -176,9 +174,9 @@ def read_text(path: Path, limit: int | None = None) -> str:
         raise MotionFormatError(path, f"byte {error.start}", f"0x{error.object[error.start]:02x}", "UTF-8 text") from error
 
 
-def words_of(text: str, stop: int | None = None) -> Iterator[str]:
+def words_of(text: str, stop: int = sys.maxsize) -> Iterator[str]:
     """Words one by one, so that a file of nothing but words is refused at the first wrong one."""
-    return (match[0] for match in re.compile(r"\S+").finditer(text, 0, len(text) if stop is None else stop))
+    return (match[0] for match in re.compile(r"\S+").finditer(text, 0, stop))
 
 
 def lines_of(text: str, start: int = 0) -> Iterator[re.Match[str]]:
@@ -230,10 +228,10 @@ def number_table(
         raise MotionFormatError(file, place, found[:LONGEST_WORD], expected) from error
     if not tables:
         raise MotionFormatError(file, place, "no line", expected)
-    return bounded(tables[0] if len(tables) == 1 else np.concatenate(tables), file, place)
+    return bounded(np.concatenate(tables), file, place)
 
 
-def bounded(values: Shaped[np.ndarray, "*shape"], file: Path, place: str) -> Shaped[np.ndarray, "*shape"]:
+def bounded(values: Array, file: Path, place: str) -> Array:
     """The same values, once they are known to be finite and of a size that a position or an angle can have.
 
     Raises:
@@ -247,9 +245,7 @@ def bounded(values: Shaped[np.ndarray, "*shape"], file: Path, place: str) -> Sha
     return values
 
 
-def numbers(
-    array: Shaped[np.ndarray, "*shape"], fits: bool, file: Path, place: str, expected: str
-) -> Float[np.ndarray, "*shape"]:
+def numbers(array: Array, fits: bool, file: Path, place: str, expected: str) -> Float[np.ndarray, "*shape"]:
     """An array as float64, once its numbers are `bounded`.
 
     Raises:
@@ -320,6 +316,7 @@ def near_name(name: object, valid: Sequence[str], cutoff: float = 0.6) -> str:
 
 MOST_DIMENSIONS = 4  # of any array of motions
 LONGEST_HEADER = 10_000  # bytes; NumPy's own limit
+HEADERS = {(1, 0): np.lib.format.read_array_header_1_0, (2, 0): np.lib.format.read_array_header_2_0}  # by version
 LONGEST_TEXT = 1000  # characters of one entry of a text array
 AT_ONCE = 2**20  # bytes; a list of contents, at a hundred bytes an entry, is far shorter
 METHODS = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)  # with which NumPy writes
@@ -329,7 +326,10 @@ class _Short:
     """A stream that gives at most AT_ONCE bytes, so that an absurdly long list of contents breaks off."""
 
     def __init__(self, stream: BinaryIO) -> None:
-        self._stream, self.seek, self.tell, self.seekable = stream, stream.seek, stream.tell, stream.seekable
+        self._stream = stream
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._stream, name)
 
     def read(self, size: int = -1) -> bytes:
         """At most so many bytes, and never more than `AT_ONCE`."""
@@ -340,9 +340,8 @@ class _Short:
 def _archive(file: Path) -> Iterator[zipfile.ZipFile]:
     """The archive, opened; whatever goes wrong with it becomes a MotionFormatError."""
     is_packed = file.suffix.lower() in PACKED
-    stream = io.BytesIO(read_bytes(file, allowed(MOST_BYTES, file))) if is_packed else None
     try:
-        with contextlib.nullcontext(stream) if stream else open_regular(file) as source:
+        with io.BytesIO(read_bytes(file, allowed(MOST_BYTES, file))) if is_packed else open_regular(file) as source:
             with zipfile.ZipFile(cast(BinaryIO, _Short(source))) as archive:
                 yield archive
     except MotionFormatError:
@@ -376,18 +375,18 @@ def read_archive(file: Path, wanted: Container[str]) -> dict[str, BinaryIO]:
                 continue
             if entry.compress_type not in METHODS:
                 raise MotionFormatError(file, name, "another kind of packing", "stored or deflated, as NumPy writes it")
-            parts = []
+            data = bytearray()
             with archive.open(entry) as stream:
                 while left >= 0 and (part := stream.read(AT_ONCE)):
-                    parts.append(part)
+                    data += part
                     left -= len(part)
             if left < 0:
                 raise MotionFormatError(file, name, f"more than {most} bytes", "at most that in a file of this size")
-            streams[name] = io.BytesIO(b"".join(parts))
+            streams[name] = io.BytesIO(data)
     return streams
 
 
-def read_array(stream: BinaryIO, file: Path, place: str) -> Shaped[np.ndarray, "*shape"]:
+def read_array(stream: BinaryIO, file: Path, place: str) -> Array:
     """One array in .npy format, numbers or strings; never unpickles, never allocates more than the file's size allows.
 
     Raises:
@@ -404,8 +403,7 @@ def read_array(stream: BinaryIO, file: Path, place: str) -> Shaped[np.ndarray, "
     if len(data) != wanted:
         found = f"{len(data)} bytes" if len(data) < wanted else f"more than {wanted} bytes"
         raise MotionFormatError(file, place, found, f"{wanted} bytes for shape {shape}")
-    array = np.frombuffer(data, dtype) if wanted else np.empty(0, dtype)
-    return array.reshape(shape, order="F" if fortran else "C")
+    return np.frombuffer(data, dtype).reshape(shape, order="F" if fortran else "C")
 
 
 def array_header(stream: BinaryIO, file: Path, place: str) -> tuple[tuple[int, ...], bool, np.dtype]:
@@ -414,24 +412,19 @@ def array_header(stream: BinaryIO, file: Path, place: str) -> tuple[tuple[int, .
     Raises:
         MotionFormatError: it is no .npy header, or has more dimensions than arrays of motions have.
     """
-    expected = "an array in NumPy's .npy format"
-    start = stream.read(8)  # magic and version
-    size = stream.read({b"\x93NUMPY\x01\x00": 2, b"\x93NUMPY\x02\x00": 4}.get(start, 0))
-    length = int.from_bytes(size, "little")
-    if not 0 < length <= LONGEST_HEADER:
-        raise MotionFormatError(file, place, f"no array header ({length} bytes)", expected)
-    parse = np.lib.format.read_array_header_1_0 if len(size) == 2 else np.lib.format.read_array_header_2_0
     try:
+        parse = HEADERS[np.lib.format.read_magic(stream)]
         with warnings.catch_warnings(action="ignore"):  # headers that Python 2 wrote are fine
-            shape, fortran, dtype = parse(io.BytesIO(size + stream.read(length)))
+            shape, fortran, dtype = parse(stream, max_header_size=LONGEST_HEADER)
     except Exception as error:  # on broken bytes NumPy's parser raises nearly any
-        raise MotionFormatError(file, place, f"no array header ({str(error)[:80]})", expected) from error
+        found = f"no array header ({str(error)[:80]})"
+        raise MotionFormatError(file, place, found, "an array in NumPy's .npy format") from error
     if len(shape) > MOST_DIMENSIONS or any(n < 0 for n in shape):
         raise MotionFormatError(file, place, f"shape {str(shape)[:80]}", f"at most {MOST_DIMENSIONS} lengths, none negative")
     return shape, fortran, dtype
 
 
-def single(array: Shaped[np.ndarray, "*shape"], file: Path, name: str) -> float | int | bool | str:
+def single(array: Array, file: Path, name: str) -> float | int | bool | str:
     """The one value of an array.
 
     Raises:
@@ -439,10 +432,9 @@ def single(array: Shaped[np.ndarray, "*shape"], file: Path, name: str) -> float 
     """
     if array.size != 1:
         raise MotionFormatError(file, name, f"shape {array.shape}", "a single value")
-    if array.dtype.kind not in "US":
-        return array.item()
-    if array.dtype.kind == "S":  # Python 2 wrote bytes
-        return array.tobytes().rstrip(b"\0").decode("latin1")
+    if array.dtype.kind != "U":
+        value = array.item()
+        return value.decode("latin1") if isinstance(value, bytes) else value  # Python 2 wrote bytes
     try:  # NumPy's own way fails on code points that do not exist
         return array.astype(array.dtype.newbyteorder("<")).tobytes().decode("utf-32-le").rstrip("\0")
     except UnicodeDecodeError as error:

@@ -22,6 +22,8 @@ from mwlib.data.mirroring import unmirrored
 from mwlib.data.untrusted import LARGEST
 from mwlib.settings import shown, whole
 
+Batch = Float[Tensor, "B T C"]  # of windows
+
 
 @dataclass(frozen=True)
 class Bodies:
@@ -130,11 +132,10 @@ class Variation:
         if not self.speeds:
             return list(motions)
         faster = 1 + self.speeds / 2, 1 + self.speeds
-        return [at_speed(m, f) for f in (1, *faster, *(1 / f for f in faster)) for m in motions]
+        factors = (1, *faster, *(1 / f for f in faster))
+        return [replace(m.resample(m.fps / factor), fps=m.fps) for factor in factors for m in motions]
 
-    def __call__(
-        self, x: Float[Tensor, "B T C"], skeleton: Skeleton, up: str, generator: torch.Generator
-    ) -> Float[Tensor, "B T C"]:
+    def __call__(self, x: Batch, skeleton: Skeleton, up: str, generator: torch.Generator) -> Batch:
         """The windows, each changed or not."""
         if self.bones:
             x = other_bones(x, self.bones, skeleton, generator)
@@ -149,14 +150,7 @@ class Variation:
         return x
 
 
-def at_speed(motion: Motion, factor: float) -> Motion:
-    """The clip played so many times as fast, at its own frame rate."""
-    return replace(motion.resample(motion.fps / factor), fps=motion.fps)
-
-
-def other_bones(
-    x: Float[Tensor, "B T C"], deviation: float, skeleton: Skeleton, generator: torch.Generator
-) -> Float[Tensor, "B T C"]:
+def other_bones(x: Batch, deviation: float, skeleton: Skeleton, generator: torch.Generator) -> Batch:
     """The same motions of other bodies: left and right alike, the root where it is."""
     pair = torch.from_numpy(skeleton.mirror).minimum(torch.arange(len(skeleton)))
     each = torch.randn((len(x), 1, len(skeleton)), generator=generator)[..., pair[1:]]
@@ -164,7 +158,7 @@ def other_bones(
     return scale_bones(x, factor.clamp_min(0.1).to(x.device), skeleton)
 
 
-def slowed(x: Float[Tensor, "B T C"], speed: Float[Tensor, "B 1"], pivot: int) -> Float[Tensor, "B T C"]:
+def slowed(x: Batch, speed: Float[Tensor, "B 1"], pivot: int) -> Batch:
     """Windows played at a share of their speed, between frames on straight lines; the pose of the pivot stays where it is.
 
     >>> slowed(torch.arange(5.0)[None, :, None], torch.tensor([[0.5]]), pivot=2).flatten()
@@ -178,9 +172,7 @@ def slowed(x: Float[Tensor, "B T C"], speed: Float[Tensor, "B 1"], pivot: int) -
     return first + share * (second - first)
 
 
-def other_arms(
-    x: Float[Tensor, "B T C"], donors: Float[Tensor, "B T C"], skeleton: Skeleton, up: str, pivot: int
-) -> Float[Tensor, "B T C"]:
+def other_arms(x: Batch, donors: Batch, skeleton: Skeleton, up: str, pivot: int) -> Batch:
     """Windows with the arms of others, hung where their own are, turned by how the bodies face at the pivot.
 
     Raises:
@@ -199,7 +191,7 @@ def other_arms(
     return out.flatten(-2)
 
 
-def _coins(x: Float[Tensor, "B T C"], share: float, generator: torch.Generator) -> Tensor:
+def _coins(x: Batch, share: float, generator: torch.Generator) -> Tensor:
     """True for about this share of the windows."""
     return (torch.rand((len(x), 1, 1), generator=generator) < share).to(x.device)
 
@@ -251,9 +243,7 @@ class Windows:
             ValueError: `count` is no whole number, or below 0.
         """
         pick = spread(len(self), whole("count", count, 0))
-        if len(pick) == len(self):
-            return self
-        return Windows(self.x[pick], self.clip[pick], self.start[pick], self.history, self.motions)
+        return self if len(pick) == len(self) else replace(self, x=self.x[pick], clip=self.clip[pick], start=self.start[pick])
 
 
 def spread(size: int, count: int) -> Int[Tensor, " n"]:
@@ -293,13 +283,13 @@ class JoinedClips:
         starts = [torch.arange(0, max(length - frames, 0), stride) for length in self.lengths.tolist()]
         return torch.repeat_interleave(torch.tensor([len(s) for s in starts])), torch.cat(starts)
 
-    def require(self, frames: int, *, kind: str = "clip", parts: str = "", remedy: str) -> None:
+    def require(self, frames: int, *, kind: str = "clip", parts: str = PARTS, remedy: str = REMEDY) -> None:
         """Refuse clips that give no window of so many frames.
 
         Args:
             frames: T.
             kind: of clip, in the message.
-            parts: what the frames are made of, in the message: " (history + future)".
+            parts: what the frames are made of, in the message.
             remedy: which settings to change, in the message.
 
         Raises:
@@ -338,7 +328,7 @@ def windows(motions: Sequence[Motion], history: int, future: int, stride: int) -
     )
     motions = clips_given("motions", motions)
     clips, frames = _joined(motions), history + future
-    clips.require(frames, parts=PARTS, remedy=REMEDY)
+    clips.require(frames)
     if short := too_short(motions, frames):
         names = ", ".join(f"{m.name or 'a clip'} ({len(m)} frames)" for m in short[:5]) + ", ..." * (len(short) > 5)
         found = f"{len(short)} of {len(motions)} clips give no window, as none is longer than {frames} frames{PARTS}: {names}"
@@ -425,7 +415,7 @@ class TrainingWindows:
         played = self.variation.clips(motions)
         long_enough = [m for m in played if len(m) > frames]
         self.clips = _joined(long_enough or played)
-        self.clips.require(frames, kind="training clip", parts=PARTS, remedy=REMEDY)
+        self.clips.require(frames, kind="training clip")
         self.frames, self.augment = frames, augment
         if augment == "heading_mirror" and (reason := unmirrored(long_enough)):
             warnings.warn(f"training does not mirror: {reason}. {PAIRS}", stacklevel=2)
@@ -441,7 +431,7 @@ class TrainingWindows:
         self.clips, self.mirror = self.clips.to(device), self.mirror.to(device)
         return self
 
-    def draw(self, batch: int, generator: torch.Generator) -> Float[Tensor, "B T C"]:
+    def draw(self, batch: int, generator: torch.Generator) -> Batch:
         """A batch of augmented windows."""
         if self.weight is None:
             pick = torch.randint(len(self.start), (batch,), generator=generator)
@@ -451,7 +441,7 @@ class TrainingWindows:
         x = x if self.augment == "none" else self._augment(x, generator)
         return self.variation(x, self.skeleton, self.up, generator)
 
-    def _augment(self, x: Float[Tensor, "B T C"], generator: torch.Generator) -> Float[Tensor, "B T C"]:
+    def _augment(self, x: Batch, generator: torch.Generator) -> Batch:
         per_batch = self.augment == "humanmac"
         size = (1 if per_batch else len(x), 1, 1)
         angle = torch.rand(size, generator=generator) * (2 * math.pi)
@@ -475,4 +465,4 @@ def _subject_action_weights(motions: Sequence[Motion], frames: int) -> np.ndarra
     """Probability of each window when subject, clip and start are drawn uniformly one after the other."""
     subjects = [m.subject for m in motions]
     per_clip = [1.0 / (subjects.count(m.subject) * (len(m) - frames)) for m in motions]
-    return np.concatenate([np.full(len(m) - frames, w) for m, w in zip(motions, per_clip, strict=True)])
+    return np.repeat(per_clip, [len(m) - frames for m in motions])

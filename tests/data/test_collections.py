@@ -8,8 +8,7 @@ from pathlib import Path
 import pytest
 
 from mwlib.cli import main
-from mwlib.data.collections import COLLECTIONS, NAMED_SOURCES
-from mwlib.data.collections.record import Collection, listed
+from mwlib.data.collections import COLLECTIONS, NAMED_SOURCES, Collection, listed
 from mwlib.data.fetching import fetch
 from mwlib.data.load import data_folder, find_source
 from mwlib.prediction.config import PRESETS

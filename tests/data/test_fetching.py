@@ -22,14 +22,24 @@ from types import SimpleNamespace
 import pytest
 
 import mwlib as mw
-from mwlib.data.collections import COLLECTIONS, acknowledgement, named_source
-from mwlib.data.collections.record import Archive, Collection, Download, Listed, list_file, listed
-from mwlib.data.fetching import PROOF, FetchError, NotOfferedError, at, bring, clips_of, motion_digest, motion_fault, write_list
+from mwlib.data.collections import (
+    COLLECTIONS,
+    Archive,
+    Collection,
+    Download,
+    Listed,
+    acknowledgement,
+    list_file,
+    listed,
+    named_source,
+)
+from mwlib.data.fetching import PROOF, FetchError, NotOfferedError, at, bring, motion_digest, motion_fault
 from mwlib.data.sources import fingerprint, split_motions
 from mwlib.data.untrusted import BrokenFilesWarning, read_bytes
 from mwlib.prediction.config import Config
 from mwlib.synthetic.motions import synthetic_motions
 from mwlib.version import __version__
+from tests.data.lists import clips_of, write_list
 from tests.data.publisher import HASTY, PAGE, Publisher, clip, publish_two_people, serving
 from tests.sample_motions import ASF, BVH
 
@@ -428,8 +438,8 @@ def test_a_digest_sees_rate_skeleton_and_every_place():
 
 def test_a_list_is_written_from_the_very_files(tmp_path, monkeypatch):
     publish_two_people(tmp_path / "there")
-    for module in ("fetching", "collections.record"):
-        monkeypatch.setattr(f"mwlib.data.{module}.list_file", lambda name: tmp_path / f"{name}.csv")
+    for module in ("tests.data.lists", "mwlib.data.collections"):
+        monkeypatch.setattr(f"{module}.list_file", lambda name: tmp_path / f"{name}.csv")
     write_list("own", tmp_path / "there")
     assert listed("own") == clips_of(tmp_path / "there") and len(listed("own")) == 4
 

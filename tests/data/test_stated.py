@@ -12,8 +12,8 @@ import pytest
 from mwlib import Motion, MotionFormatError, load_motions, write_bvh
 from mwlib.body.skeleton import CMU, H36M17, SCHEMES, Skeleton
 from mwlib.data.formats.frames import starts_in_tpose
-from mwlib.data.load import caller_says, motion_files, readings
-from mwlib.data.meaning import UNITS, height, hints, infer_unit, standing
+from mwlib.data.load import motion_files, readings
+from mwlib.data.meaning import CALLER, UNITS, height, hints, infer_unit, said_by, standing
 from mwlib.synthetic.motions import synthetic_motions
 from tests.sample_motions import AMC, ASF, BENCHMARK, BVH, write_positions_3d
 
@@ -30,7 +30,7 @@ def test_the_caller_goes_before_the_table_and_that_before_the_file(tmp_path):
     (found,) = readings(file)
     assert (found.unit.value, found.up.value, found.fps.value, found.unit.source) == (0.02, "y", 25.0, "clips.csv")
     assert (found.motion.up, found.motion.fps) == ("y", 25.0)
-    (found,) = readings(file, caller_says(0.03, "z", 30.0))
+    (found,) = readings(file, said_by(CALLER, 0.03, "z", 30.0))
     assert (found.unit.value, found.up.value, found.fps.value) == (0.03, "z", 30.0)
     assert {found.unit.source, found.up.source, found.fps.source} == {"the caller"}
     (motion,) = load_motions(file, unit="cm", up="z", file_fps=60.0, fps=30.0)

@@ -12,7 +12,7 @@ import torch
 from mwlib import Motion
 from mwlib.body.kinematics import bone_lengths, bones_of
 from mwlib.body.skeleton import H36M17
-from mwlib.data.windows import TrainingWindows, Variation, at_speed, prepare, windows
+from mwlib.data.windows import TrainingWindows, Variation, prepare, windows
 from mwlib.synthetic.motions import synthetic_motions
 
 T = 10
@@ -173,7 +173,7 @@ def test_clips_are_also_drawn_faster_and_slower():
     speed = (x[:, 1:] - x[:, :-1]).mean(1)
     found = sorted({round(float(v), 2) for v in speed})
     np.testing.assert_allclose(found, [1 / 1.5, 0.8, 1, 1.25, 1.5], atol=0.01)
-    twice = at_speed(motion, 2.0)
+    twice = Variation(speeds=1.0).clips([motion])[2]
     assert twice.fps == 50.0
     np.testing.assert_allclose(np.diff(twice.root_relative()[:, 0]), 2.0, atol=1e-4)
 

@@ -3,7 +3,7 @@
 import re
 
 from mwlib.body.skeleton import named_tree
-from mwlib.data.collections.record import Collection, Download, listed
+from mwlib.data.collections import Collection, Download, listed
 
 BANDAI21 = named_tree(
     "BANDAI21",

@@ -4,7 +4,7 @@ import re
 from functools import partial
 
 from mwlib.body.skeleton import CMU
-from mwlib.data.collections.record import Collection, Download, listed
+from mwlib.data.collections import Collection, Download, listed
 
 BENCHMARK_COLUMNS = 117  # of a line of the prediction benchmark's texts: root translation, then 38 rotation vectors
 OWNERS = (

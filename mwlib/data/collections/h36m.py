@@ -1,7 +1,9 @@
 """Human3.6M and HumanEva-I as VideoPose3D stores them, and what is published of their test windows."""
 
+import re
+
 from mwlib.body.skeleton import H36M17, named_tree
-from mwlib.data.collections.record import Collection, Protocol
+from mwlib.data.collections import Collection, Protocol
 
 HUMANEVA15 = named_tree(
     "HUMANEVA15",
@@ -29,18 +31,13 @@ _TAKES = {
 ALONE, FEW, THRESHOLD = 73, 1139, 0.5
 HUMANEVA_MOST_WINDOWS = 385  # in the Validate parts, if no frame of any take were bad
 
-
-def _counts(rows: str) -> dict[str, int]:
-    words = rows.split()
-    counts = {}
-    for action, windows in zip(words[::2], words[1::2], strict=True):
-        for take, count in enumerate(windows.split("/")):
-            if count != "-":
-                counts[f"{action} {take}" if take else action] = int(count)
-    return counts
-
-
-WINDOWS = {f"{subject} {take}": count for subject, rows in _TAKES.items() for take, count in _counts(rows).items()}
+WINDOWS = {
+    f"{subject} {action}" + f" {take}" * (take > 0): int(count)
+    for subject, rows in _TAKES.items()
+    for action, counts in re.findall(r"(\w+) (\S+)", rows)
+    for take, count in enumerate(counts.split("/"))
+    if count != "-"
+}
 
 _FOLLOW = "follow https://github.com/facebookresearch/VideoPose3D/blob/main/DATASETS.md; its"
 RECORDS = (

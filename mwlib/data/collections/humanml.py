@@ -1,7 +1,7 @@
 """AMASS, and what others made of it: HumanML3D and KIT motion-language, motions with descriptions."""
 
 from mwlib.body.skeleton import HUMANML22, named_tree
-from mwlib.data.collections.record import Collection
+from mwlib.data.collections import Collection
 
 # KIT-ML as text-to-motion data have it. Right is the side of negative x where toes point to positive z and y is up.
 KIT21 = named_tree(

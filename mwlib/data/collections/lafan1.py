@@ -3,7 +3,7 @@
 import re
 
 from mwlib.body.skeleton import named_tree
-from mwlib.data.collections.record import Archive, Collection, Download
+from mwlib.data.collections import Archive, Collection, Download
 
 LAFAN1 = named_tree(
     "LAFAN1",
