@@ -15,7 +15,7 @@ from matplotlib.patches import Rectangle
 from mwlib.body.kinematics import horizontal
 from mwlib.body.motion import Motion
 from mwlib.body.skeleton import Skeleton
-from mwlib.plots.look import CYCLE, FAINT, OBSERVED, TRUTH, WIDTH, Array, Panel, Panels, array, canvas, style
+from mwlib.plots.look import CYCLE, FAINT, OBSERVED, TRUTH, WIDTH, Array, Look, Panel, Panels, array, canvas, style
 
 AnyMotion = Float[Array, "..."]  # (..., C) about the root or (..., J+1, 3), metres
 ELEVATION = 15.0  # degrees, as HumanMAC draws
@@ -106,7 +106,7 @@ def draw_bodies(
     sides = sides_of(skeleton)
     for side, colour in zip("mlr", COLOURS[kind], strict=True):
         bones = [bone for bone in skeleton.bones if sides[bone[1]] == side]
-        look = {"linestyles": RIGHT_DASHES, "capstyle": "butt"} if side == "r" else {"capstyle": "round"}
+        look: Look = {"linestyles": RIGHT_DASHES, "capstyle": "butt"} if side == "r" else {"capstyle": "round"}
         lines = LineCollection([*points[:, bones].reshape(-1, 2, 2)], colors=colour, alpha=alpha, linewidths=width, **look)
         artists.append(ax.add_collection(lines, autolim=False))
     dots = points[:, heads_of(skeleton)].reshape(-1, 2)

@@ -338,9 +338,9 @@ def _drawn(shown: Film, frames: Sequence[int], azimuth: float | None, width: int
 def _timeline(fig: Figure, shown: Film) -> tuple[Line2D, Text]:
     """What tells the time: a line that grows over the observed past and the future, and the seconds."""
 
-    def line(frame: int, colour: str, **look: bool) -> Line2D:
+    def line(frame: int, colour: str, animated: bool = False) -> Line2D:
         """From the beginning to a frame."""
-        drawn = Line2D(_until(frame, shown), [0.5 * BAR / fig.get_figheight()] * 2, color=colour, linewidth=3, **look)
+        drawn = Line2D(_until(frame, shown), [0.5 * BAR / fig.get_figheight()] * 2, color=colour, linewidth=3, animated=animated)
         fig.add_artist(drawn)
         return drawn
 
@@ -368,7 +368,7 @@ def _picture(surface: FigureCanvasAgg) -> Image.Image:
 
 def _same_palette(pictures: Sequence[Image.Image]) -> list[Image.Image]:
     """In the colours of the first, the middle and the last picture: a change is stored only where something moves."""
-    sheet = Image.fromarray(np.vstack([pictures[i] for i in sorted({0, len(pictures) // 2, len(pictures) - 1})]))
+    sheet = Image.fromarray(np.vstack([np.asarray(pictures[i]) for i in sorted({0, len(pictures) // 2, len(pictures) - 1})]))
     colours = np.array(sheet.quantize(COLOURS, dither=Image.Dither.NONE).getpalette()).reshape(-1, 3)
     colours[colours.min(axis=1) >= 248] = 255  # the page's white, which a mean of colours is not quite
     palette = Image.new("P", (1, 1))

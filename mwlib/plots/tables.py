@@ -86,7 +86,7 @@ def significant(value: float, digits: int = 3) -> str:
 
 def _number(value: object) -> float | None:
     value = value[0] if isinstance(value, tuple) and value else value
-    value = value.item() if hasattr(value, "item") else value  # of tensors and arrays of one number
+    value = getattr(value, "item", lambda: value)()  # of tensors and arrays of one number
     return float(value) if isinstance(value, Real) and not isinstance(value, bool) else None
 
 

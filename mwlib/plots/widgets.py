@@ -37,7 +37,7 @@ def explore(figure_function: FigureFunction, *, button: str = "", **controls: ob
     box = interactive(_redrawing(figure_function), {"manual": bool(button), "manual_name": button}, **controls)
     for control in box.children:
         if control.has_trait("continuous_update"):
-            control.continuous_update = False
+            control.set_trait("continuous_update", False)
         if isinstance(control, DescriptionWidget):
             control.style.description_width = "initial"  # names are never cut off
         if isinstance(control, Text):

@@ -76,7 +76,8 @@ def headings(ax: Axes, texts: Mapping[Place, str]) -> None:
 def words(ax: Axes, texts: Mapping[Place, str], **look: Any) -> None:
     """Small words, about their places or where `look` aligns them."""
     for place, text in texts.items():
-        ax.text(*inches(place), text, **{"ha": "center", "va": "center", "fontsize": 9} | look)
+        x, y = inches(place)
+        ax.text(x, y, text, **{"ha": "center", "va": "center", "fontsize": 9} | look)
 
 
 def inset(ax: Axes, place: Place, title: str) -> Axes:

@@ -180,8 +180,9 @@ def arrows(panels: Mapping[str, Mapping[str, tuple[Values, Values]]], line: tupl
     for ax, found in titled(axes, panels):
         ax.plot(*zip(*map(array, line), strict=True), color=OBSERVED, linewidth=1.0, zorder=0)
         for name, point in marks.items():
-            ax.plot(*array(point), "o", color=OBSERVED, markersize=7, zorder=1)
-            ax.annotate(name, array(point), (0, -8), textcoords="offset points", ha="center", va="top", fontsize=9)
+            x, y = array(point)
+            ax.plot(x, y, "o", color=OBSERVED, markersize=7, zorder=1)
+            ax.annotate(name, (x, y), (0, -8), textcoords="offset points", ha="center", va="top", fontsize=9)
         for (name, way), look in zip(found.items(), LOOKS, strict=False):
             start, end = map(array, way)
             ax.plot(*zip(start, end, strict=True), label=name, **look)
