@@ -14,22 +14,10 @@ from matplotlib.patches import FancyBboxPatch
 from mwlib.body.motion import Motion
 from mwlib.body.skeleton import Skeleton
 from mwlib.plots.bodies import camera, draw_bodies, poses, project
-from mwlib.plots.look import (
-    CYCLE,
-    DIVERGING,
-    FAINT,
-    INK,
-    OBSERVED,
-    WIDTH,
-    Array,
-    Matrix,
-    Panel,
-    Values,
-    array,
-    limit,
-    panel,
-    style,
-)
+
+from mwlib.plots.look import (  # isort: skip
+    CYCLE, DIVERGING, FAINT, INK, OBSERVED, WIDTH, Array, Matrix, Panel, Values, array, limit, panel, style,
+)  # fmt: skip
 
 FOUR_LINES = {"max_lines": 4, "placeholder": " …"}
 SPACING = 0.8  # metres between bodies
