@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 
 import numpy as np
 from jaxtyping import Float
@@ -15,15 +15,39 @@ from matplotlib.patches import Rectangle
 from mwlib.body.kinematics import horizontal
 from mwlib.body.motion import Motion
 from mwlib.body.skeleton import Skeleton
-from mwlib.plots.look import FAINT, LEFT, OBSERVED, RIGHT, TRUTH, WIDTH, Array, Panel, Panels, array, canvas, named, style
+from mwlib.plots.look import CYCLE, FAINT, OBSERVED, TRUTH, WIDTH, Array, Look, Panel, Panels, array, canvas, style
 
 AnyMotion = Float[Array, "..."]  # (..., C) about the root or (..., J+1, 3), metres
 ELEVATION = 15.0  # degrees, as HumanMAC draws
 THREE_QUARTER = -55.0  # degrees from the body's front, towards its right: it walks to the right of the page, both arms visible
 # (middle, left, right) of a body; right limbs are dashed besides
-COLOURS = {"observed": (OBSERVED,) * 3, "truth": (TRUTH,) * 3, "predicted": ("#5d6470", LEFT, RIGHT)}
+COLOURS = {"observed": (OBSERVED,) * 3, "truth": (TRUTH,) * 3, "predicted": ("#5d6470", *CYCLE[:2])}
+RIGHT_DASHES = (0, (2.2, 0.9))
 TALLEST, LEAST, HIGHEST = 3.0, 0.85, 7.2  # inches for a row of bodies, at least, and for all of them unless rows need more
 TITLE = 0.68  # inches that a time above a column takes
+
+
+def placed(motion: AnyMotion, skeleton: Skeleton, label: str = "motion", axes: str = "...") -> tuple[np.ndarray, bool]:
+    """Positions (..., J+1, 3), and whether their root was given; a model's motion (..., 3J) gets it back, at the origin.
+
+    Args:
+        motion: of any leading axes, or with `axes` "T" of some frames.
+        label, axes: what an error calls the motion and its leading axes.
+
+    Raises:
+        ValueError: the shape fits neither.
+    """
+    motion, joints = array(motion), len(skeleton)
+    rooted = motion.shape[-2:] == (joints, 3)
+    leading = motion.shape[: -2 if rooted else -1]
+    fits = rooted or motion.shape[-1:] == (3 * joints - 3,)
+    if not fits or axes == "T" and (len(leading) != 1 or 0 in leading):
+        takes = f"({axes}, {3 * joints - 3}) or ({axes}, {joints}, 3){' with T > 0' * (axes == 'T')}"
+        raise ValueError(f"{label} has shape {motion.shape}; {skeleton.name} takes {takes}, metres")
+    if rooted:
+        return motion, True
+    relative = motion.reshape(*leading, joints - 1, 3)
+    return np.concatenate([np.zeros_like(relative[..., :1, :]), relative], axis=-2), False
 
 
 def poses(motion: AnyMotion, skeleton: Skeleton) -> Float[np.ndarray, "... joints 3"]:
@@ -32,13 +56,21 @@ def poses(motion: AnyMotion, skeleton: Skeleton) -> Float[np.ndarray, "... joint
     Raises:
         ValueError: the trailing shape fits neither.
     """
-    motion, joints = array(motion), len(skeleton)
-    if motion.shape[-2:] == (joints, 3):
-        return motion - motion[..., :1, :] * np.array([1.0, 1.0, 0.0])
-    if motion.ndim == 0 or motion.shape[-1] != 3 * (joints - 1):
-        raise ValueError(f"motion has shape {motion.shape}; {skeleton.name} takes (..., {3 * joints - 3}) or (..., {joints}, 3)")
-    relative = motion.reshape(*motion.shape[:-1], joints - 1, 3)
-    return np.concatenate([np.zeros_like(relative[..., :1, :]), relative], axis=-2)
+    positions, rooted = placed(motion, skeleton)
+    return positions - positions[..., :1, :] * np.array([1.0, 1.0, 0.0]) if rooted else positions
+
+
+def numbers_of(frames: Collection[int], total: int, what: str) -> dict[int, int]:
+    """Numbers of frames, counted from the beginning, each with the one that was given: negative ones count from the end.
+
+    Raises:
+        ValueError: there is no such frame.
+    """
+    for frame in frames:
+        if not -total <= frame < total:
+            expected = f"0 to {total - 1}, or down to {-total} from the end"
+            raise ValueError(f"keyframe {frame} is outside of {what}; expected {expected}")
+    return {frame % total: frame for frame in frames}
 
 
 def facing(pose: Float[np.ndarray, "joints 3"], skeleton: Skeleton) -> float:
@@ -71,24 +103,24 @@ def draw_bodies(
 ) -> list[Artist]:
     """Draw n flat bodies; `kind` is observed, truth or predicted. A dot marks the head."""
     artists: list[Artist] = []
-    for side, colour in zip(("middle", "left", "right"), COLOURS[kind], strict=True):
-        bones = [bone for bone in skeleton.bones if _side(bone[1], skeleton) == side]
-        lines = LineCollection(
-            list(points[:, bones].reshape(-1, 2, 2)),
-            colors=colour,
-            alpha=alpha,
-            linewidths=width,
-            linestyles=(0, (2.2, 0.9)) if side == "right" else "solid",
-            capstyle="butt" if side == "right" else "round",
-        )
+    sides = sides_of(skeleton)
+    for side, colour in zip("mlr", COLOURS[kind], strict=True):
+        bones = [bone for bone in skeleton.bones if sides[bone[1]] == side]
+        look: Look = {"linestyles": RIGHT_DASHES, "capstyle": "butt"} if side == "r" else {"capstyle": "round"}
+        lines = LineCollection([*points[:, bones].reshape(-1, 2, 2)], colors=colour, alpha=alpha, linewidths=width, **look)
         artists.append(ax.add_collection(lines, autolim=False))
-    heads = [joint for joint, name in enumerate(skeleton.joints) if name.lower() == "head"]
-    dots = ax.plot(*points[:, heads].reshape(-1, 2).T, "o", color=COLOURS[kind][0], alpha=alpha, markeredgewidth=0)
-    return artists + dots
+    dots = points[:, heads_of(skeleton)].reshape(-1, 2)
+    return artists + ax.plot(*dots.T, "o", color=COLOURS[kind][0], alpha=alpha, markeredgewidth=0)
 
 
-def _side(joint: int, skeleton: Skeleton) -> str:
-    return "left" if joint in skeleton.left else "right" if joint in skeleton.right else "middle"
+def sides_of(skeleton: Skeleton) -> str:
+    """A letter for each joint: left, right or middle."""
+    return "".join("l" if joint in skeleton.left else "r" if joint in skeleton.right else "m" for joint in range(len(skeleton)))
+
+
+def heads_of(skeleton: Skeleton) -> list[int]:
+    """Joints that are heads."""
+    return [joint for joint, name in enumerate(skeleton.joints) if name.lower() == "head"]
 
 
 class Board:
@@ -111,9 +143,8 @@ class Board:
         self.spacing, self.height = 2.16 * half, 1.08 * (top - bottom)
         top += 0.04 * (top - bottom)
         margin, header = 0.3 if any(labels) else 0.0, 0.45  # inches
-        # scale: inches per metre
         row = min(TALLEST, max(LEAST, HIGHEST / len(labels)))
-        scale = min((WIDTH - margin) / (self.spacing * len(titles)), row / self.height)
+        scale = min((WIDTH - margin) / (self.spacing * len(titles)), row / self.height)  # inches per metre
         self.spacing = max(self.spacing, min(TITLE, (WIDTH - margin) / len(titles)) / scale)
         width = max(self.spacing * len(titles) * scale + margin, 2.4)
         height = self.height * len(labels) * scale
@@ -130,9 +161,9 @@ class Board:
         if observed:
             edge = (observed - 0.5) * self.spacing
             self.ax.axvspan(-0.5 * self.spacing, edge, color=FAINT, linewidth=0, zorder=0)
-            words = (("right", "observed  "), ("left", "  future"))
-            for side, word in words[: 1 if observed == len(titles) else 2]:
-                self.ax.annotate(word, (edge, self.top), (0, 19), ha=side, **near)
+            self.ax.annotate("observed  ", (edge, self.top), (0, 19), ha="right", **near)
+            if observed < len(titles):
+                self.ax.annotate("  future", (edge, self.top), (0, 19), ha="left", **near)
         for column, title in enumerate(titles):
             self.ax.annotate(title, (column * self.spacing, self.top), (0, 5), ha="center", size=9, **near)
         for row, label in enumerate(labels):
@@ -194,7 +225,7 @@ def storyboard(
     Raises:
         ValueError: a motion does not fit the skeleton.
     """
-    bodies = {name: poses(motion, skeleton) for name, motion in named(rows).items()}
+    bodies = {name: poses(motion, skeleton) for name, motion in (rows if isinstance(rows, Mapping) else {"": rows}).items()}
     view = camera(next(iter(bodies.values()))[0], skeleton, azimuth)
     flat = {name: project(motion, view) for name, motion in bodies.items()}
     total = max(map(len, flat.values()))
@@ -274,8 +305,7 @@ def pose_grid(futures: Mapping[tuple[str, str], Float[Array, "S F ..."]], skelet
         futures: (row label, column title) -> samples.
         truth: (F, C) or (F, J+1, 3).
     """
-    labels = list(dict.fromkeys(row for row, _ in futures))
-    titles = list(dict.fromkeys(column for _, column in futures))
+    labels, titles = (list(dict.fromkeys(names)) for names in zip(*futures, strict=True))
     last = poses(truth, skeleton)[-1]
     view = camera(last, skeleton)
     flat = {place: project(poses(motion, skeleton)[:, -1], view) for place, motion in futures.items()}
@@ -283,8 +313,8 @@ def pose_grid(futures: Mapping[tuple[str, str], Float[Array, "S F ..."]], skelet
     board = Board(skeleton, [*flat.values(), true], labels, titles)
     for (row, column), points in flat.items():
         place = labels.index(row), titles.index(column)
-        alpha, width = (0.6, 1.1) if len(points) > 1 else (1.0, 1.8)  # a single body is not to vanish under the true one
-        board.draw(*place, points, "predicted", alpha=alpha, width=width)
+        look = (0.6, 1.1) if len(points) > 1 else (1.0, 1.8)  # a single body is not to vanish under the true one
+        board.draw(*place, points, "predicted", *look)
         board.draw(*place, true, "truth", width=1.1)
     return board.fig, board.ax
 
@@ -302,10 +332,10 @@ def seconds_text(frame: int, history: int, fps: float) -> str:
 
 def _spread(count: int, history: int, total: int) -> list[int]:
     """Evenly spread frames; with a history, its first and last frame and the very last one are always among them."""
-    past = min(max(2, round(count * history / total)), history) if history else 0
+    past = min(max(2, round(count * history / total)), history)
     seen = np.linspace(0, history - 1, past)
-    coming = np.linspace(history - 1, total - 1, count - past + 1)[1:] if history else np.linspace(0, total - 1, count)
-    return np.unique(np.round(np.concatenate([seen, coming])).astype(int)).tolist()
+    coming = np.linspace(max(history - 1, 0), total - 1, count - past + bool(history))[bool(history) :]
+    return np.unique(np.round([*seen, *coming]).astype(int)).tolist()
 
 
 NARROWEST = 0.6  # metres from the middle to the edge of a picture, at least
@@ -336,8 +366,8 @@ def filmstrip(motion: Motion, frames: int = 5) -> Panels:
             ax, points = axes[row, column], np.stack([sides[column, :, axis], places[column, :, up]], axis=-1)
             ax.axhline(0.0, color=FAINT, linewidth=2.0, zorder=0)
             draw_bodies(ax, points[None], motion.skeleton, "predicted")
-            ax.set(aspect="equal", xlim=(-half, half), ylim=(low - edge, high + edge), xticks=(-0.5, 0, 0.5))
-            ax.set_xticklabels(("\N{MINUS SIGN}.5", "0", ".5"))
+            ax.set(aspect="equal", xlim=(-half, half), ylim=(low - edge, high + edge))
+            ax.set_xticks((-0.5, 0, 0.5), ("\N{MINUS SIGN}.5", "0", ".5"))
             ax.tick_params(labelbottom=True)
             if row == 0:
                 ax.set_title(f"{frame / motion.fps:.2f} s")

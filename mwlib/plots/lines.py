@@ -10,11 +10,12 @@ import numpy as np
 from jaxtyping import Float
 from matplotlib.axes import Axes
 from matplotlib.axis import Axis
+from matplotlib.container import BarContainer
 from matplotlib.ticker import FuncFormatter, NullFormatter
 
 from mwlib.plots.look import (  # isort: skip
     AFTER_TRUTH, BAND_NAMES, CYCLE, FAINT, HATCHES, INK, LOOKS, MANY_LOOKS, OBSERVED, PREDICTED, TRUTH, WIDTH, Array, Curves,
-    Look, Panel, Panels, array, canvas, colourbar, legend, limit, outer, panel, rule, signed, style,
+    Look, Matrix, Panel, Panels, Values, array, canvas, colourbar, legend, limit, outer, panel, rule, signed, style, titled,
 )  # fmt: skip
 from mwlib.plots.tables import significant
 
@@ -22,7 +23,7 @@ from mwlib.plots.tables import significant
 def draw(
     ax: Axes,
     rows: Curves,
-    x: Sequence[float] | Float[Array, " n"] | None = None,
+    x: Sequence[float] | Values | None = None,
     *,
     looks: Sequence[Look] = LOOKS,
     start: int = 0,
@@ -48,7 +49,7 @@ def draw(
     marks = marks or {}
     for (name, values), look in zip(rows.items(), looks, strict=False):
         values = array(values)
-        places = np.arange(start, start + len(values)) if x is None else array(x)[-len(values) :]
+        places = start + np.arange(len(values)) if x is None else array(x)[-len(values) :]
         ax.plot(places, values, **{"label": name, **look, **common})
         if name in marks:
             marked = np.atleast_1d(marks[name])
@@ -58,7 +59,7 @@ def draw(
 @style()
 def curves(
     lines: Curves,
-    x: Sequence[float] | Float[Array, " n"] | None = None,
+    x: Sequence[float] | Values | None = None,
     *,
     xlabel: str,
     ylabel: str,
@@ -80,7 +81,7 @@ def curves(
     fig, ax = panel(3.0)
     looks = [{"color": INK} if name == "truth" else look for name, look in zip(lines, MANY_LOOKS, strict=False)]
     draw(ax, lines, x, looks=looks, **options)
-    ax.set(xlabel=xlabel, ylabel=ylabel, xscale="log" if "x" in log else "linear", yscale="log" if "y" in log else "linear")
+    ax.set(xlabel=xlabel, ylabel=ylabel, **{f"{axis}scale": "log" for axis in log})
     ax.grid(axis="y")
     legend(ax)
     return fig, ax
@@ -99,10 +100,9 @@ def small_multiples(panels: Mapping[str, Curves], x: Sequence[float] | None = No
         ValueError: there are more lines than can be told apart.
     """
     fig, axes = canvas(1, len(panels), height=3.0, sharex=True)
-    for ax, (title, lines) in zip(axes[0], panels.items(), strict=True):
+    for ax, lines in titled(axes, panels):
         draw(ax, lines, x, looks=MANY_LOOKS)
         rule(ax)
-        ax.set_title(title)
         ax.grid(axis="y")
     outer(axes, xlabel, ylabel)
     legend(axes[0, 0])
@@ -110,11 +110,11 @@ def small_multiples(panels: Mapping[str, Curves], x: Sequence[float] | None = No
 
 
 @style()
-def trajectories(truth: Float[Array, " T"], futures: Float[Array, "S F"], *, fps: float, ylabel: str = "position (m)") -> Panel:
+def trajectories(truth: Values, futures: Float[Array, "S F"], *, fps: float, ylabel: str = "position (m)") -> Panel:
     """One coordinate over time: observed grey, truth black dashed, of many futures their median and the middle 50 and 90 %.
 
     Args:
-        truth: observed and true future frames, T = H + F.
+        truth: (T,) observed and true future frames, T = H + F.
         futures: S samples.
         fps: frames per second; time 0 is the last observed frame.
         ylabel: what the coordinate is.
@@ -146,13 +146,12 @@ def predicted_curves(rows: Mapping[str, Curves], *, fps: float, history: int) ->
     """
     fig, axes = canvas(len(rows), 2, height=0.7 + 2.1 * len(rows), sharex=True)
     for (left, right), (title, lines) in zip(axes, rows.items(), strict=True):
-        lines = {name: array(values) for name, values in lines.items()}
-        truth = lines.pop("truth")
-        seconds = (np.arange(len(truth)) - (history - 1)) / fps
-        for ax, change in ((left, lambda x: x), (right, lambda x: np.diff(x) * fps)):
+        seconds = (np.arange(len(lines["truth"])) - (history - 1)) / fps
+        for order, ax in enumerate((left, right)):
             ax.axvspan(seconds[0], 0, color=FAINT, linewidth=0, zorder=0)
-            draw(ax, {"truth": change(truth)}, seconds, looks=[{"color": INK, "linewidth": 2.2}])
-            draw(ax, {name: change(values) for name, values in lines.items()}, seconds, looks=AFTER_TRUTH)
+            changes = {name: np.diff(array(values), order) * fps**order for name, values in lines.items()}
+            truth = {"truth": changes.pop("truth")}
+            draw(ax, truth | changes, seconds, looks=[{"color": INK, "linewidth": 2.2}, *AFTER_TRUTH])
         left.set(title=title, ylabel="position (m)")
         right.set_ylabel("velocity (m/s)")
     for ax in axes[-1]:
@@ -163,7 +162,7 @@ def predicted_curves(rows: Mapping[str, Curves], *, fps: float, history: int) ->
 
 def bars(
     ax: Axes, series: Mapping[str, Sequence[float]], *, room: float, fill: float, upright: bool = False
-) -> list[tuple[float, float]]:
+) -> list[BarContainer]:
     """Groups of bars, one in each group for every series.
 
     Args:
@@ -173,15 +172,14 @@ def bars(
         upright: bars rise from the x axis; otherwise they lie.
 
     Returns:
-        Place and length of each bar.
+        The bars of each series.
     """
     drawn = []
     thick = room / len(series)
     for number, (name, lengths) in enumerate(series.items()):
         places = np.arange(len(lengths)) + (number - (len(series) - 1) / 2) * thick
         look: Look = {"color": CYCLE[number % len(CYCLE)], "hatch": HATCHES[number % len(HATCHES)], "edgecolor": "white"}
-        (ax.bar if upright else ax.barh)(places, lengths, fill * thick, label=name, linewidth=0, **look)
-        drawn += zip(places, lengths, strict=True)
+        drawn.append((ax.bar if upright else ax.barh)(places, lengths, fill * thick, label=name, linewidth=0, **look))
     return drawn
 
 
@@ -236,7 +234,7 @@ def plain(axis: Axis) -> None:
 
 @style()
 def matrix(
-    values: Float[Array, "rows columns"],
+    values: Matrix,
     *,
     title: str = "",
     xlabel: str = "frame",
@@ -267,7 +265,7 @@ def matrix(
 
 
 @style()
-def subbands(bands: Mapping[str, Float[Array, "rows columns"]], *, common: bool = False) -> Panels:
+def subbands(bands: Mapping[str, Matrix], *, common: bool = False) -> Panels:
     """The four sub-bands of one motion: time runs downwards, channels to the right, as in the matrix of the coefficients.
 
     Args:
@@ -304,8 +302,8 @@ def energy_bars(energies: Mapping[str, float] | Mapping[str, Mapping[str, float]
     bands = list(next(iter(series.values())))
     shares = {name: [100 * row[band] / sum(row.values()) for band in bands] for name, row in series.items()}
     fig, ax = panel(0.7 + 0.24 * len(bands) * (len(series) + 0.7))
-    for place, share in bars(ax, shares, room=0.84, fill=0.88):
-        ax.annotate(f"{significant(share)} %", (share, place), (4, 0), textcoords="offset points", va="center", size=9)
+    for drawn in bars(ax, shares, room=0.84, fill=0.88):
+        ax.bar_label(drawn, fmt=lambda share: f"{significant(share)} %", padding=4, size=9)
     widest = max(map(max, shares.values()))
     ax.set(yticks=range(len(bands)), yticklabels=bands, xlabel="share of the energy (%)", xlim=(0, 1.15 * widest))
     ax.invert_yaxis()
@@ -315,7 +313,7 @@ def energy_bars(energies: Mapping[str, float] | Mapping[str, Mapping[str, float]
 
 
 @style()
-def projection_change(analysis: Float[Array, "rows T"], synthesis: Float[Array, "T rows"], *, title: str) -> Panels:
+def projection_change(analysis: Matrix, synthesis: Matrix, *, title: str) -> Panels:
     """Which coefficients change when they go to the motion and back: P = analysis · synthesis, against the identity.
 
     A bar is the Euclidean length of a row of P - I.

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from typing import Any, TypeVar
+from typing import Any
 
 import matplotlib.style as mpl_style
 import numpy as np
@@ -31,7 +31,6 @@ LOOKS, AFTER_TRUTH = (  # of lines; and of lines beside a solid one
 )
 MANY_LOOKS = LOOKS + AFTER_TRUTH
 HATCHES = ("", "////", "....", "xxxx", "----", "oooo")  # the same for bars
-LEFT, RIGHT = CYCLE[:2]
 PREDICTED = CYCLE[0]
 TRUTH = "#000000"
 OBSERVED = "#7b818a"
@@ -72,7 +71,9 @@ def use_style() -> None:
 Array = np.ndarray | torch.Tensor
 Panel = tuple[Figure, Axes]
 Panels = tuple[Figure, np.ndarray]  # of axes
-Curves = Mapping[str, Float[Array, " n"]]  # name -> values
+Values = Float[Array, " n"]
+Matrix = Float[Array, "rows columns"]
+Curves = Mapping[str, Values]  # by name
 
 
 def canvas(rows: int = 1, columns: int = 1, *, height: float, width: float = WIDTH, **subplots) -> Panels:
@@ -102,6 +103,13 @@ def tiled(count: int, columns: int = 3, *, frame: float, each: float, shared: bo
     return figure, axes
 
 
+def titled(axes: np.ndarray, panels: Mapping[str, Any]) -> Iterator[tuple[Axes, Any]]:
+    """Axes one after the other, each under its title and with what it is to show."""
+    for ax, (title, shown) in zip(axes.flat, panels.items(), strict=False):
+        ax.set_title(title)
+        yield ax, shown
+
+
 def outer(axes: np.ndarray, xlabel: str = "", ylabel: str = "") -> None:
     """Labels of a grid of axes: left of each row, and below the lowest axes of each column."""
     for column in axes.T:
@@ -114,8 +122,7 @@ def outer(axes: np.ndarray, xlabel: str = "", ylabel: str = "") -> None:
 
 def legend(ax: Axes, columns: int = 3, place: str = "outside upper left") -> None:
     """What the lines of one axes mean, outside of all axes."""
-    figure: Any = ax.get_figure()
-    figure.legend(*ax.get_legend_handles_labels(), loc=place, ncols=columns)
+    ax.figure.legend(*ax.get_legend_handles_labels(), loc=place, ncols=columns)
 
 
 def rule(ax: Axes, height: float = 0, **look: Any) -> None:
@@ -125,7 +132,7 @@ def rule(ax: Axes, height: float = 0, **look: Any) -> None:
 
 def signed(ax: Axes, values: np.ndarray, edge: float | None = None) -> AxesImage:
     """A matrix whose numbers are white at zero, and darkest at the edge or beyond; None: at the largest."""
-    edge = limit(values) if edge is None else edge
+    edge = edge or limit(values)
     return ax.imshow(values, cmap=DIVERGING, vmin=-edge, vmax=edge, aspect="auto")
 
 
@@ -134,21 +141,12 @@ def array(values) -> np.ndarray:
     return values.detach().cpu().numpy() if isinstance(values, torch.Tensor) else np.asarray(values)
 
 
-Item = TypeVar("Item")
-
-
-def named(items: Mapping[str, Item] | Item) -> dict[str, Item]:
-    """A lone item becomes a mapping with an empty name, so that one drawing routine serves both."""
-    return dict(items) if isinstance(items, Mapping) else {"": items}
-
-
 def limit(values: np.ndarray) -> float:
     """The symmetric colour or axis limit that holds all values; never zero."""
     return float(np.abs(values).max()) or 1.0
 
 
-def colourbar(image, axes: Axes | list[Axes], label: str, *, cut: bool = False) -> None:
-    """A slim colour bar beside the axes; pointed where values run off the scale."""
-    ends = "both" if cut else "neither"
-    bar = image.get_figure().colorbar(image, ax=axes, label=label, extend=ends, pad=0.02, fraction=0.05, aspect=25)
+def colourbar(image, axes: Axes | list[Axes], label: str = "", **look: Any) -> None:
+    """A slim colour bar beside the axes."""
+    bar = image.get_figure().colorbar(image, ax=axes, label=label, pad=0.02, fraction=0.05, aspect=25, **look)
     bar.outline.set_visible(False)

@@ -10,7 +10,7 @@ import tempfile
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float, Num
@@ -25,9 +25,10 @@ from PIL import Image
 from mwlib.body.motion import Motion
 from mwlib.body.skeleton import Skeleton
 from mwlib.files import write_atomic
-from mwlib.plots.bodies import Array, Board, body_kind, camera, draw_bodies, project, seconds_text
+from mwlib.plots.bodies import Array, Board, body_kind, camera, draw_bodies, placed, poses, project, seconds_text
 from mwlib.plots.look import FAINT, OBSERVED, PREDICTED, WIDTH, array, style
 from mwlib.plots.saving import described
+from mwlib.settings import Positive
 
 Shown = Motion | Num[Array, "..."]
 FLOOR_SHARE = 0.01  # of the frames may reach below the floor
@@ -54,11 +55,12 @@ class Actor:
 
 @dataclass(frozen=True)
 class Film:
-    """All bodies of a film by name, with its rate in frames per second and its number of frames."""
+    """All bodies of a film by name, with its rate in frames per second, its number of frames, and how many are observed."""
 
     actors: dict[str, Actor]
     fps: float
     frames: int
+    history: int
 
 
 def film(motions: object, skeleton: Skeleton | None, fps: float | None, history: int) -> Film:
@@ -70,7 +72,7 @@ def film(motions: object, skeleton: Skeleton | None, fps: float | None, history:
 
     Args:
         motions: a `Motion`, a list of them, an array, or a mapping from names to these. An array is (T, 3J) about the root or
-            (T, J+1, 3), metres, z up; with a further axis in front it is several motions.
+            (T, J+1, 3), metres, z up; with a further axis in front it is several motions. A film stays as it is.
         skeleton: of the arrays; a `Motion` has its own.
         fps: rate of the arrays, and of the film; None takes that of the first `Motion`. Motions of another rate are resampled.
         history: observed frames H.
@@ -80,6 +82,8 @@ def film(motions: object, skeleton: Skeleton | None, fps: float | None, history:
         ValueError: there are no motions, a shape does not fit the skeleton, a number is not finite, an array comes without
             skeleton or rate, or the history is longer than the film.
     """
+    if isinstance(motions, Film):
+        return motions
     given = _named(motions)
     if not given:
         raise ValueError("motions are empty; expected at least one")
@@ -87,16 +91,16 @@ def film(motions: object, skeleton: Skeleton | None, fps: float | None, history:
     fps = fps or next(iter(rates), None)
     if fps is None or not (np.isfinite(fps) and fps > 0):
         raise ValueError(f"fps is {fps}; expected the frames per second of the arrays")
-    found = {name: _placed(name, motion, skeleton, fps) for name, motion in given.items()}
+    found = {name: _standing(f"motion {name!r}" if name else "motion", each, skeleton, fps) for name, each in given.items()}
     frames = max(len(positions) for positions, _, _ in found.values())
     if not 0 <= history <= frames:
         raise ValueError(f"history is {history} frames; expected 0 to {frames}, the length of the longest motion")
-    floors = {rooted: _origin(positions, rooted) for positions, _, rooted in reversed(found.values())}
+    origins = {rooted: _origin(positions) for positions, _, rooted in reversed(found.values())}
     actors = {
-        name: Actor(positions - floors[rooted], own, frames - len(positions) if history else 0, rooted, floors[rooted])
+        name: Actor(positions - origins[rooted], own, frames - len(positions) if history else 0, rooted, origins[rooted])
         for name, (positions, own, rooted) in found.items()
     }
-    return Film(actors, float(fps), frames)
+    return Film(actors, float(fps), frames, history)
 
 
 def placed_pose(name: str, pose: Shown, actor: Actor) -> Float[np.ndarray, "joints 3"]:
@@ -111,44 +115,41 @@ def placed_pose(name: str, pose: Shown, actor: Actor) -> Float[np.ndarray, "join
             it has one.
     """
     lone = pose if isinstance(pose, Motion) else array(pose)[None]
-    positions, skeleton, rooted = _placed(name, lone, actor.skeleton, None)
+    positions, skeleton, rooted = _standing(name, lone, actor.skeleton, None)
     if len(positions) != 1 or len(skeleton) != len(actor.skeleton):
         raise ValueError(f"{name} has {len(positions)} frames of {skeleton.name}; expected one of {actor.skeleton.name}")
     if rooted != actor.rooted:
-        has = {True: "with its root", False: "without its root"}
+        has = ("without its root", "with its root")
         raise ValueError(f"{name} is given {has[rooted]}, the motions {has[actor.rooted]}; expected the same of both")
     return positions[0] - actor.offset
 
 
 def _named(motions: object) -> dict[str, Shown]:
     """Every motion by a name of its own; several in one array are counted."""
-    if isinstance(motions, Mapping):
-        items = list(motions.items())
-    elif isinstance(motions, Sequence):
-        items = [(_called(motion, f"motion {number}"), motion) for number, motion in enumerate(motions, 1)]
+    if not isinstance(motions, Mapping):
+        several = isinstance(motions, Sequence)
+        each = enumerate(motions if several else [motions], 1)
+        items = [(_called(motion) or f"motion {number}" * several, motion) for number, motion in each]
     else:
-        items = [(_called(motions, ""), motions)]
+        items = [*motions.items()]
     found: dict[str, Shown] = {}
     for name, motion in items:
         parts: dict[Any, Any] = {name: motion}
-        if not isinstance(motion, Motion) and _several(values := array(motion)):
-            parts = {f"{name} {number}".strip(): part for number, part in enumerate(values, 1)}
+        if not isinstance(motion, Motion):
+            values = array(motion)
+            if values.ndim == 4 or values.ndim == 3 and values.shape[-1] != 3:
+                parts = {f"{name} {number}".strip(): part for number, part in enumerate(values, 1)}
         for part, shown in parts.items():
             found[str(part) if part not in found else f"{part} ({len(found) + 1})"] = shown
     return found
 
 
-def _called(motion: object, otherwise: str) -> str:
-    return (motion.name or motion.action or otherwise) if isinstance(motion, Motion) else otherwise
+def _called(motion: object) -> str:
+    return (motion.name or motion.action) if isinstance(motion, Motion) else ""
 
 
-def _several(values: np.ndarray) -> bool:
-    return values.ndim == 4 or (values.ndim == 3 and values.shape[-1] != 3)
-
-
-def _placed(name: str, motion: Shown, skeleton: Skeleton | None, fps: float | None) -> tuple[np.ndarray, Skeleton, bool]:
+def _standing(label: str, motion: Shown, skeleton: Skeleton | None, fps: float | None) -> tuple[np.ndarray, Skeleton, bool]:
     """Positions (T, J+1, 3) with z up, their skeleton, and whether they have a root."""
-    label = f"motion {name!r}" if name else "motion"
     if isinstance(motion, Motion):
         motion = motion.resample(fps or motion.fps).with_up("z")
         positions, skeleton, rooted = np.asarray(motion.positions, np.float64), motion.skeleton, True
@@ -158,28 +159,15 @@ def _placed(name: str, motion: Shown, skeleton: Skeleton | None, fps: float | No
             raise TypeError(f"{label} is {type(motion).__name__} of {values.dtype}; expected a Motion or an array of numbers")
         if skeleton is None:
             raise ValueError(f"{label} is an array; expected skeleton=, to tell which joint is which")
-        positions, rooted = _with_root(label, values.astype(np.float64), skeleton)
-    if not np.isfinite(positions).all():
-        frame, joint = np.argwhere(~np.isfinite(positions))[0, :2]
+        positions, rooted = placed(values.astype(np.float64), skeleton, label, "T")
+    for frame, joint, _ in np.argwhere(~np.isfinite(positions)):
         raise ValueError(f"{label} has a number that is not finite at frame {frame}, {skeleton.joints[joint]}; expected metres")
     return positions, skeleton, rooted
 
 
-def _with_root(label: str, values: np.ndarray, skeleton: Skeleton) -> tuple[np.ndarray, bool]:
-    joints = len(skeleton)
-    if values.ndim == 3 and values.shape[1:] == (joints, 3) and len(values):
-        return values, True
-    if values.ndim == 2 and values.shape[1] == 3 * (joints - 1) and len(values):
-        relative = values.reshape(len(values), joints - 1, 3)
-        return np.concatenate([np.zeros_like(relative[:, :1]), relative], axis=1), False
-    takes = f"(T, {3 * joints - 3}) or (T, {joints}, 3) with T > 0"
-    raise ValueError(f"{label} has shape {values.shape}; {skeleton.name} takes {takes}, metres")
-
-
-def _origin(positions: np.ndarray, rooted: bool) -> np.ndarray:
+def _origin(positions: np.ndarray) -> np.ndarray:
     """The place on the floor below the root's first position."""
-    floor = np.quantile(positions[..., 2].min(axis=1), FLOOR_SHARE)
-    return np.array([*positions[0, 0, :2], floor]) if rooted else np.array([0.0, 0.0, floor])
+    return np.array([*positions[0, 0, :2], np.quantile(positions[..., 2].min(axis=1), FLOOR_SHARE)])
 
 
 COLOURS = 24  # of the palette; bodies have few, and the rest smooth their edges
@@ -189,7 +177,11 @@ REST = 1.0  # seconds that the last picture stays
 BAR = 0.2  # inches below the bodies for the line that tells the time
 MARGIN = 0.015  # of the width, beside that line
 SHADOW = "#d9dce1"
-FORMATS = {".png": "PNG", ".webp": "WEBP", ".gif": "GIF"}
+FORMATS: dict[str, dict[str, Any]] = {  # how Pillow writes them
+    ".png": {"format": "PNG", "compress_level": 9},
+    ".webp": {"format": "WEBP", "lossless": True, "quality": 60, "method": 4},
+    ".gif": {"format": "GIF", "disposal": 1},
+}
 FILM = ".mp4"
 
 
@@ -231,11 +223,7 @@ class Loop:
         if ending not in FORMATS:
             raise ValueError(f"the ending is {ending!r}; expected one of {', '.join([*FORMATS, FILM])}")
         buffer, (first, *others) = io.BytesIO(), self._pictures
-        own = {".webp": {"lossless": True, "quality": 60, "method": 4}, ".gif": {"disposal": 1}, ".png": {"compress_level": 9}}[
-            ending
-        ]
-        timing = {"save_all": True, "append_images": others, "duration": self.milliseconds, "loop": 0}
-        first.save(buffer, FORMATS[ending], **timing, **own)
+        first.save(buffer, save_all=True, append_images=others, duration=self.milliseconds, loop=0, **FORMATS[ending])
         return buffer.getvalue()
 
     def _film(self) -> bytes:
@@ -249,9 +237,8 @@ class Loop:
         even = ["-vf", "pad=ceil(iw/2)*2:ceil(ih/2)*2:color=white", "-pix_fmt", "yuv420p", "-movflags", "+faststart"]
         with tempfile.TemporaryDirectory() as folder:
             out = Path(folder, "film.mp4")
-            done = subprocess.run(
-                [program, "-loglevel", "error", *shape, "-i", "-", *even, str(out)], input=raw, capture_output=True
-            )
+            command = [program, "-loglevel", "error", *shape, "-i", "-", *even, str(out)]
+            done = subprocess.run(command, input=raw, capture_output=True)
             if done.returncode:
                 raise ValueError(f"ffmpeg failed: {done.stderr.decode(errors='replace').strip()[-300:]}")
             return out.read_bytes()
@@ -265,22 +252,20 @@ class Loop:
         write_atomic(Path(path), self.encoded(Path(path).suffix.lower()))
         return Path(path)
 
-    def _repr_mimebundle_(
-        self, include: object = None, exclude: object = None
-    ) -> tuple[dict[str, str], dict[str, dict[str, str]]]:
+    def _repr_mimebundle_(self, include: object = None, exclude: object = None) -> tuple[dict[str, str], dict[str, Any]]:
         """For a notebook: the picture, and its alternative text where no picture can be shown."""
         return {"image/png": base64.b64encode(self.encoded()).decode(), "text/plain": self.alt}, {"image/png": {"alt": self.alt}}
 
 
 def loop(
-    motions: Mapping[str, Shown] | Sequence[Shown] | Shown,
+    motions: Mapping[str, Shown] | Sequence[Shown] | Shown | Film,
     skeleton: Skeleton | None = None,
     *,
     fps: float | None = None,
     history: int = 0,
     alt: str,
     azimuth: float | None = None,
-    pictures_per_second: float = 12.5,
+    pictures_per_second: Positive = 12.5,
     width: int = 600,
     most_bytes: int = MOST_BYTES,
 ) -> Loop:
@@ -290,7 +275,7 @@ def loop(
     bodies take about 300 kB.
 
     Args:
-        motions, skeleton, fps, history: as for `mwlib.plots.player`.
+        motions, skeleton, fps, history: as for `mwlib.plots.player`; or what a player shows, a `Film`, alone.
         alt: one or two sentences that say what the picture shows to someone who cannot see it.
         azimuth: of the camera, degrees; None looks at the body from its front right.
         pictures_per_second: at most; frames between are left out.
@@ -302,31 +287,10 @@ def loop(
             picture 240 pixels wide is too large.
     """
     shown = film(motions, skeleton, fps, history)
-    how = {"pictures_per_second": pictures_per_second, "width": width, "most_bytes": most_bytes}
-    return loop_of(shown, history=history, alt=alt, azimuth=azimuth, **how)
-
-
-def loop_of(
-    shown: Film,
-    *,
-    history: int,
-    alt: str,
-    azimuth: float | None = None,
-    pictures_per_second: float = 12.5,
-    width: int = 600,
-    most_bytes: int = MOST_BYTES,
-) -> Loop:
-    """`loop`, of bodies that stand ready.
-
-    Raises:
-        ValueError: as `loop`.
-    """
-    if not pictures_per_second > 0:
-        raise ValueError(f"pictures_per_second is {pictures_per_second}; expected a positive number")
     step = max(1, round(shown.fps / pictures_per_second))
     frames = [*range((shown.frames - 1) % step, shown.frames, step)]  # the last frame is among them
     while True:
-        made = Loop(_drawn(shown, frames, history, azimuth, width), round(1000 * step / shown.fps), alt)
+        made = Loop(_drawn(shown, frames, azimuth, width), round(1000 * step / shown.fps), alt)
         size = len(made.encoded())
         if size <= most_bytes:
             return made
@@ -336,86 +300,75 @@ def loop_of(
 
 
 @style()
-def _drawn(shown: Film, frames: Sequence[int], history: int, azimuth: float | None, width: int) -> Iterator[Image.Image]:
+def _drawn(shown: Film, frames: Sequence[int], azimuth: float | None, width: int) -> Iterator[Image.Image]:
     """Each moment as a picture; what stands still is drawn once."""
     first = next(iter(shown.actors.values()))
     view = camera(first.positions[0], first.skeleton, azimuth)
-    bodies = {name: _flat(actor, view) for name, actor in shown.actors.items()}
-    everything = np.concatenate([body.points.reshape(-1, 2) for body in bodies.values()])  # no body is cut off
+    centred = {name: poses(actor.positions, actor.skeleton) for name, actor in shown.actors.items()}
+    bodies = {name: project(np.stack([body * [1.0, 1.0, 0.0], body]), view) for name, body in centred.items()}
+    everything = np.concatenate([body.reshape(-1, 2) for _, body in bodies.values()])  # no body is cut off
     board = Board(first.skeleton, [everything * np.array([1.08, 1.0])], [""], [*bodies])  # a head is wider than its point
     board.fig.set_dpi(width / WIDTH)
     board.lift(BAR)
-    line, text = _timeline(board.fig, history, shown.frames)
+    line, text = _timeline(board.fig, shown)
     canvas = FigureCanvasAgg(board.fig)
     canvas.draw()
     still = canvas.copy_from_bbox(board.fig.bbox)
     for frame in frames:
         canvas.restore_region(still)
-        text.set_text(seconds_text(frame, history, shown.fps) + "  observed" * (frame < history))
-        line.set_xdata((MARGIN, MARGIN + (1 - 2 * MARGIN) * frame / max(shown.frames - 1, 1)))
+        text.set_text(seconds_text(frame, shown.history, shown.fps) + "  observed" * (frame < shown.history))
+        line.set_xdata(_until(frame, shown))
         artists: list[Artist] = [line, text]
-        for column, (name, body) in enumerate(bodies.items()):
-            at = frame - shown.actors[name].start
-            if at >= 0:
-                artists += _standing(board, column, body, min(at, len(body.points) - 1), body_kind(name, frame, history))
+        for column, (name, actor) in enumerate(shown.actors.items()):
+            if frame >= actor.start:
+                at = min(frame - actor.start, len(actor.positions) - 1)
+                shadow, body = bodies[name][:, at] + (column * board.spacing, 0.0)
+                lines = LineCollection(
+                    [*shadow[[*actor.skeleton.bones]]], colors=SHADOW, linewidths=5, capstyle="round", zorder=0
+                )
+                artists.append(board.ax.add_collection(lines, autolim=False))
+                artists += draw_bodies(board.ax, body[None], actor.skeleton, body_kind(name, frame, shown.history))
         for artist in artists:
             board.fig.draw_artist(artist)
         for artist in artists[2:]:
             artist.remove()
-        yield Image.fromarray(np.asarray(canvas.buffer_rgba())[..., :3].copy())
+        yield _picture(canvas)
 
 
-class _Flat(NamedTuple):
-    """A body and its shadow as the camera sees them, (T, J+1, 2) metres."""
-
-    points: np.ndarray
-    shadow: np.ndarray
-    skeleton: Skeleton
-
-
-def _flat(actor: Actor, view: float) -> _Flat:
-    """The root stays above one spot of the floor."""
-    centred = actor.positions - actor.positions[:, :1] * np.array([1.0, 1.0, 0.0])
-    return _Flat(project(centred, view), project(centred * np.array([1.0, 1.0, 0.0]), view), actor.skeleton)
-
-
-def _standing(board: Board, column: int, body: _Flat, at: int, kind: str) -> list[Artist]:
-    """The artists of a body on its place, the shadow first."""
-    place = np.array([column * board.spacing, 0.0])
-    lines = list((body.shadow[at] + place)[list(body.skeleton.bones)])
-    shadow = LineCollection(lines, colors=SHADOW, linewidths=5, capstyle="round", zorder=0)
-    return [
-        board.ax.add_collection(shadow, autolim=False),
-        *draw_bodies(board.ax, body.points[at : at + 1] + place, body.skeleton, kind),
-    ]
-
-
-def _timeline(fig: Figure, history: int, frames: int) -> tuple[Line2D, Text]:
+def _timeline(fig: Figure, shown: Film) -> tuple[Line2D, Text]:
     """What tells the time: a line that grows over the observed past and the future, and the seconds."""
-    y, ends = 0.5 * BAR / fig.get_figheight(), (MARGIN, 1 - MARGIN)
-    fig.add_artist(Line2D(ends, (y, y), color=FAINT, linewidth=3))
-    if history:
-        seen = MARGIN + (1 - 2 * MARGIN) * (history - 1) / max(frames - 1, 1)
-        fig.add_artist(Line2D((MARGIN, seen), (y, y), color=OBSERVED, linewidth=3))
-    line = Line2D(ends, (y, y), color=PREDICTED, linewidth=3, animated=True)
-    fig.add_artist(line)
-    text = fig.text(MARGIN, 0.99, "", va="top", animated=True)
-    return line, text
+
+    def line(frame: int, colour: str, animated: bool = False) -> Line2D:
+        """From the beginning to a frame."""
+        drawn = Line2D(_until(frame, shown), [0.5 * BAR / fig.get_figheight()] * 2, color=colour, linewidth=3, animated=animated)
+        fig.add_artist(drawn)
+        return drawn
+
+    line(shown.frames - 1, FAINT)
+    if shown.history:
+        line(shown.history - 1, OBSERVED)
+    return line(0, PREDICTED, animated=True), fig.text(MARGIN, 0.99, "", va="top", animated=True)
+
+
+def _until(frame: int, shown: Film) -> tuple[float, float]:
+    """Ends of the line that tells the time of a frame, as shares of the width."""
+    return MARGIN, MARGIN + (1 - 2 * MARGIN) * frame / max(shown.frames - 1, 1)
 
 
 def photographed(figure: Figure) -> Image.Image:
     """A figure as a picture, in its own size and resolution."""
     surface = FigureCanvasAgg(figure)
     surface.draw()
+    return _picture(surface)
+
+
+def _picture(surface: FigureCanvasAgg) -> Image.Image:
     return Image.fromarray(np.asarray(surface.buffer_rgba())[..., :3].copy())
 
 
 def _same_palette(pictures: Sequence[Image.Image]) -> list[Image.Image]:
     """In the colours of the first, the middle and the last picture: a change is stored only where something moves."""
-    some = [pictures[i] for i in sorted({0, len(pictures) // 2, len(pictures) - 1})]
-    sheet = Image.new("RGB", (some[0].width, some[0].height * len(some)))
-    for row, picture in enumerate(some):
-        sheet.paste(picture, (0, row * picture.height))
+    sheet = Image.fromarray(np.vstack([np.asarray(pictures[i]) for i in sorted({0, len(pictures) // 2, len(pictures) - 1})]))
     colours = np.array(sheet.quantize(COLOURS, dither=Image.Dither.NONE).getpalette()).reshape(-1, 3)
     colours[colours.min(axis=1) >= 248] = 255  # the page's white, which a mean of colours is not quite
     palette = Image.new("P", (1, 1))

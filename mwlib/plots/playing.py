@@ -19,10 +19,11 @@ from jaxtyping import Float
 from mwlib.body.skeleton import Skeleton
 from mwlib.files import write_atomic
 from mwlib.hashing import sha256
-from mwlib.plots.bodies import COLOURS, ELEVATION, camera
+from mwlib.plots.bodies import COLOURS, ELEVATION, body_kind, camera, heads_of, numbers_of, sides_of
 from mwlib.plots.look import CYCLE
-from mwlib.plots.loops import Actor, Film, Loop, Shown, film, loop_of, placed_pose
+from mwlib.plots.loops import Film, Loop, Shown, film, loop, placed_pose
 from mwlib.plots.saving import described
+from mwlib.settings import Positive
 
 if TYPE_CHECKING:
     from mwlib.plots.player_widget import PlayerWidget
@@ -143,7 +144,7 @@ class Player:
 
     def loop(self, **options: Any) -> Loop:
         """The same bodies as a looping picture; options as for `mwlib.plots.loop`."""
-        return loop_of(self._stage, history=self.payload["history"], **{"alt": self.alt, **options})
+        return loop(self._stage, **{"alt": self.alt, **options})
 
     def widget(self) -> PlayerWidget:
         """A widget whose `frame`, `playing` and `speed` follow the player and steer it; needs a running notebook.
@@ -156,20 +157,16 @@ class Player:
         key, bundle = packed()
         return PlayerWidget(key=key, bundle=bundle, payload=self.payload, speed=self.payload["speed"])
 
-    def _repr_html_(self) -> str:
-        """For tools that show HTML."""
-        return self.html()
+    _repr_html_ = html  # for tools that show HTML
 
     def _ipython_display_(self) -> None:
         from IPython.display import display  # at hand in every notebook; the library itself does without
 
         shown_as = "loop" if os.environ.get("MW_STATIC") == "1" else self._shown_as or _live()
-        if shown_as == "loop":
-            display(self.loop())
-        elif shown_as == "widget":
-            display(self.widget())
-        else:
+        if shown_as == "html":
             display({"text/html": self.html(), "text/plain": self.alt}, raw=True)
+        else:
+            display(self.loop() if shown_as == "loop" else self.widget())
 
 
 def player(
@@ -181,7 +178,7 @@ def player(
     layout: Literal["side", "overlay"] = "side",
     keyframes: Sequence[int] | Mapping[int, Shown] = (),
     azimuth: float | None = None,
-    speed: float = 1.0,
+    speed: Positive = 1.0,
     loop: bool = True,
     autoplay: bool = True,
     follow: bool | None = None,
@@ -229,20 +226,18 @@ def player(
     >>> player({"truth": walk, "slower": walk.resample(12.5)}, history=10).alt
     '3-D player of 2 motions: truth, slower. 50 frames at 25 Hz, 2.0 s, the first 10 observed.'
     """
-    for name, value, known in (("layout", layout, ("side", "overlay")), ("shown_as", shown_as, (None, "widget", "html", "loop"))):
-        if value not in known:
-            raise ValueError(f"{name} is {value!r}; expected one of {', '.join(map(repr, known))}")
-    if not (np.isfinite(speed) and speed > 0):
-        raise ValueError(f"speed is {speed}; expected a positive number, 1 for true speed")
     shown = film(motions, skeleton, fps, history)
     first = next(iter(shown.actors.values()))
-    marks = {_frame(frame, shown.frames): frame for frame in keyframes}
+    marks = numbers_of(keyframes, shown.frames, "the film")
     payload = {
-        "alt": described(alt) if alt is not None else _counted(shown, history), "fps": shown.fps, "frames": shown.frames,
+        "alt": described(alt) if alt is not None else _counted(shown), "fps": shown.fps, "frames": shown.frames,
         "history": history, "layout": layout, "speed": speed, "loop": loop, "autoplay": autoplay, "height": height,
         "follow": _wanders(shown) if follow is None else follow, "elevation": ELEVATION, "colours": THEMES,
         "azimuth": camera(first.positions[0], first.skeleton, azimuth),
-        "bodies": [_body(name, actor, shown) for name, actor in shown.actors.items()],
+        "bodies": [
+            {"name": name, "kind": body_kind(name, 0, 0), "start": actor.start, **_drawn(actor.positions, actor.skeleton, shown)}
+            for name, actor in shown.actors.items()
+        ],
         "keyframes": sorted(marks), "ghosts": _ghosts(shown, marks, keyframes),
     }  # fmt: skip
     return Player(shown, payload, shown_as)
@@ -254,31 +249,20 @@ def _live() -> ShownAs:
     return "widget" if find_spec("anywidget") and getattr(get_ipython(), "kernel", None) else "html"
 
 
-def _body(name: str, actor: Actor, shown: Film) -> dict[str, Any]:
-    kind = "truth" if name == "truth" else "predicted"
-    return {"name": name, "kind": kind, "start": actor.start, **_drawn(actor.positions, actor.skeleton, _size(shown))}
-
-
-def _drawn(positions: Float[np.ndarray, "T joints 3"], skeleton: Skeleton, size: float) -> dict[str, Any]:
+def _drawn(positions: Float[np.ndarray, "T joints 3"], skeleton: Skeleton, shown: Film) -> dict[str, Any]:
     """What the browser needs to draw a body; its feet stand on the floor, not in it."""
-    sides = ["l" if joint in skeleton.left else "r" if joint in skeleton.right else "m" for joint in range(len(skeleton))]
-    heads = [joint for joint, name in enumerate(skeleton.joints) if name.lower() == "head"]
+    first = next(iter(shown.actors.values()))
+    size = float(np.median(np.linalg.norm(np.ptp(first.positions, axis=1), axis=-1)))  # about its height, however it lies
     raised = positions + np.array([0.0, 0.0, 0.02 * size])
     unit = max(MILLIMETRE, float(np.abs(raised).max()) / LARGEST)
     data = base64.b64encode(np.round(raised / unit).astype("<i2").tobytes()).decode()
-    return {"parents": [*skeleton.parents], "sides": "".join(sides), "heads": heads, "size": size, "unit": unit, "data": data}
-
-
-def _size(shown: Film) -> float:
-    """About the height of the first body, metres, whichever way it lies."""
-    actor = next(iter(shown.actors.values()))
-    return float(np.median(np.linalg.norm(np.ptp(actor.positions, axis=1), axis=-1)))
+    of_all = {"parents": [*skeleton.parents], "sides": sides_of(skeleton), "heads": heads_of(skeleton)}
+    return {**of_all, "size": size, "unit": unit, "data": data}
 
 
 def _ghosts(shown: Film, marks: Mapping[int, int], keyframes: object) -> list[dict[str, Any]]:
     """Poses at the keyframes, each with the numbers of the bodies that it belongs to."""
     found: dict[str, dict[str, Any]] = {}
-    size = _size(shown)
     for number, actor in enumerate(shown.actors.values()):
         for frame, given in marks.items():
             at = frame - actor.start
@@ -288,25 +272,17 @@ def _ghosts(shown: Film, marks: Mapping[int, int], keyframes: object) -> list[di
                 pose = actor.positions[at]
             else:
                 continue
-            ghost = _drawn(pose[None], actor.skeleton, size)
+            ghost = _drawn(pose[None], actor.skeleton, shown)
             found.setdefault(f"{frame} {ghost['data']}", {**ghost, "frame": frame, "start": 0, "of": []})["of"].append(number)
     return list(found.values())
-
-
-def _frame(frame: int, frames: int) -> int:
-    if not -frames <= frame < frames:
-        raise ValueError(
-            f"keyframe {frame} is outside of the film; expected 0 to {frames - 1}, or down to {-frames} from the end"
-        )
-    return frame % frames
 
 
 def _wanders(shown: Film) -> bool:
     return any(np.linalg.norm(np.ptp(actor.positions[:, 0, :2], axis=0)) > LONG_WAY for actor in shown.actors.values())
 
 
-def _counted(shown: Film, history: int) -> str:
-    names, count = [name for name in shown.actors if name], len(shown.actors)
-    listed = f": {', '.join(names)}" if names else ""
-    film = f"{shown.frames} frames at {shown.fps:g} Hz, {shown.frames / shown.fps:.1f} s"
-    return f"3-D player of {count} motion{'s' * (count > 1)}{listed}. {film}{f', the first {history} observed' * bool(history)}."
+def _counted(shown: Film) -> str:
+    names, count = ", ".join(filter(None, shown.actors)), len(shown.actors)
+    said = f"3-D player of {count} motion{'s' * (count > 1)}{f': {names}' * bool(names)}."
+    said += f" {shown.frames} frames at {shown.fps:g} Hz, {shown.frames / shown.fps:.1f} s"
+    return said + f", the first {shown.history} observed" * bool(shown.history) + "."

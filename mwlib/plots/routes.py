@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Float
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from mwlib.body.motion import Motion
 from mwlib.body.skeleton import Skeleton
-from mwlib.plots.bodies import camera, draw_bodies, project
-from mwlib.plots.look import FAINT, INK, OBSERVED, WIDTH, Panel, named, style
+from mwlib.plots.bodies import camera, draw_bodies, numbers_of, project
+from mwlib.plots.look import FAINT, INK, OBSERVED, WIDTH, Panel, style
 
 SAME = 1e-3  # metres: first poses that differ less are one pose
 GAP = 0.2  # metres along the way from body to body, on average, below which they would pile up
@@ -26,14 +25,14 @@ CLOSEST, WIDEST = 0.42, 1.1  # metres from body to body where they are spread by
 
 
 class _Row(NamedTuple):
-    """One row, flat, in metres from its own left end and floor."""
+    """One row, flat, in metres from its own left end and floor: n bodies (n, joints, 2) at their frames, a path (T, 2)."""
 
     skeleton: Skeleton
     frames: list[int]
-    given: set[int]
-    seconds: Float[np.ndarray, " n"]
-    bodies: Float[np.ndarray, "n joints 2"]
-    path: Float[np.ndarray, "T 2"]
+    given: Collection[int]
+    seconds: np.ndarray
+    bodies: np.ndarray
+    path: np.ndarray
     spread: bool
 
     @property
@@ -61,122 +60,106 @@ def passages(
     Raises:
         ValueError: no rows, `every` below 1, or a keyframe that is no frame; the message names the row.
     """
-    motions = {name: motion.with_up("z") for name, motion in named(rows).items()}
+    motions = {name: motion.with_up("z") for name, motion in (rows if isinstance(rows, Mapping) else {"": rows}).items()}
     if not motions or every < 1:
         raise ValueError(f"{len(motions)} rows with a body every {every} frames; expected at least one row and one frame")
-    given = {name: _numbers(name, motion, keyframes) for name, motion in motions.items()}
+    given = {name: numbers_of(keyframes, len(motion), name or "the motion") for name, motion in motions.items()}
+    frames = {name: _frames(len(motion), every, given[name]) for name, motion in motions.items()}
     flat: dict[str, _Row] = {}
     for group in _groups(motions):
-        frames = {name: _frames(len(motions[name]), every, given[name]) for name in group}
-        flat |= _flatten({name: motions[name] for name in group}, frames, given, spread)
+        flat |= _flatten(group, frames, given, spread)
     return _sheet({name: flat[name] for name in motions})
 
 
-def _numbers(name: str, motion: Motion, keyframes: Sequence[int]) -> set[int]:
-    wrong = [k for k in keyframes if not -len(motion) <= k < len(motion)]
-    if wrong:
-        raise ValueError(f"keyframes of {name or 'the motion'} are {[*keyframes]}; it has {len(motion)} frames, no {wrong[0]}")
-    return {k % len(motion) for k in keyframes}
-
-
-def _frames(total: int, every: int, given: set[int]) -> list[int]:
+def _frames(total: int, every: int, given: Collection[int]) -> list[int]:
     """Every few frames and all keyframes; nothing else so near to a keyframe that it would hide it."""
     between = [k for k in range(0, total, every) if all(abs(k - other) > every / 2 for other in given)]
     return sorted({*between, *given})
 
 
-def _groups(motions: Mapping[str, Motion]) -> list[list[str]]:
-    """Names of motions that begin with one pose."""
-    groups: list[list[str]] = []
+def _groups(motions: Mapping[str, Motion]) -> list[dict[str, Motion]]:
+    """Motions by the pose that they begin with."""
+    groups: list[dict[str, Motion]] = []
     for name, motion in motions.items():
-        first = motion.positions[0]
         for group in groups:
-            other = motions[group[0]].positions[0]
+            first, other = motion.positions[0], [*group.values()][0].positions[0]
             if other.shape == first.shape and np.abs(other - first).max() < SAME:
-                group.append(name)
+                group[name] = motion
                 break
         else:
-            groups.append([name])
+            groups.append({name: motion})
     return groups
 
 
 def _flatten(
-    motions: Mapping[str, Motion], frames: Mapping[str, list[int]], given: Mapping[str, set[int]], spread: bool | None
+    motions: Mapping[str, Motion], frames: Mapping[str, list[int]], given: Mapping[str, Collection[int]], spread: bool | None
 ) -> dict[str, _Row]:
     """Rows of one group as their camera sees them; either all of them stand at their places or none."""
-    start = next(iter(motions.values())).positions[0]
+    first = next(iter(motions.values()))
+    start = first.positions[0]
     floor = np.array([*start[0, :2], min(motion.positions[..., 2].min() for motion in motions.values())])
     angle = _way([motion.positions[:, 0, :2] - start[0, :2] for motion in motions.values()])
-    along = np.array([np.cos(angle), np.sin(angle)])
-    gaps = [np.ptp(m.positions[frames[n], 0, :2] @ along) / max(len(frames[n]) - 1, 1) for n, m in motions.items()]
-    spread = bool(np.mean(gaps) < GAP) if spread is None else spread
-    first = next(iter(motions.values()))
+    if spread is None:
+        along = np.array([np.cos(angle), np.sin(angle)])
+        gaps = [np.ptp(m.positions[frames[n], 0, :2] @ along) / max(len(frames[n]) - 1, 1) for n, m in motions.items()]
+        spread = bool(np.mean(gaps) < GAP)
     view = camera(start, first.skeleton) if spread else float(np.degrees(angle)) - 90
     rows = {}
     for name, motion in motions.items():
         places = motion.positions - floor
         ground = places[:, :1] * [1.0, 1.0, 0.0]
         bodies = project(places - ground if spread else places, view)[frames[name]]
-        seconds = np.array(frames[name]) / motion.fps
-        rows[name] = _Row(motion.skeleton, frames[name], given[name], seconds, bodies, project(ground[:, 0], view), spread)
+        path = project(ground[:, 0] * (not spread), view)
+        rows[name] = _Row(motion.skeleton, frames[name], given[name], np.array(frames[name]) / motion.fps, bodies, path, spread)
     return rows
 
 
-def _way(paths: Sequence[Float[np.ndarray, "T 2"]]) -> float:
-    """The direction, radians, along which roots travel the most; its sense is that in which they get on."""
-    away = np.concatenate(paths)
-    x, y = np.linalg.svd(away, full_matrices=False)[2][0]
+def _way(paths: Sequence[np.ndarray]) -> float:
+    """The direction, radians, along which roots (T, 2) travel the most; its sense is that in which they get on."""
+    x, y = np.linalg.svd(np.concatenate(paths), full_matrices=False)[2][0]
     onward = np.sum([path[-1] - path[0] for path in paths], axis=0) @ [x, y]
     return float(np.arctan2(y, x) if onward >= 0 else np.arctan2(-y, -x))
-
-
-def _stretched(row: _Row, gap: float) -> _Row:
-    """Bodies spread by time, this many metres from one to the next on average."""
-    span = float(row.seconds[-1] - row.seconds[0]) or 1.0
-    along = (row.seconds - row.seconds[0]) / span * gap * (len(row.seconds) - 1)
-    bodies = row.bodies.copy()
-    bodies[..., 0] += along[:, None]
-    return row._replace(bodies=bodies)
 
 
 def _sheet(rows: dict[str, _Row]) -> Panel:
     """All rows on one axes in metres, under each other."""
     room = WIDTH - 2 * SIDE
-    lows = [min(row.bodies[..., 1].min(), row.path[:, 1].min() if not row.spread else 0.0) for row in rows.values()]
-    low, high = min(*lows, 0.0), max(row.bodies[..., 1].max() for row in rows.values())
+    low = min(0.0, *(points[..., 1].min() for row in rows.values() for points in (row.bodies, row.path)))
+    high = max(row.bodies[..., 1].max() for row in rows.values())
     most = (HIGHEST - FOOT) / len(rows) - NAME - TIMES
-    widest = max((_stretched(row, CLOSEST) if row.spread else row).width for row in rows.values())
+    widest = max(_fitted(row, 0.0).width for row in rows.values())
     scale = min(room / widest, min(TALLEST, most) / (high - low))  # inches per metre
     pitch = (high - low) * scale + NAME + TIMES
     height = pitch * len(rows) + FOOT
     shown = {name: _fitted(row, room / scale) for name, row in rows.items()}
-    least = LEAST[all(row.spread for row in shown.values())]
-    wide = max(max(row.width for row in shown.values()) * scale + 2 * SIDE, least)  # no half of it empty
+    spread = [row.spread for row in rows.values()]
+    wide = max(max(row.width for row in shown.values()) * scale + 2 * SIDE, LEAST[all(spread)])  # no half of it empty
     fig = Figure(figsize=(wide, height))
     ax = fig.add_axes((0.0, 0.0, 1.0, 1.0))
     ax.set_axis_off()
     ax.set(xlim=(-SIDE / scale, (wide - SIDE) / scale), ylim=(0, height / scale))
-    mixed = len({row.spread for row in rows.values()}) > 1
     for number, (name, fitted) in enumerate(shown.items()):
         floor = (height - number * pitch - NAME) / scale - high
-        title = f"{name} (spread by time)" if fitted.spread and mixed else name
+        title = f"{name} (spread by time)" if fitted.spread and not all(spread) else name
         ax.text(0, floor + high + 0.05 / scale, title, ha="left", va="bottom")
         left = -float(fitted.bodies[..., 0].min())
         _draw(ax, fitted, np.array([left, floor]), "truth" if name == "truth" else "predicted", scale)
         _times(ax, fitted, left, floor + low - 0.04 / scale, scale)
-    _foot(ax, scale, [row.spread for row in rows.values()], any(row.given for row in rows.values()))
+    _foot(ax, scale, all(spread), any(row.given for row in rows.values()))
     return fig, ax
 
 
 def _fitted(row: _Row, room: float) -> _Row:
-    """A row whose bodies are spread by time takes the room there is, metres, but does not fall apart."""
+    """A row whose bodies are spread by time takes the room there is, metres, but is not pressed together nor falls apart."""
     if not row.spread or len(row.frames) == 1:
         return row
-    gap = (room - float(np.ptp(row.bodies[..., 0]))) / (len(row.frames) - 1)
-    return _stretched(row, float(np.clip(gap, CLOSEST, WIDEST)))
+    gap = np.clip((room - row.width) / (len(row.frames) - 1), CLOSEST, WIDEST)
+    since = row.seconds - row.seconds[0]
+    along = since / since[-1] * gap * (len(row.frames) - 1)
+    return row._replace(bodies=row.bodies + along[:, None, None] * [1.0, 0.0])
 
 
-def _draw(ax: Axes, row: _Row, place: Float[np.ndarray, "2"], kind: str, scale: float) -> None:
+def _draw(ax: Axes, row: _Row, place: np.ndarray, kind: str, scale: float) -> None:
     """The bodies of one row, keyframes on top; beneath them the root's path on the floor, or the floor alone."""
     if row.spread:
         ax.axhline(place[1], color=FAINT, linewidth=2.0, zorder=0)
@@ -197,15 +180,15 @@ def _times(ax: Axes, row: _Row, left: float, height: float, scale: float) -> Non
     places = zip(row.frames, row.seconds, row.bodies[:, 0, 0] + left, strict=True)
     for _, seconds, x in sorted(places, key=lambda place: place[0] not in row.given):
         if all(abs(x - other) * scale >= LABEL for other in written):
-            written.append(float(x))
+            written.append(x)
             ax.text(x, height, f"{seconds:.2f}", ha="center", va="top", size=9)
 
 
-def _foot(ax: Axes, scale: float, spread: Sequence[bool], keyframes: bool) -> None:
+def _foot(ax: Axes, scale: float, spread: bool, keyframes: bool) -> None:
     """What the numbers are, and a metre where bodies stand at their places."""
     right, height = ax.get_xlim()[1] - SIDE / scale, 0.12 / scale
-    said = ["time (s)", *["keyframes are black"] * keyframes, *["bodies spread by time"] * all(spread)]
-    ax.text(0, height, "; ".join(said), ha="left", va="bottom")
-    if not all(spread):
+    said = "time (s)" + "; keyframes are black" * keyframes + "; bodies spread by time" * spread
+    ax.text(0, height, said, ha="left", va="bottom")
+    if not spread:
         ax.plot([right - 1.0, right], [height] * 2, color=INK, linewidth=2.0)
         ax.text(right - 0.5, height + 0.03 / scale, "1 m", ha="center", va="bottom", size=9)

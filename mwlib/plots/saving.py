@@ -7,7 +7,7 @@ import csv
 import io
 import json
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from itertools import zip_longest
 from pathlib import Path
 from typing import Any
@@ -127,16 +127,14 @@ def as_csv(data: Mapping[str, np.ndarray] | Sequence[Mapping[str, object]]) -> s
     if not data:
         raise ValueError("data are empty; expected what the picture or table shows, as columns or rows")
     if isinstance(data, Mapping):
-        columns = {name: column for key, values in data.items() for name, column in _columns(key, array(values))}
-        header, rows = list(columns), zip_longest(*columns.values(), fillvalue="")
+        columns = dict(column for name, values in data.items() for column in _columns(name, np.atleast_1d(array(values))))
+        lines = [columns, *zip_longest(*columns.values(), fillvalue="")]
     else:
-        unpaired = [_unpaired(row) for row in data]
-        header = list(dict.fromkeys(key for row in unpaired for key in row))
-        rows = ([row.get(key, "") for key in header] for row in unpaired)
+        rows = [_unpaired(row) for row in data]
+        header = dict.fromkeys(key for row in rows for key in row)
+        lines = [header, *([row.get(key, "") for key in header] for row in rows)]
     text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(header)
-    writer.writerows([_cell(value) for value in row] for row in rows)
+    csv.writer(text, lineterminator="\n").writerows(map(_cell, line) for line in lines)
     return text.getvalue()
 
 
@@ -204,10 +202,9 @@ def _unpaired(row: Mapping[str, object]) -> dict[str, object]:
     return cells
 
 
-def _columns(name: str, values: np.ndarray) -> list[tuple[str, np.ndarray]]:
-    values = np.atleast_1d(values)
-    places = np.ndindex(values.shape[1:])
-    return [("_".join([name, *map(str, place)]), values[(slice(None), *place)]) for place in places]
+def _columns(name: str, values: np.ndarray) -> Iterator[tuple[str, np.ndarray]]:
+    for place in np.ndindex(values.shape[1:]):
+        yield "_".join([name, *map(str, place)]), values[:, *place]
 
 
 def _cell(value: object) -> object:

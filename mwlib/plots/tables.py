@@ -24,30 +24,26 @@ class Table:
     best: frozenset[tuple[int, int]] = frozenset()
 
     def __repr__(self) -> str:
-        cells = [self.header, *self._marked("**", "**")]
-        cells = [[cell.replace("|", "\\|") for cell in row] for row in cells]
-        widths = [max(3, *map(len, column)) for column in zip(*cells, strict=True)]
+        header, *rows = self._written("**{}**", lambda cell: cell.replace("|", "\\|"))
+        widths = [max(3, *map(len, column)) for column in zip(header, *rows, strict=True)]
         rule = ["-" * (width - 1) + (":" if right else "-") for width, right in zip(widths, self.numeric, strict=True)]
-        return "\n".join(f"| {' | '.join(self._padded(line, widths))} |" for line in (cells[0], rule, *cells[1:]))
+        sides = [f"{'>' if right else '<'}{width}" for width, right in zip(widths, self.numeric, strict=True)]
+        return "\n".join(f"| {' | '.join(map(format, line, sides))} |" for line in (header, rule, *rows))
 
     def _repr_html_(self) -> str:
         align = [f'style="text-align: {"right" if right else "left"}"' for right in self.numeric]
-        head = "".join(f'<th scope="col" {a}>{escape(name)}</th>' for a, name in zip(align, self.header, strict=True))
-        rows = self._marked("<strong>", "</strong>", escape)
-        lines = ["".join(f"<td {a}>{cell}</td>" for a, cell in zip(align, row, strict=True)) for row in rows]
+        header, *rows = self._written("<strong>{}</strong>", escape)
+        head = "".join(f'<th scope="col" {a}>{name}</th>' for a, name in zip(align, header, strict=True))
+        lines = ("".join(f"<td {a}>{cell}</td>" for a, cell in zip(align, row, strict=True)) for row in rows)
         body = "\n".join(f"<tr>{line}</tr>" for line in lines)
         return f"<table>\n<thead><tr>{head}</tr></thead>\n<tbody>\n{body}\n</tbody>\n</table>"
 
-    def _marked(self, before: str, after: str, written: Callable[[str], str] = str) -> list[list[str]]:
-        """The rows, with marks around the best cells."""
-        return [
-            [f"{before}{written(cell)}{after}" if (i, j) in self.best else written(cell) for j, cell in enumerate(row)]
-            for i, row in enumerate(self.rows)
-        ]
-
-    def _padded(self, line: Sequence[str], widths: Sequence[int]) -> list[str]:
-        parts = zip(line, widths, self.numeric, strict=True)
-        return [cell.rjust(width) if right else cell.ljust(width) for cell, width, right in parts]
+    def _written(self, mark: str, escaped: Callable[[str], str]) -> list[list[str]]:
+        """The header and the rows, the best cells marked."""
+        rows = [[escaped(cell) for cell in row] for row in (self.header, *self.rows)]
+        for row, column in self.best:
+            rows[row + 1][column] = mark.format(rows[row + 1][column])
+        return rows
 
 
 def results_table(
@@ -69,7 +65,7 @@ def results_table(
     columns = tuple(columns or dict.fromkeys(key for row in rows for key in row))
     cells = [[row.get(column) for column in columns] for row in rows]
     best = {place for column, which in (better or {}).items() for place in _best(cells, columns.index(column), which)}
-    numeric = tuple(any(_number(row[j]) is not None for row in cells) for j in range(len(columns)))
+    numeric = tuple(any(_number(cell) is not None for cell in column) for column in zip(*cells, strict=True))
     return Table(columns, tuple(tuple(map(_text, row)) for row in cells), numeric, frozenset(best))
 
 
@@ -90,8 +86,7 @@ def significant(value: float, digits: int = 3) -> str:
 
 def _number(value: object) -> float | None:
     value = value[0] if isinstance(value, tuple) and value else value
-    item = getattr(value, "item", None)  # of tensors and arrays of one number
-    value = item() if callable(item) else value
+    value = getattr(value, "item", lambda: value)()  # of tensors and arrays of one number
     return float(value) if isinstance(value, Real) and not isinstance(value, bool) else None
 
 
@@ -111,7 +106,5 @@ def _best(cells: list[list[object]], column: int, which: str) -> list[tuple[int,
     if which not in ("lower", "higher"):
         raise ValueError(f"better is {which!r}; expected 'lower' or 'higher'")
     found = {row: number for row, line in enumerate(cells) if (number := _number(line[column])) is not None and number == number}
-    if not found:
-        return []
-    edge = (min if which == "lower" else max)(found.values())
+    edge = (min if which == "lower" else max)(found.values(), default=0)
     return [(row, column) for row, number in found.items() if significant(number) == significant(edge)]

@@ -118,7 +118,7 @@ def test_given_poses_stand_as_ghosts_in_every_form():
         (X, {"keyframes": {3: X[3, :6]}}, r"has shape \(1, 6\)"),
         (X, {"layout": "stack"}, "layout is 'stack'; expected 'side' or 'overlay'"),
         (X, {"shown_as": "gif"}, "shown_as is 'gif'"),
-        (X, {"speed": 0.0}, "speed is 0.0; expected a positive"),
+        (X, {"speed": 0.0}, "speed is 0.0; expected a number above 0"),
         (X, {"alt": " "}, "alternative text is empty"),
         ({"a": "walk"}, {}, r"motions\['a'\] is 'walk'; expected a Motion or an array of real numbers"),
     ],

@@ -13,6 +13,7 @@ class Wavelet:
     dec_hi: list[float]
     rec_lo: list[float]
     rec_hi: list[float]
+    filter_bank: tuple[list[float], list[float], list[float], list[float]]
     orthogonal: bool
     symmetry: str
     def __init__(self, name: str) -> None: ...

@@ -13,8 +13,8 @@ from matplotlib.ticker import LogLocator
 from mwlib.plots.lines import draw, plain
 
 from mwlib.plots.look import (  # isort: skip
-    AFTER_TRUTH, CYCLE, DASHES, FAINT, INK, LOOKS, OBSERVED, PREDICTED, TRUTH, Array, Curves, Look, Panel, Panels, array, canvas,
-    legend, outer, panel, style, tiled,
+    AFTER_TRUTH, CYCLE, DASHES, FAINT, INK, LOOKS, OBSERVED, PREDICTED, TRUTH, Array, Curves, Look, Matrix, Panel, Panels, Values,
+    array, canvas, legend, outer, panel, style, tiled, titled,
 )  # fmt: skip
 
 ENDS = [0, -1]  # where the keyframes are
@@ -23,7 +23,7 @@ MARK = {"marker": "o", "color": TRUTH, "linestyle": "none", "zorder": 5}
 
 @style()
 def bridged_coordinate(
-    truth: Float[Array, " T"],
+    truth: Values,
     baselines: Curves,
     samples: Float[Array, "S T"],
     *,
@@ -44,12 +44,12 @@ def bridged_coordinate(
     """
     truth = array(truth)
     for name, values in {**baselines, "samples": samples}.items():
-        if array(values).shape[-1] != len(truth):
-            raise ValueError(f"{name}: {array(values).shape[-1]} frames; expected {len(truth)}, as the truth has")
+        if (frames := array(values).shape[-1]) != len(truth):
+            raise ValueError(f"{name}: {frames} frames; expected {len(truth)}, as the truth has")
     seconds = np.arange(len(truth)) / fps
     fig, ax = panel(3.3)
-    alpha = max(0.25, 1.2 / np.sqrt(len(samples)))
-    ax.plot(seconds, array(samples).T, color=PREDICTED, linewidth=1.5, alpha=min(alpha, 0.7))
+    alpha = np.clip(1.2 / np.sqrt(len(samples)), 0.25, 0.7)
+    ax.plot(seconds, array(samples).T, color=PREDICTED, linewidth=1.5, alpha=alpha)
     ax.plot([], [], color=PREDICTED, label=f"{len(samples)} samples")
     draw(ax, baselines, seconds, looks=LOOKS[1:], what="baselines")
     ax.plot(seconds, truth, color=TRUTH, linewidth=2.4, label="truth")
@@ -71,37 +71,35 @@ def spectra(rows: Curves, *, fps: float, frames: int) -> Panels:
     Raises:
         ValueError: the rows have different lengths, or these frames have other frequencies.
     """
-    lengths = {name: len(power) for name, power in rows.items()}
-    if len({*lengths.values()}) != 1:
-        raise ValueError(f"lengths of the rows are {lengths}; expected one and the same, of at least one row")
-    powers, count = {name: array(power)[1:] for name, power in rows.items()}, lengths["truth"]
-    if frames // 2 + 1 != count:
-        raise ValueError(f"{frames} frames have {frames // 2 + 1} frequencies; expected {count}, as the rows have")
+    lengths, count = {name: len(power) for name, power in rows.items()}, frames // 2 + 1
+    if {*lengths.values()} != {count}:
+        raise ValueError(f"{frames} frames have {count} frequencies; expected as many in each of at least one row, not {lengths}")
+    powers = {name: array(power)[1:] for name, power in rows.items()}
     hertz = np.arange(1, count) * fps / frames
     fig, axes = canvas(2, 1, height=4.3, sharex=True, gridspec_kw={"height_ratios": (3, 2)})
     top, bottom = axes[:, 0]
     draw(top, powers, hertz, looks=_looks(rows))
-    top.set(yscale="log", ylabel="mean power (m²)")
+    top.set_ylabel("mean power (m²)")
     truth = powers.pop("truth")
     draw(bottom, {name: power / truth for name, power in powers.items()}, hertz, looks=_looks(powers), label=None)
     bottom.axhline(1.0, color=TRUTH, linewidth=1.5)
-    bottom.set(yscale="log", ylabel="ratio to truth")
-    _ratio_axis(bottom)
+    bottom.set(xlabel="frequency (Hz)", ylabel="ratio to truth", xlim=(0, hertz[-1]))
     for ax in axes[:, 0]:
+        ax.set_yscale("log")
         ax.grid(axis="y")
-    bottom.set(xlabel="frequency (Hz)", xlim=(0, hertz[-1]))
+    _ratio_axis(bottom)
     legend(top)
     return fig, axes[:, 0]
 
 
 @style()
-def imposed_steps(x: Float[Array, "steps T"], levels: Sequence[float], *, fps: float, ylabel: str = "position (m)") -> Panels:
+def imposed_steps(x: Matrix, levels: Sequence[float], *, fps: float, ylabel: str = "position (m)") -> Panels:
     """One coordinate at a few steps of sampling, noise falling: keyframes are noised as much as what lies between (Fig. 4).
 
     The keyframes are the first and the last frame; dots are their values that were imposed at this step, rings the clean ones.
 
     Args:
-        x: the coordinate over time at each step shown; the last is the sample, its keyframes are the clean ones.
+        x: (steps, T) the coordinate over time at each step shown; the last is the sample, its keyframes are the clean ones.
         levels: deviation of the noise in each, sqrt(1 - alpha_bar).
         fps: frames per second.
         ylabel: what, and its unit.
@@ -126,14 +124,7 @@ def imposed_steps(x: Float[Array, "steps T"], levels: Sequence[float], *, fps: f
 
 
 @style()
-def training_view(
-    x: Float[Array, " T"],
-    y: Float[Array, " T"],
-    noised: Mapping[str, tuple[Float[Array, " T"], Float[Array, " T"]]],
-    *,
-    fps: float,
-    unit: str = "m",
-) -> Panels:
+def training_view(x: Values, y: Values, noised: Mapping[str, tuple[Values, Values]], *, fps: float, unit: str = "m") -> Panels:
     """What training sees of one coordinate of a whole clip (Fig. 3): time on the left, its cosines on the right.
 
     Args:
@@ -162,11 +153,7 @@ def training_view(
 
 @style()
 def keyframe_samples(
-    mean: Float[Array, " T"],
-    deviation: Float[Array, " T"],
-    panels: Mapping[str, Float[Array, "S T"]],
-    *,
-    keyframes: Sequence[int],
+    mean: Values, deviation: Values, panels: Mapping[str, Float[Array, "S T"]], *, keyframes: Sequence[int]
 ) -> Panels:
     """One panel per scheme: its samples over the true law, mean in black and bands of one and two deviations in grey.
 
@@ -178,17 +165,16 @@ def keyframe_samples(
     mean, deviation, at = array(mean), array(deviation), np.asarray(keyframes)
     frames = np.arange(len(mean))
     fig, axes = tiled(len(panels), frame=0.7, each=1.75)
-    for ax, (name, samples) in zip(axes.flat, panels.items(), strict=False):
-        samples = array(samples)
+    for ax, samples in titled(axes, {fill(name, 22): array(samples) for name, samples in panels.items()}):
         for times, shade in ((2, FAINT), (1, "#cfd3d8")):
             label = f"true law, ± {times} deviation{'s' * (times > 1)}"
             ax.fill_between(frames, mean - times * deviation, mean + times * deviation, color=shade, linewidth=0, label=label)
-        drawn = ax.plot(frames, samples[:12].T, color=CYCLE[0], linewidth=0.8, alpha=0.55)
-        drawn[0].set_label("samples")
+        first, *_ = ax.plot(frames, samples[:12].T, color=CYCLE[0], linewidth=0.8, alpha=0.55)
+        first.set_label("samples")
         ax.plot(frames, mean, color=TRUTH, linewidth=1.6, label="true mean")
         ax.plot(frames, samples.mean(0), color=CYCLE[1], linestyle=(0, (4, 1.2)), linewidth=2, label="mean of samples")
         ax.plot(at, mean[at], label="keyframe", **MARK)
-        ax.set(title=fill(name, 22), xlim=(frames[0] - 0.8, frames[-1] + 0.8))
+        ax.set_xlim(-0.8, len(mean) - 0.2)
     reach = 1.7 * float(np.max(np.abs(mean) + 2 * deviation))  # samples that diverge leave the picture
     axes[0, 0].set_ylim(-reach, reach)
     outer(axes, "frame", "coordinate")

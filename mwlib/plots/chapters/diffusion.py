@@ -12,7 +12,6 @@ from jaxtyping import Float
 from matplotlib.axes import Axes
 from matplotlib.colors import PowerNorm
 from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
 from matplotlib.ticker import LogLocator, MaxNLocator
 from torch import Tensor
 
@@ -23,19 +22,19 @@ from mwlib.plots.bodies import COLOURS, AnyMotion, camera, draw_bodies, poses, p
 from mwlib.plots.lines import draw, plain
 
 from mwlib.plots.look import (  # isort: skip
-    BAND_NAMES, CYCLE, FAINT, INK, LOOKS, TRUTH, WIDTH, Array, Curves, Panel, Panels, array, canvas, legend, panel, rule,
-    signed, style,
+    BAND_NAMES, CYCLE, FAINT, INK, LOOKS, TRUTH, WIDTH, Array, Curves, Matrix, Panel, Panels, Values, array, canvas, legend,
+    panel, rule, signed, style, titled,
 )  # fmt: skip
 from mwlib.plots.loops import Loop, photographed
 from mwlib.plots.tables import significant
 from mwlib.transforms.linear import LinearTransform
 
-Density = tuple[Float[Array, " M"], Float[Array, " M"]]  # values, and the density at them
+Density = tuple[Values, Values]  # values, and the density at them
 DENSITY = {"color": INK, "linestyle": (0, (3, 1))}
 
 
 @style()
-def histograms(samples: Mapping[str, Float[Array, " N"]], *, density: Density | None = None, xlabel: str = "") -> Panels:
+def histograms(samples: Curves, *, density: Density | None = None, xlabel: str = "") -> Panels:
     """Where many numbers lie, one panel per name on common axes, each scaled to area 1.
 
     Args:
@@ -45,11 +44,11 @@ def histograms(samples: Mapping[str, Float[Array, " N"]], *, density: Density | 
     """
     ends = _range(list(samples.values()), density)
     fig, axes = canvas(len(samples), 1, height=0.5 + 0.95 * len(samples), sharex=True, sharey=True)
-    for ax, (name, values), colour in zip(axes[:, 0], samples.items(), CYCLE * len(samples), strict=False):
-        _stairs(ax, array(values).ravel(), ends, colour)
+    for number, (ax, values) in enumerate(titled(axes, samples)):
+        _stairs(ax, array(values).ravel(), ends, CYCLE[number % len(CYCLE)])
         if density is not None:
             ax.plot(*map(array, density), **DENSITY)
-        ax.set(yticks=[], title=name)
+        ax.set_yticks([])
     if density is not None:
         axes[0, 0].set_ylim(0, 1.4 * float(array(density[1]).max()))
     axes[-1, 0].set_xlabel(xlabel)
@@ -57,18 +56,12 @@ def histograms(samples: Mapping[str, Float[Array, " N"]], *, density: Density | 
 
 
 @style()
-def sampling_paths(
-    ts: Sequence[int],
-    paths: Float[Array, "steps N"],
-    *,
-    density: Density | None = None,
-    ylabel: str = "y",
-) -> Panels:
+def sampling_paths(ts: Sequence[int], paths: Matrix, *, density: Density | None = None, ylabel: str = "y") -> Panels:
     """How the first 40 numbers travel from noise (left) to samples (right), and where all of them end.
 
     Args:
         ts: diffusion index of each row of `paths`; noise first, falling.
-        paths: a column per sample; those that end above 0 are coloured otherwise, and dashed.
+        paths: (steps, N), a column per sample; those that end above 0 are coloured otherwise, and dashed.
         density: (values, density) of the true distribution, drawn beside the end points.
         ylabel: what, and its unit.
     """
@@ -92,13 +85,13 @@ def sampling_paths(
 
 
 @style()
-def density_map(ts: Sequence[int], values: Float[Array, " V"], density: Float[Array, "steps V"], *, ylabel: str = "y") -> Panel:
+def density_map(ts: Sequence[int], values: Values, density: Matrix, *, ylabel: str = "y") -> Panel:
     """The density of one number at every diffusion index, dark where it is high.
 
     Args:
         ts: diffusion index of each row of `density`; the first stands on the left.
         values: where the density is given, rising.
-        density: its values, a row per index.
+        density: (steps, V) its values, a row per index.
         ylabel: what, and its unit; the density has one over it.
     """
     times, heights = np.asarray(ts), array(values)
@@ -109,20 +102,12 @@ def density_map(ts: Sequence[int], values: Float[Array, " V"], density: Float[Ar
     return fig, ax
 
 
-def particles(
-    ts: Sequence[int],
-    paths: Float[Array, "steps N"],
-    values: Float[Array, " V"],
-    density: Float[Array, "steps V"],
-    *,
-    alt: str,
-    xlabel: str = "y",
-) -> Loop:
+def particles(ts: Sequence[int], paths: Matrix, values: Values, density: Matrix, *, alt: str, xlabel: str = "y") -> Loop:
     """Points that a sampler moves, each in a lane of its own, below the density that they should have at that moment.
 
     Args:
         ts: diffusion index of each row of `paths` and `density`.
-        paths: a column per point; coloured by which side of 0 it ends on.
+        paths: (steps, N), a column per point; coloured by which side of 0 it ends on.
         values, density: as for `density_map`.
         alt: one or two sentences that say what the picture shows to someone who cannot see it.
         xlabel: what moves, and its unit.
@@ -162,7 +147,7 @@ def schedules(curves: Curves) -> Panels:
     fig, axes = canvas(1, 2, height=2.8)
     left, right = axes[0]
     draw(left, curves)
-    draw(right, {name: _decibel(array(curve)) for name, curve in curves.items()})
+    draw(right, {name: _decibel(curve) for name, curve in curves.items()})
     left.set(title="signal power left, ᾱ", xlabel="diffusion index t", ylim=(0, 1.02))
     left.legend()
     rule(right)
@@ -171,7 +156,7 @@ def schedules(curves: Curves) -> Panels:
 
 
 @style()
-def band_snr(deviations: Mapping[str, float], alpha_bar: Float[Array, " M"]) -> Panel:
+def band_snr(deviations: Mapping[str, float], alpha_bar: Values) -> Panel:
     """How far parts of a movement stand above the noise at every diffusion index; below 0 dB the noise is the stronger.
 
     Args:
@@ -180,11 +165,10 @@ def band_snr(deviations: Mapping[str, float], alpha_bar: Float[Array, " M"]) -> 
     """
     ratios, marks = {}, {}
     for band, deviation in deviations.items():
-        ratio, label = _decibel(array(alpha_bar)) + 20 * np.log10(deviation), f"{band}: σ = {significant(deviation)}"
-        if (ratio < 0).any():
-            drowned = int(np.argmax(ratio < 0))
-            label += f", lost at t = {drowned}"
-            marks[label] = drowned
+        ratio, label = _decibel(alpha_bar) + 20 * np.log10(deviation), f"{band}: σ = {significant(deviation)}"
+        if len(drowned := np.flatnonzero(ratio < 0)):
+            label += f", lost at t = {drowned[0]}"
+            marks[label] = drowned[0]
         ratios[label] = ratio
     fig, ax = panel(3.4)
     rule(ax)
@@ -221,18 +205,18 @@ def noising(
     for (top, middle, bottom), t in zip(axes.T, ts, strict=True):
         y = noised(clean, eps, alpha_bar[t])
         signed(top, array(y), 2)
-        top.set(title=f"t = {t}")
+        top.set_title(f"t = {t}")
         motion = tf.inverse(y)
         middle.plot(array(motion[:, channel]), color=CYCLE[0], linewidth=1.5, label="noised curve")
         middle.plot(array(x[:, channel]), color=TRUTH, linestyle=(0, (3, 1)), linewidth=1.5, label="clean curve")
-        middle.set(xlabel="frame")
+        middle.set_xlabel("frame")
         _pose(bottom, motion[-1], x[-1], skeleton)
     _name_bands(axes[0], tf, clean)
     axes[1, 0].set_ylabel(f"{skeleton.joints[1 + channel // 3].replace('_', ' ')}, {'xyz'[channel % 3]} (m)")
     axes[2, 0].set_ylabel(f"pose, frame {len(x) - 1}")
-    pose = [Line2D([], [], color=TRUTH, alpha=0.35, label="clean pose")]
-    pose += [Line2D([], [], color=COLOURS["predicted"][2], linestyle=(0, (2.2, 0.9)), label="right limbs")]
-    fig.legend(handles=[*axes[1, 0].lines, *pose], loc="outside upper left", ncols=4)
+    axes[1, 0].plot([], [], color=TRUTH, alpha=0.35, label="clean pose")
+    axes[1, 0].plot([], [], color=COLOURS["predicted"][2], linestyle=(0, (2.2, 0.9)), label="right limbs")
+    legend(axes[1, 0], 4)
     return fig, axes
 
 
@@ -259,9 +243,10 @@ def ddim_path(
     """
     steps = list(steps)
     chosen = np.unique(np.linspace(0, len(steps) - 1, count).round().astype(int))
-    rows = {} if truth is None else {"truth": truth}
-    rows |= {f"t = {steps[i].t}": inverse(steps[i].y0_hat) for i in chosen}
-    azimuth = camera(poses(list(rows.values())[0 if truth is not None else -1], skeleton)[0], skeleton)
+    rows = {f"t = {steps[i].t}": inverse(steps[i].y0_hat) for i in chosen}
+    clean = [*rows.values()][-1] if truth is None else truth
+    rows = rows if truth is None else {"truth": truth} | rows
+    azimuth = camera(poses(clean, skeleton)[0], skeleton)
     return storyboard(rows, skeleton, fps=fps, history=history, frames=frames, azimuth=azimuth)
 
 
@@ -275,7 +260,7 @@ def loss_curves(curves: Mapping[str, Array | Sequence]) -> Panel:
     """
     fig, ax = panel(3.0)
     for (name, curve), look in zip(curves.items(), LOOKS, strict=False):
-        curve = np.asarray(array(curve), dtype=float)
+        curve = array(curve)
         if curve.ndim == 2:
             ax.plot(*curve.T, marker="o", label=name, **look)
             continue
@@ -283,7 +268,7 @@ def loss_curves(curves: Mapping[str, Array | Sequence]) -> Panel:
         if span > 1:
             ax.plot(np.arange(len(curve)) + 1, curve, color=look["color"], alpha=0.25, linewidth=0.8)
         mean = np.convolve(curve, np.full(span, 1 / span), "valid")
-        draw(ax, {name: mean}, start=1 + span // 2, looks=[look])
+        ax.plot(1 + span // 2 + np.arange(len(mean)), mean, label=name, **look)
     ax.set(xlabel="training step", ylabel="loss", yscale="log")
     ax.yaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
     plain(ax.yaxis)
@@ -294,10 +279,11 @@ def loss_curves(curves: Mapping[str, Array | Sequence]) -> Panel:
 def _range(samples: Sequence[Array], density: Density | None) -> tuple[float, float]:
     """What holds nearly all numbers: of the density, widened by half, or of the samples."""
     if density is not None:
-        low, high = float(array(density[0]).min()), float(array(density[0]).max())
-        return low - (high - low) / 4, high + (high - low) / 4
-    low, high = np.quantile(np.concatenate([array(values).ravel() for values in samples]), [0.001, 0.999])
-    return float(low - 0.05 * (high - low)), float(high + 0.05 * (high - low))
+        share, (low, high) = 0.25, np.quantile(array(density[0]), [0.0, 1.0])
+    else:
+        share, (low, high) = 0.05, np.quantile(np.concatenate([array(values).ravel() for values in samples]), [0.001, 0.999])
+    spare = share * (high - low)
+    return float(low - spare), float(high + spare)
 
 
 def _stairs(ax: Axes, values: np.ndarray, ends: tuple[float, float], colour: str, **look: Any) -> None:
@@ -307,7 +293,8 @@ def _stairs(ax: Axes, values: np.ndarray, ends: tuple[float, float], colour: str
     ax.stairs(heights, edges, fill=True, color=colour, alpha=0.75, **look)
 
 
-def _decibel(alpha_bar: np.ndarray) -> np.ndarray:
+def _decibel(alpha_bar: Values) -> np.ndarray:
+    alpha_bar = array(alpha_bar)
     return 10 * np.log10(alpha_bar / (1 - alpha_bar))
 
 

@@ -15,7 +15,8 @@ from mwlib.plots.chapters.diagrams import FOUR_LINES
 from mwlib.plots.lines import bars, draw, plain
 
 from mwlib.plots.look import (  # isort: skip
-    CYCLE, FAINT, INK, LOOKS, OBSERVED, Array, Curves, Panel, Panels, array, canvas, legend, outer, panel, rule, style, tiled,
+    CYCLE, FAINT, INK, LOOKS, OBSERVED, Array, Curves, Panel, Panels, Values, array, canvas, legend, outer, panel, rule, style,
+    tiled, titled,
 )  # fmt: skip
 
 
@@ -49,20 +50,20 @@ def energy_by_coefficient(rows: Curves, *, few: int = 10) -> Panels:
     left.axvline(0.77, color=OBSERVED, linewidth=0.8, linestyle=(0, (2, 2)))
     right.set(title="energy in the first K", xlabel="K, number of coefficients", ylabel="%", xscale="log", ylim=(0, 103))
     right.axvline(few, color=OBSERVED, linewidth=0.8)
-    _finish(left, {0.6: "0"})
+    _finish(left, (0.6, "0"))
     _finish(right)
     fig.legend(loc="outside upper left", ncols=2, title=f"share of the first {few}", alignment="left")
     return fig, axes[0]
 
 
 @style()
-def parallel_snr(power: Float[Array, " K"], alpha_bar: Float[Array, " M"], ks: Sequence[int]) -> Panel:
+def parallel_snr(power: Values, alpha_bar: Values, ks: Sequence[int]) -> Panel:
     """Signal-to-noise ratio of a few coefficients over the diffusion index, in decibel: one curve, at several heights.
 
     A dot marks where a coefficient goes under the threshold, a ratio of 1.
 
     Args:
-        power: P_k.
+        power: P_k, (K,).
         alpha_bar: (M,) schedule.
         ks: which coefficients; at most six.
 
@@ -141,10 +142,10 @@ def kept_power(panels: Mapping[str, Curves]) -> Panels:
         ValueError: more than six samplers.
     """
     fig, axes = canvas(1, len(panels), height=3.2, sharey=True)
-    for ax, (title, rows) in zip(axes[0], panels.items(), strict=True):
+    for ax, rows in titled(axes, panels):
         ax.axhline(1, color=INK, linewidth=1.0)
         _by_coefficient(ax, rows, what="samplers")
-        ax.set(title=title, xlabel="coefficient k", xscale="log", ylim=(0, 1.08))
+        ax.set(xlabel="coefficient k", xscale="log", ylim=(0, 1.08))
         _finish(ax)
     axes[0, 0].set_ylabel("power of samples / of data")
     legend(axes[0, 0], 2)
@@ -167,8 +168,9 @@ def coupling_bars(panels: Mapping[str, Mapping[str, Sequence[float]]], noises: S
         for name, errors in rows.items():
             if len(errors) != len(noises):
                 raise ValueError(f"{title}, {name}: {len(errors)} errors; expected {len(noises)}, one for each noise")
-        for place, error in bars(ax, rows, room=0.8, fill=0.92, upright=True):
-            ax.annotate(f"{error:.0f}", (place, error), (0, 2), textcoords="offset points", ha="center", size=9)
+        for drawn in bars(ax, rows, room=0.8, fill=0.92, upright=True):
+            for label in ax.bar_label(drawn, fmt="{:.0f}", padding=2, size=9):
+                label.set_va("baseline")
         ax.set(title=title, xlabel="deviation of the noise", xticks=range(len(noises)), xticklabels=[f"{s:g}" for s in noises])
         ax.axhline(100, color=FAINT, linewidth=1.5, zorder=0)
         ax.tick_params(axis="x", length=0)
@@ -182,13 +184,13 @@ def _by_coefficient(ax: Axes, rows: Curves, **options) -> None:
     draw(ax, {name: array(values)[1:] for name, values in rows.items()}, start=1, **options)
 
 
-def _finish(ax: Axes, extra: Mapping[float, str] | None = None) -> None:
+def _finish(ax: Axes, *extra: tuple[float, str]) -> None:
     """A grid, and 1, 10, 100 in plain figures on the logarithmic axis of k, with extra ticks of other names."""
     ax.grid(axis="y")
-    (low, high), extra = ax.get_xlim(), extra or {}
-    powers = [10.0**e for e in range(4) if low <= 10.0**e <= high]
+    low, high = ax.get_xlim()
+    ticks = dict(extra) | {10.0**e: str(10**e) for e in range(4) if low <= 10.0**e <= high}
     plain(ax.xaxis)
-    ax.set_xticks([*extra, *powers], [*extra.values(), *(f"{p:g}" for p in powers)])
+    ax.set_xticks([*ticks], [*ticks.values()])
     if ax.get_yscale() == "linear":
         ax.yaxis.set_major_formatter("{x:g}")
 
@@ -213,15 +215,15 @@ def ways(rows: Mapping[str, Sequence[Motion]]) -> Panels:
     if not rows or not all(rows.values()):
         raise ValueError(f"{len(rows)} rows, some perhaps without a motion; expected at least one motion in each")
     fig, axes = tiled(len(rows), frame=0.4, each=2.5, shared=False)
-    paths = {title: [_seen_from_above(motion) for motion in motions] for title, motions in rows.items()}
-    for ax, (title, several) in zip(axes.flat, paths.items(), strict=False):
+    for ax, (title, motions) in zip(axes.flat, rows.items(), strict=False):
+        several = [_seen_from_above(motion) for motion in motions]
         points = np.concatenate([*several, np.zeros((1, 2))])
         low, high = points.min(axis=0), points.max(axis=0)
         reach = max(NARROWEST, 0.54 * (high - low).max())
         for number, path in enumerate(several):
             ax.plot(*path.T, color=CYCLE[number % len(CYCLE)], linewidth=1.6)
         ax.plot(0, 0, "o", color="black")
-        (x, y) = (low + high) / 2
+        x, y = (low + high) / 2
         ax.set(xlim=(x - reach, x + reach), ylim=(y - reach, y + reach), aspect="equal")
         ax.set_title(fill(title, 22, **FOUR_LINES), fontsize=9.5)
         ax.grid(color=FAINT)
@@ -241,9 +243,7 @@ def _seen_from_above(motion: Motion) -> Float[np.ndarray, "T 2"]:
 
 
 @style()
-def emerging_way(
-    paths: Sequence[Float[Array, "T 2"]], steps: Sequence[int], *, limbs: Sequence[Float[Array, " T"]], fps: float
-) -> Panels:
+def emerging_way(paths: Sequence[Float[Array, "T 2"]], steps: Sequence[int], *, limbs: Sequence[Values], fps: float) -> Panels:
     """The clean estimate's way and the height of one joint, from the first denoising step (light) to the last (dark).
 
     Args:
@@ -262,8 +262,8 @@ def emerging_way(
         raise ValueError(f"{len(paths)} paths, {len(steps)} steps and {len(limbs)} limbs; expected equally many")
     fig, axes = canvas(1, 2, height=2.9)
     left, right = axes[0]
-    for number, (path, step, limb) in enumerate(zip(paths, steps, limbs, strict=True)):
-        colour = STEPS(number / max(len(paths) - 1, 1))
+    for share, path, step, limb in zip(np.linspace(0, 1, len(paths)), paths, steps, limbs, strict=True):
+        colour = STEPS(share)
         left.plot(*array(path).T, color=colour, label=f"step {step}")
         right.plot(np.arange(len(limb)) / fps, array(limb), color=colour)
     left.set(title="path on the floor", xlabel="across (m)", ylabel="ahead (m)")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -15,35 +16,34 @@ from mwlib.body.skeleton import Skeleton
 from mwlib.plots.bodies import camera, draw_bodies, poses, project
 
 from mwlib.plots.look import (  # isort: skip
-    CYCLE, FAINT, INK, LOOKS, OBSERVED, Array, Panel, Panels, array, canvas, colourbar, legend, style, tiled,
+    CYCLE, FAINT, INK, LOOKS, OBSERVED, Array, Curves, Matrix, Panel, Panels, Values, array, canvas, colourbar, legend, style,
+    tiled, titled,
 )  # fmt: skip
 
-NOTHING: Mapping[str, Any] = {}
 DASHED = {"linestyle": "--", "linewidth": 0.9}
 
 
 @style()
-def row_support(analysis: Float[Array, "rows T"], *, history: int, split: int) -> Panels:
+def row_support(analysis: Matrix, *, history: int, split: int) -> Panels:
     """Which frames each row of coefficients sees, approximation and detail side by side; the observed frames are shaded.
 
     Args:
-        analysis: the transform's matrix along time, approximation rows above detail rows.
+        analysis: (rows, T), the transform's matrix along time, approximation rows above detail rows.
         history: observed frames H.
         split: K, number of approximation rows.
     """
     analysis = array(analysis)
     fig, axes = canvas(1, 2, height=3.6, sharey=True)
-    left, right = axes[0]
-    for ax, block, name in ((left, analysis[:split], "approximation"), (right, analysis[split:], "detail")):
+    left, _ = axes[0]
+    for ax, block in titled(axes, {"approximation": analysis[:split], "detail": analysis[split:]}):
         _observed(ax, history)
         for row, values in enumerate(block):
             seen = np.flatnonzero(np.abs(values) > 1e-12)
             if not len(seen):  # a short filter beyond the end sees padding only
                 continue
-            observed, future = seen[-1] < history, seen[0] >= history
-            colour = CYCLE[0] if observed else CYCLE[1] if future else INK
+            colour = CYCLE[0] if seen[-1] < history else CYCLE[1] if seen[0] >= history else INK
             ax.plot([seen[0] - 0.5, seen[-1] + 0.5], [row, row], color=colour, linewidth=2.2, solid_capstyle="butt")
-        ax.set(title=name, xlabel="frame", xlim=(-0.5, analysis.shape[1] - 0.5))
+        ax.set(xlabel="frame", xlim=(-0.5, analysis.shape[1] - 0.5))
     left.set_ylabel("row of coefficients")
     left.invert_yaxis()
     for colour, name in ((CYCLE[0], "observed frames only"), (CYCLE[1], "future frames only"), (INK, "both")):
@@ -53,11 +53,11 @@ def row_support(analysis: Float[Array, "rows T"], *, history: int, split: int) -
 
 
 @style()
-def attention_vectors(attention: Float[Array, "rows rows"], *, history_rows: int, mask: Bool[Array, " rows"]) -> Panels:
+def attention_vectors(attention: Matrix, *, history_rows: int, mask: Bool[Array, " rows"]) -> Panels:
     """Attention vectors of all rows with their mean, and that of the middle one (the paper's Fig. 12a and b).
 
     Args:
-        attention: rows ask, columns are looked at; each row sums to 1.
+        attention: (rows, rows); rows ask, columns are looked at; each row sums to 1.
         history_rows: rows before this one see observed frames only; they are shaded.
         mask: rows that TABG noises, marked below the curves of the first panel.
     """
@@ -65,7 +65,7 @@ def attention_vectors(attention: Float[Array, "rows rows"], *, history_rows: int
     middle = len(attention) // 2
     fig, axes = canvas(2, 1, height=4.6, sharex=True)
     upper, lower = axes[:, 0]
-    for ax in (upper, lower):
+    for ax in axes.flat:
         _observed(ax, history_rows)
         ax.axhline(1 / len(attention), color=INK, **DASHED)
         ax.set(ylabel="attention weight", xlim=(-0.5, len(attention) - 0.5))
@@ -86,24 +86,18 @@ def attention_vectors(attention: Float[Array, "rows rows"], *, history_rows: int
 
 
 @style()
-def attention_over_steps(
-    a: Float[Array, "steps rows"],
-    masks: Float[Array, "steps rows"] | Bool[Array, "steps rows"],
-    ts: Sequence[int],
-    *,
-    history_rows: int,
-) -> Panels:
+def attention_over_steps(a: Matrix, masks: Matrix | Bool[Array, "steps rows"], ts: Sequence[int], *, history_rows: int) -> Panels:
     """Accumulated attention A_t and the mask M_t while the sampler runs; noise at the top.
 
     Args:
-        a: A_t of each step, mean 1.
+        a: (steps, rows), A_t of each step, mean 1.
         masks: rows that TABG noises, or the share of futures in which it does.
         ts: diffusion index of each step.
         history_rows: rows before this one see observed frames only: left of the line.
     """
     fig, axes = canvas(1, 2, height=2.9, sharey=True)
     left, right = axes[0]
-    colourbar(_map(left, array(a)), left, "", cut=True)
+    colourbar(_map(left, array(a)), left, extend="both")
     right.imshow(array(masks).astype(float), cmap="Greys", vmin=0, vmax=1.4, aspect="auto")
     for ax, colour, title in ((left, "white", "$A_t$"), (right, CYCLE[1], "mask $M_t$ (dark = noised)")):
         ax.axvline(history_rows - 0.5, color=colour, linewidth=1.6, linestyle="--")
@@ -129,16 +123,16 @@ def attention_heads(attention: Float[Array, "2 heads rows rows"], *, history_row
         _cross(ax, history_rows, color=FAINT, **DASHED)
         ax.set_title(f"block {'AB'[block]}, head {head}")
     axes[-1, 0].set(xlabel="row looked at", ylabel="row that asks")
-    colourbar(image, list(axes.flat), "", cut=True)
+    colourbar(image, list(axes.flat), extend="both")
     return fig, axes
 
 
 @style()
-def attention_part(attention: Float[Array, "rows rows"], *, history_rows: int, title: str = "") -> Panel:
+def attention_part(attention: Matrix, *, history_rows: int, title: str = "") -> Panel:
     """One map with the attention its rows receive on top of it.
 
     Args:
-        attention: rows ask, columns are looked at.
+        attention: (rows, rows); rows ask, columns are looked at.
         history_rows: rows before this one see observed frames only.
     """
     attention = array(attention)
@@ -172,12 +166,10 @@ def _map(ax: Axes, values: np.ndarray) -> AxesImage:
 
 
 @style()
-def arrows(
-    panels: Mapping[str, Mapping[str, tuple[Float[Array, " 2"], Float[Array, " 2"]]]],
-    line: tuple[Float[Array, " 2"], Float[Array, " 2"]],
-    marks: Mapping[str, Float[Array, " 2"]],
-) -> Panels:
+def arrows(panels: Mapping[str, Mapping[str, tuple[Values, Values]]], line: tuple[Values, Values], marks: Curves) -> Panels:
     """Arrows in a plane from dots to rings, a panel for each group on common axes; every arrow has a colour, dashes and a name.
+
+    Every point is two numbers.
 
     Args:
         panels: title -> name -> (where the arrow starts, where it ends).
@@ -185,16 +177,18 @@ def arrows(
         marks: name -> a point of every panel, a dot with its name below.
     """
     fig, axes = canvas(1, len(panels), height=3.5, sharex=True, sharey=True)
-    for ax, (title, found) in zip(axes[0], panels.items(), strict=True):
-        ax.plot(*zip(*(array(point) for point in line), strict=True), color=OBSERVED, linewidth=1.0, zorder=0)
+    for ax, found in titled(axes, panels):
+        ax.plot(*zip(*map(array, line), strict=True), color=OBSERVED, linewidth=1.0, zorder=0)
         for name, point in marks.items():
-            ax.plot(*array(point), "o", color=OBSERVED, markersize=7, zorder=1)
-            ax.annotate(name, array(point), (0, -8), textcoords="offset points", ha="center", va="top", color=INK, fontsize=9)
-        for (name, (start, end)), look in zip(found.items(), LOOKS, strict=False):
-            ax.plot(*zip(array(start), array(end), strict=True), label=name, **look)
-            ax.plot(*array(start), ".", color=INK, zorder=2)
-            ax.plot(*array(end), "o", color=look["color"], markerfacecolor="white", markeredgewidth=1.6, zorder=3)
-        ax.set(title=title, aspect="equal", xlabel="first coefficient")
+            x, y = array(point)
+            ax.plot(x, y, "o", color=OBSERVED, markersize=7, zorder=1)
+            ax.annotate(name, (x, y), (0, -8), textcoords="offset points", ha="center", va="top", fontsize=9)
+        for (name, way), look in zip(found.items(), LOOKS, strict=False):
+            start, end = map(array, way)
+            ax.plot(*zip(start, end, strict=True), label=name, **look)
+            ax.plot(*start, ".", color=INK, zorder=2)
+            ax.plot(*end, "o", color=look["color"], markerfacecolor="white", markeredgewidth=1.6, zorder=3)
+        ax.set(aspect="equal", xlabel="first coefficient")
         ax.legend(loc="upper center", bbox_to_anchor=(0.5, -0.32), frameon=False)
     axes[0, 0].set_ylabel("second coefficient")
     return fig, axes[0]
@@ -202,7 +196,7 @@ def arrows(
 
 @style()
 def claimed_and_measured(
-    changes: Mapping[str, Mapping[str, tuple[float, float]]], claimed: Mapping[str, Mapping[str, float]] = NOTHING
+    changes: Mapping[str, Mapping[str, tuple[float, float]]], claimed: Mapping[str, Mapping[str, float]] = MappingProxyType({})
 ) -> Panels:
     """How far each setting moves each metric from a row of reference: measured in pairs, and as a paper claims.
 
@@ -223,15 +217,12 @@ def claimed_and_measured(
     fig, axes = canvas(1, len(metrics), height=1.2 + 0.3 * len(changes), sharey=True)
     for ax, metric in zip(axes[0], metrics, strict=True):
         ax.axvline(0, color=OBSERVED, linewidth=0.8)
-        told = [(place - 0.16, claimed[name][metric]) for place, name in enumerate(changes) if metric in claimed.get(name, ())]
+        told = {place - 0.16: claimed[name][metric] for place, name in enumerate(changes) if metric in claimed.get(name, ())}
         if told:
-            height, change = zip(*told, strict=True)
-            ax.plot(change, height, "D", color=CYCLE[1], markerfacecolor="white", label="paper (Human3.6M)")
+            ax.plot([*told.values()], [*told], "D", color=CYCLE[1], markerfacecolor="white", label="paper (Human3.6M)")
         middle, error = np.array([row[metric] for row in changes.values()], float).T
-        places = np.arange(len(changes)) + 0.16 * bool(claimed)
-        ax.errorbar(
-            middle, places, xerr=2 * error, fmt="o", color=CYCLE[0], elinewidth=1.2, label="measured, ± 2 standard errors"
-        )
+        places, label = np.arange(len(changes)) + 0.16 * bool(claimed), "measured, ± 2 standard errors"
+        ax.errorbar(middle, places, xerr=2 * error, fmt="o", color=CYCLE[0], elinewidth=1.2, label=label)
         name, bracket, unit = metric.partition(" (")
         ax.set(title=name, xlabel=f"change{bracket}{unit}")
         ax.set_xticks(_three_ticks(*ax.get_xlim()))
@@ -255,30 +246,29 @@ def controlled_poses(
     cases: Mapping[str, tuple[Float[Array, "S C"], Bool[Array, " C"]]],
     skeleton: Skeleton,
     *,
-    truth: Float[Array, " C"],
-    last: Float[Array, " C"],
+    truth: Values,
+    last: Values,
 ) -> Panels:
     """One panel per case: sampled poses laid over each other, the truth in black, prescribed joints as filled circles.
 
     Args:
         cases: name -> (poses of the samples, which channels were prescribed).
-        truth: the true pose, metres.
+        truth: (C,) the true pose, metres.
         last: the last observed pose, drawn in a panel of its own.
     """
     view = camera(poses(truth, skeleton), skeleton)
-    flat = {name: project(poses(pose, skeleton), view) for name, (pose, _) in cases.items()}
-    true, before = (project(poses(pose, skeleton), view) for pose in (truth, last))
+    true, before, *flat = (project(poses(pose, skeleton), view) for pose in (truth, last, *(pose for pose, _ in cases.values())))
     fig, axes = tiled(1 + len(cases), frame=0, each=2.4, shared=False)
     first, *others = axes.flat
     draw_bodies(first, before[None], skeleton, "observed")
     first.set_title("last observed pose")
-    for ax, (name, points) in zip(others, flat.items(), strict=False):
+    for ax, (name, (_, given)), points in zip(others, cases.items(), flat, strict=False):
         draw_bodies(ax, points, skeleton, "predicted", max(0.2, 1 / len(points)), 1.5)
         draw_bodies(ax, true[None], skeleton, "truth", width=1.2)
-        joints = 1 + np.flatnonzero(np.asarray(cases[name][1]).reshape(-1, 3).any(1))
+        joints = 1 + np.flatnonzero(np.asarray(given).reshape(-1, 3).any(1))
         ax.plot(*true[joints].T, "o", color=CYCLE[3], markersize=6, zorder=5)
         ax.set_title(name.replace("_", " "))
-    everything = np.concatenate([true, before, *[points.reshape(-1, 2) for points in flat.values()]])
+    everything = np.concatenate([points.reshape(-1, 2) for points in (true, before, *flat)])
     (left, low), (right, high) = everything.min(0) - 0.08, everything.max(0) + 0.12
     for ax in axes.flat:
         ax.set_axis_off()

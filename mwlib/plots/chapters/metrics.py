@@ -13,7 +13,6 @@ from mwlib.metrics import prediction as metrics
 from mwlib.plots.look import CYCLE, OBSERVED, PREDICTED, TRUTH, Panels, legend, style, tiled
 from mwlib.plots.tables import significant
 
-LINK = CYCLE[1]
 WORDS = {
     "apd": "mean distance between two samples,\neach taken as one long vector",
     "ade": "of the sample nearest to the truth:\ndistance, mean over time",
@@ -26,9 +25,9 @@ WORDS = {
 def _bundle(angles: tuple[int, ...], bends: tuple[int, ...], reach: tuple[float, ...]) -> np.ndarray:
     """Paths (len(angles), 7, 2) that leave the origin at an angle and bend, degrees."""
     time = np.arange(1, 8) / 7
-    heading = np.radians(np.array(angles)[:, None] + np.array(bends)[:, None] * time)
-    steps = np.array(reach)[:, None, None] / 7 * np.stack([np.cos(heading), np.sin(heading)], axis=-1)
-    return steps.cumsum(axis=1)
+    start, bend, far = np.array([angles, bends, reach])[..., None]
+    heading = np.radians(start + bend * time)
+    return (far[..., None] / 7 * np.stack([np.cos(heading), np.sin(heading)], axis=-1)).cumsum(axis=1)
 
 
 # The built-in example; of the truths, whose beginnings are alike, the first is the window's own.
@@ -43,12 +42,13 @@ def metric_picture() -> Panels:
     fig, axes = tiled(len(WORDS), 2, frame=0.3, each=2.6)
     shown = axes.ravel()[: len(WORDS)]
     for ax, name in zip(shown, WORDS, strict=True):
-        _picture(ax, name, TRUTHS if name.startswith("mm") else TRUTHS[:1])
+        _picture(ax, name)
     legend(shown[-1], 4, "outside lower left")
     return fig, shown
 
 
-def _picture(ax: Axes, name: str, truths: np.ndarray) -> None:
+def _picture(ax: Axes, name: str) -> None:
+    truths = TRUTHS[: 0 if name == "apd" else None if name.startswith("mm") else 1]
     p, gs = torch.as_tensor(FUTURES)[None], torch.as_tensor(truths)
     value = metrics.apd(p) if name == "apd" else getattr(metrics, name)(p, [gs] if name.startswith("mm") else gs)
     links, used = _links(name, truths)
@@ -56,9 +56,9 @@ def _picture(ax: Axes, name: str, truths: np.ndarray) -> None:
     for number, path in enumerate(sorted(range(len(FUTURES)), key=lambda sample: sample not in used)):
         alpha = 1.0 if path in used else 0.35
         ax.plot(*FUTURES[path].T, ".-", color=PREDICTED, alpha=alpha, label=None if number else "sample")
-    for number, path in enumerate(truths if name != "apd" else ()):
+    for number, path in enumerate(truths):
         ax.plot(*path.T, ".", color=TRUTH, linestyle=(0, (3, 1)), label=None if number else "truth")
-    ax.add_collection(LineCollection(links, colors=LINK, linewidths=1.5, zorder=1.5, label="distance"))
+    ax.add_collection(LineCollection(links, colors=CYCLE[1], linewidths=1.5, zorder=1.5, label="distance"))
     ax.set_title(f"{name.upper()} = {significant(float(value))} m", weight="bold", pad=32)
     ax.text(0, 1.02, WORDS[name], transform=ax.transAxes, size=9, va="bottom")
     ax.set(aspect="equal", xticks=[], yticks=[])

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from itertools import pairwise
 
 import numpy as np
 import pywt
-from jaxtyping import Float
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
@@ -14,13 +14,12 @@ from matplotlib.ticker import MaxNLocator
 from mwlib.plots.lines import draw
 
 from mwlib.plots.look import (  # isort: skip
-    CYCLE, FAINT, INK, LOOKS, OBSERVED, TRUTH, WIDTH, Array, Look, Panel, Panels, array, canvas, legend, limit, outer,
-    panel, rule, style, tiled,
+    CYCLE, FAINT, INK, LOOKS, OBSERVED, TRUTH, WIDTH, Panel, Panels, Values, array, canvas, legend, limit, outer,
+    panel, rule, style, tiled, titled,
 )  # fmt: skip
 from mwlib.plots.loops import Loop, photographed
 
 LEVEL = 4  # how often the slow half of `same_spectrum` is halved again
-MARKERS = ("D", "o", "s", "^", "v", "P")
 
 
 @style()
@@ -28,20 +27,19 @@ def filters(wavelet: str) -> Panels:
     """The four filters of a wavelet, tap by tap; on the left those that analyse, on the right those that rebuild."""
     bank = pywt.Wavelet(wavelet)
     fig, axes = canvas(2, 2, height=3.6, sharex=True, sharey=True)
-    kinds = {"low-pass": (bank.dec_lo, bank.rec_lo), "high-pass": (bank.dec_hi, bank.rec_hi)}
-    for row, (kind, pair), colour in zip(axes, kinds.items(), CYCLE, strict=False):
-        for ax, use, taps in zip(row, ("analysis", "synthesis"), pair, strict=True):
-            _stems(ax, np.arange(len(taps)), np.asarray(taps), colour)
-            ax.set_title(f"{use}, {kind}: {np.count_nonzero(np.abs(taps) > 1e-12)} of {len(taps)} taps")
-            ax.xaxis.set_major_locator(MaxNLocator(integer=True))
-            ax.margins(y=0.12)
+    names = ("analysis, low-pass", "analysis, high-pass", "synthesis, low-pass", "synthesis, high-pass")
+    for ax, name, taps, colour in zip(axes.T.flat, names, bank.filter_bank, CYCLE[:2] * 2, strict=True):
+        _stems(ax, np.arange(len(taps)), np.asarray(taps), colour)
+        ax.set_title(f"{name}: {np.count_nonzero(np.abs(taps) > 1e-12)} of {len(taps)} taps")
+        ax.xaxis.set_major_locator(MaxNLocator(integer=True))
+        ax.margins(y=0.12)
     outer(axes, "tap")
     fig.suptitle(wavelet, x=0.01, ha="left", weight="bold")
     return fig, axes
 
 
 @style()
-def signal_and_coefficients(signal: Float[Array, " T"], wavelet: str, *, mode: str = "zero", fps: float) -> Panels:
+def signal_and_coefficients(signal: Values, wavelet: str, *, mode: str = "zero", fps: float) -> Panels:
     """A signal over its approximation and detail coefficients, each standing at the middle of the frames it sees.
 
     Args:
@@ -64,7 +62,7 @@ def signal_and_coefficients(signal: Float[Array, " T"], wavelet: str, *, mode: s
 
 @style()
 def padding_modes(
-    signal: Float[Array, " T"],
+    signal: Values,
     *,
     modes: Sequence[str] = ("zero", "symmetric", "constant", "periodic", "reflect", "smooth"),
     pad: int = 16,
@@ -83,8 +81,9 @@ def padding_modes(
     fig, axes = tiled(len(modes), frame=0.5, each=1.5)
     for ax, mode in zip(axes.flat, modes, strict=False):
         longer = pywt.pad(signal, pad, mode)
-        for outside in (slice(0, pad + 1), slice(pad + len(signal) - 1, None)):  # periodization makes an odd length even first
-            ax.plot(np.arange(-pad, len(longer) - pad)[outside], longer[outside], color=CYCLE[1], linestyle=(0, (2, 0.8)))
+        places, end = np.arange(len(longer)) - pad, pad + len(signal) - 1  # periodization makes an odd length even first
+        for outside in (slice(pad + 1), slice(end, None)):
+            ax.plot(places[outside], longer[outside], color=CYCLE[1], linestyle=(0, (2, 0.8)))
         ax.plot(signal, color=INK)
         ax.axvspan(0, len(signal) - 1, color=FAINT, linewidth=0, zorder=0)
         ax.set_title(mode)
@@ -96,7 +95,7 @@ def padding_modes(
 
 
 @style()
-def same_spectrum(signals: Mapping[str, Float[Array, " T"]], wavelet: str, *, fps: float) -> Panels:
+def same_spectrum(signals: Mapping[str, Values], wavelet: str, *, fps: float) -> Panels:
     """Signals, each with its Fourier magnitude up to 6 Hz and its wavelet coefficients as tiles: across, when; upwards, how fast.
 
     Args:
@@ -118,8 +117,8 @@ def same_spectrum(signals: Mapping[str, Float[Array, " T"]], wavelet: str, *, fp
             edges, look = np.linspace(0, seconds, len(part) + 1), {"edgecolors": FAINT, "linewidth": 0.3}
             bottom.pcolormesh(edges, [row, row + 1], np.abs(part)[None], cmap="Greys", vmin=0, vmax=dark, **look)
         bottom.set(xlim=(0, seconds), ylim=(0, LEVEL + 1), xlabel="time (s)")
-    edges = [fps / 2 ** (LEVEL + 1 - row) for row in range(LEVEL + 1)]
-    names = [f"{low:g} to {high:g}" for low, high in zip([0, *edges], edges, strict=False)]
+    edges = [0, *(fps / 2**halved for halved in range(LEVEL + 1, 0, -1))]
+    names = [f"{low:g} to {high:g}" for low, high in pairwise(edges)]
     axes[2, 0].set_yticks(np.arange(LEVEL + 1) + 0.5, names)
     for ax, label in zip(axes[:, 0], ("m", "|Fourier| (m s)", "wavelets (Hz)"), strict=True):
         ax.set_ylabel(label)
@@ -132,21 +131,19 @@ def tilings() -> Panels:
     """What a number of each kind tells: a tile of time (across) and frequency (upwards); all tiles have the same area."""
     fig, axes = canvas(1, 4, height=2.2, sharex=True, sharey=True)
     columns = {"samples": [16], "Fourier": [1] * 16, "short-time Fourier": [4] * 4, "wavelets": [1, 1, 2, 4, 8]}
-    for ax, (name, rows) in zip(axes[0], columns.items(), strict=True):
+    for ax, rows in titled(axes, columns):
         edges = np.cumsum([0, *rows]) / 16
-        for count, low, high in zip(rows, edges, edges[1:], strict=False):
+        for count, (low, high) in zip(rows, pairwise(edges), strict=True):
             ax.vlines(np.linspace(0, 1, count + 1), low, high, color=INK, linewidth=1)
             ax.hlines([low, high], 0, 1, color=INK, linewidth=1)
-        ax.set(title=name, xlim=(0, 1), ylim=(0, 1), xticks=[], yticks=[], xlabel="time")
+        ax.set(xlim=(0, 1), ylim=(0, 1), xticks=[], yticks=[], xlabel="time")
         ax.spines[:].set_visible(True)
     axes[0, 0].set_ylabel("frequency")
     return fig, axes[0]
 
 
 @style()
-def responses(
-    panels: Mapping[str, tuple[Float[Array, " F"], Float[Array, " F"]]], hertz: Float[Array, " F"], spectrum: Float[Array, " F"]
-) -> Panels:
+def responses(panels: Mapping[str, tuple[Values, Values]], hertz: Values, spectrum: Values) -> Panels:
     """What the two filters of each wavelet let through, over the spectrum of a movement.
 
     Args:
@@ -157,18 +154,18 @@ def responses(
     hertz, shape = array(hertz), array(spectrum) / array(spectrum).max()
     fig, axes = tiled(len(panels), 2, frame=0.7, each=1.6)
     top = 1.08 * max(float(array(part).max()) for pair in panels.values() for part in pair)
-    for ax, (name, (low, high)) in zip(axes.flat, panels.items(), strict=False):
+    for ax, (low, high) in titled(axes, panels):
         ax.fill_between(hertz, shape * top, color="#c9cdd3", linewidth=0, label="the movement, height arbitrary")
         draw(ax, {"|H|, low-pass": low, "|G|, high-pass": high}, hertz)
         ax.axvline(hertz[-1] / 2, color=OBSERVED, linewidth=0.8)
-        ax.set(title=name, xlim=(0, hertz[-1]), ylim=(0, top))
+        ax.set(xlim=(0, hertz[-1]), ylim=(0, top))
     outer(axes, "frequency (Hz)", "amplitude")
     legend(axes[0, 0])
     return fig, axes
 
 
 @style()
-def cascade(rounds: Sequence[Float[Array, " S"]], *, support: float) -> Panels:
+def cascade(rounds: Sequence[Values], *, support: float) -> Panels:
     """The staircase of each round of the cascade algorithm; its stairs are half as wide as those of the round before.
 
     Args:
@@ -184,7 +181,7 @@ def cascade(rounds: Sequence[Float[Array, " S"]], *, support: float) -> Panels:
     return fig, axes
 
 
-def sliding_filter(signal: Float[Array, " T"], wavelet: str, *, mode: str = "zero", alt: str) -> Loop:
+def sliding_filter(signal: Values, wavelet: str, *, mode: str = "zero", alt: str) -> Loop:
     """A low-pass filter that goes over a signal two samples at a time, and the coefficient that each place gives.
 
     Args:
@@ -242,14 +239,13 @@ def dots(values: Mapping[str, Mapping[str, float]], *, xlabel: str, log: bool = 
     step = min(0.2, 0.6 / len(values))
     for number, (series, row) in enumerate(values.items()):
         places = np.array([names.index(name) for name in row]) + (number - (len(values) - 1) / 2) * step
-        look: Look = {"color": CYCLE[number % len(CYCLE)], "marker": MARKERS[number % len(MARKERS)], "linestyle": "none"}
-        ax.plot(list(row.values()), places, label=series, **look)
+        ax.plot([*row.values()], places, "Dos^vP"[number % 6], color=CYCLE[number % len(CYCLE)], label=series)
     for edge in np.arange(0.5, len(names) - 1):
         ax.axhline(edge, color=FAINT, linewidth=1, zorder=0)
     ax.set(yticks=range(len(names)), yticklabels=names, xlabel=xlabel, xscale="log" if log else "linear")
     ax.set_ylim(len(names) - 0.5, -0.5)
     ax.tick_params(axis="y", length=0)
-    fig.legend(loc="outside upper left", ncols=3)
+    legend(ax)
     return fig, ax
 
 
@@ -264,13 +260,8 @@ def _middles(count: int, taps: Sequence[float] | np.ndarray) -> np.ndarray:
     return 2 * np.arange(count) + 1 - np.average(np.arange(len(taps)), weights=np.square(taps))
 
 
-SHAPES = "o^sDvP"
-
-
 @style()
-def windows_and_sinusoids(
-    panels: Mapping[str, tuple[Float[Array, " N"], Float[Array, " N"]]], *, fps: float, ylabel: str = ""
-) -> Panels:
+def windows_and_sinusoids(panels: Mapping[str, tuple[Values, Values]], *, fps: float, ylabel: str = "") -> Panels:
     """Windows of a signal, each with the one sinusoid that stands for it.
 
     Args:
@@ -279,10 +270,9 @@ def windows_and_sinusoids(
         ylabel: what, and its unit.
     """
     fig, axes = canvas(1, len(panels), height=2.4, sharey=True)
-    for ax, (title, (window, sinusoid)) in zip(axes[0], panels.items(), strict=True):
+    for ax, (window, sinusoid) in titled(axes, panels):
         seconds = (np.arange(len(window)) - len(window) // 2) / fps
         draw(ax, {"window": window, "its sinusoid": sinusoid}, seconds, looks=[{"color": TRUTH}, LOOKS[1]])
-        ax.set_title(title)
     outer(axes, "time (s)", ylabel)
     legend(axes[0, 0], 2)
     return fig, axes[0]
@@ -299,11 +289,10 @@ def error_by_size(
         xlabel, ylabel: what, and its unit.
     """
     fig, axes = canvas(1, len(panels), height=3.2, sharex=True, sharey=True)
-    for ax, (title, lines) in zip(axes[0], panels.items(), strict=True):
+    for ax, lines in titled(axes, panels):
         for number, (name, (sizes, errors)) in enumerate(lines.items()):
-            look = LOOKS[number] | {"marker": SHAPES[number], "markersize": 10 if len(sizes) == 1 else 5}
-            ax.plot(sizes, errors, label=name, **look)
-        ax.set(title=title, yscale="log")
+            ax.plot(sizes, errors, "o^sDvP"[number], markersize=10 if len(sizes) == 1 else 5, label=name, **LOOKS[number])
+        ax.set_yscale("log")
         ax.grid(axis="y")
     outer(axes, xlabel, ylabel)
     legend(axes[0, 0], 2)

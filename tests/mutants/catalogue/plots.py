@@ -40,13 +40,12 @@ MUTANTS = [
         "plots/playing.py", "plots/test_player.py",
         ("positions-wrap-round", "max(MILLIMETRE, float(np.abs(raised).max()) / LARGEST)", "MILLIMETRE"),
         ("positions-cut-instead-of-rounded", "np.round(raised / unit)", "np.trunc(raised / unit)"),
-        ("left-and-right-exchanged", '"l" if joint in skeleton.left else "r"', '"r" if joint in skeleton.left else "l"'),
         ("names-can-end-the-script", r'.replace("<", "\\u003c")', ""),
         ("ghosts-at-the-wrong-frame", "at = frame - actor.start", "at = frame - actor.start - 1"),
     ),
     *of(
         "plots/loops.py", "plots/test_loops.py",
-        ("loop-plays-once", '"loop": 0}', '"loop": 1}'),
+        ("loop-plays-once", "loop=0, **FORMATS", "loop=1, **FORMATS"),
         ("loop-without-its-last-frame", "range((shown.frames - 1) % step, shown.frames, step)",
          "range(0, shown.frames - step, step)"),
         ("limit-forgotten", "if size <= most_bytes:", "if True:"),
@@ -79,6 +78,10 @@ MUTANTS = [
         "plots/lines.py", "plots/test_plots.py",
         ("projection-against-nothing", " - np.eye(len(analysis))", ""),
         ("shares-of-one", "100 * row[band]", "row[band]"),
+    ),
+    *of(
+        "plots/bodies.py", "plots/test_player.py",
+        ("left-and-right-exchanged", '"l" if joint in skeleton.left else "r"', '"r" if joint in skeleton.left else "l"'),
     ),
     *of(
         "plots/bodies.py", "plots/test_plots.py::test_every_skeleton_knows_where_it_faces",
@@ -114,7 +117,7 @@ MUTANTS = [
     ),
     *of(
         "plots/chapters/diagrams.py", "plots/test_guidance.py::test_diagrams_hold_the_data_they_are_given",
-        ("noise-left-out-of-the-diagram", ", y_t)\n    box(ax, \"5.6", ", y)\n    box(ax, \"5.6"),
+        ("noise-left-out-of-the-diagram", ", y_t)\n    boxes(ax, {\"5.6", ", y)\n    boxes(ax, {\"5.6"),
     ),
     *of(
         "plots/chapters/guidance.py", "plots/test_guidance.py",
