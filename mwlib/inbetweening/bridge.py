@@ -10,7 +10,7 @@ from math import ceil
 
 import numpy as np
 import torch
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Float, Int
 from torch import Tensor
 
 from mwlib.body.following import on_rig
@@ -25,7 +25,7 @@ from mwlib.inbetweening.config import Config
 from mwlib.inbetweening.objective import KeyframeNetwork, SizedNetwork, WienerNetwork, make_network
 from mwlib.inbetweening.representation import Representation
 from mwlib.inbetweening.space import Samples, Space, Track, Tracks, space_from_json
-from mwlib.inbetweening.windows import given, parted
+from mwlib.inbetweening.windows import Given, given, parted
 from mwlib.settings import of_kind, whole, wholes
 from mwlib.training import TrainedModel, chunks, identities, with_weights
 
@@ -60,7 +60,7 @@ class Bridge(TrainedModel):
         net = with_weights(lambda: make_network(cfg, representation), weights)
         return cls(net, representation, space_from_json(about["space"]), cfg)
 
-    def check(self, frames: int, mask: Bool[Tensor, " T"]) -> None:
+    def check(self, frames: int, mask: Given) -> None:
         """Refuse lengths and keyframes that the model was not made for."""
         task, model = self.cfg.task, self.cfg.model
         if not task.fewest <= frames <= task.frames:
@@ -86,7 +86,7 @@ class Bridge(TrainedModel):
     def sample(
         self,
         x: Tracks,
-        mask: Bool[Tensor, " T"] | None = None,
+        mask: Given | None = None,
         samples: int | None = None,
         seed: int | None = None,
         *,
@@ -126,7 +126,7 @@ class Bridge(TrainedModel):
         self.check(x.shape[-2], mask)
         return self.finite(self._sample(x.to(self.device), mask.to(self.device), None))[:, 0].cpu()
 
-    def _sample(self, x: Tracks, mask: Bool[Tensor, " T"], noise: WindowNoise | None) -> Samples:
+    def _sample(self, x: Tracks, mask: Given, noise: WindowNoise | None) -> Samples:
         task, settings, form = self.cfg.task, self.cfg.sampling, self.representation
         whole, (before, x, after) = x, parted(x, task.past, task.future)
         inner = mask[task.past - 1 :][: x.shape[-2]]
@@ -248,9 +248,7 @@ def filled(
     return made
 
 
-def _asked(
-    bridge: Bridge, start: Motion, end: Motion | list[int], frames: int | None
-) -> tuple[Motion, Motion, Track, Bool[Tensor, " T"]]:
+def _asked(bridge: Bridge, start: Motion, end: Motion | list[int], frames: int | None) -> tuple[Motion, Motion, Track, Given]:
     """What is given up to the first and from the last keyframe, as the model reads it; the states from the past to the future,
     NaN where a model may do without; and which of them are keyframes.
     """

@@ -98,7 +98,7 @@ class TaskConfig:
     @property
     def frames(self) -> int:
         """T = past + N + future, of a window."""
-        return self.past + self.between + self.future
+        return self.gap + self.steps
 
     @property
     def gap(self) -> int:
@@ -108,7 +108,7 @@ class TaskConfig:
     @property
     def fewest(self) -> int:
         """The smallest T that the model is for."""
-        return self.past + (self.shortest or self.between) + self.future
+        return self.smallest_gap + self.steps
 
     @property
     def smallest_gap(self) -> int:

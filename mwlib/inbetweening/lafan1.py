@@ -273,7 +273,7 @@ def model_table(
         seen = _hidden(benchmark.windows, n).x[:, PAST - task.past :].float()
         x = bridge.sample(seen, None, count, seed, progress=progress)
         found = x, x.mean(1, keepdim=True), bridge.mean(seen)[:, None]
-        errors[n] = [score(benchmark, _given(benchmark, each), n) for each in found]
+        errors[n] = [score(benchmark, _given(each), n) for each in found]
     return [
         {"method": f"{name}, {what}", "N": n, "windows": len(benchmark)}
         | (errors[n][place] if n in errors else dict.fromkeys(TOLERANCE))
@@ -282,7 +282,7 @@ def model_table(
     ]
 
 
-def _given(benchmark: Benchmark, x: Float[Tensor, "N S F C"]) -> Fill:
+def _given(x: Float[Tensor, "N S F C"]) -> Fill:
     """A filling with states that are there already, perhaps of the last frames of the past alone."""
 
     def fill(seen: PlacedWindows, ids: list[int]) -> Tensor:

@@ -15,6 +15,7 @@ from mwlib.data.mirroring import unmirrored
 from mwlib.data.windows import Bodies, JoinedClips, spread
 from mwlib.inbetweening.space import UP, Placement, PositionSpace, RotationSpace, Space, States, Tracks, rooted_rig
 
+Given = Bool[Tensor, " T"]  # True in frames that are given, of one window
 Keyframes = Bool[Tensor, "*#lead T"]  # True at keyframes, for one window or each
 Past = Float[Tensor, "*lead P C"]  # states before the first keyframe
 Future = Float[Tensor, "*lead Q C"]  # and after the last
@@ -136,7 +137,7 @@ def mirror_images(motions: Sequence[Motion], space: Space) -> list[Motion]:
     return [m.mirror() for m in motions]
 
 
-def given(frames: int, past: int = 1, future: int = 1) -> Bool[Tensor, " T"]:
+def given(frames: int, past: int = 1, future: int = 1) -> Given:
     """The task: the first `past` frames and the last `future` are given. With one of each it is the paper's."""
     frame = torch.arange(frames)
     return (frame < past) | (frame >= frames - future)
