@@ -3,7 +3,6 @@ from .conditioning import (
     classifier_free,
     history_completion,
     keyframe_mask,
-    keyframe_steps,
     keyframed,
     masked,
     pasted,
@@ -38,6 +37,6 @@ from .samplers import (
 __all__ = [
     "AfterStep", "Denoise", "DiffusionConfig", "KeyframeConfig", "Mask", "OnEstimate", "Step", "WindowNoise", "alpha_bar",
     "check_indices", "classifier_free", "ddim", "ddim_indices", "dpm_solver", "eps_of", "history_completion", "karras_levels",
-    "keyframe_mask", "keyframe_steps", "keyframed", "masked", "network_target", "noised", "pasted", "posterior_mean",
+    "keyframe_mask", "keyframed", "masked", "network_target", "noised", "pasted", "posterior_mean",
     "reconstruction_guided", "sde_dpm_solver", "snr_weights", "to_eps", "with_keyframes", "y0_hat_of",
 ]  # fmt: skip

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 
 import torch
 from jaxtyping import Bool, Float
@@ -10,7 +10,7 @@ from torch import Tensor
 
 from mwlib.diffusion.config import KeyframeConfig
 from mwlib.diffusion.process import noised, y0_hat_of
-from mwlib.diffusion.samplers import AfterStep, Denoise, Draw, OnEstimate, Schedule, Step, ddim
+from mwlib.diffusion.samplers import AfterStep, Denoise, Draw, OnEstimate, Schedule, ddim
 from mwlib.settings import choice
 from mwlib.transforms import Transform
 from mwlib.transforms.linear import Coefficients, Motions
@@ -19,15 +19,11 @@ from mwlib.transforms.linear import Coefficients, Motions
 Mask = Bool[Tensor, "T C"] | Float[Tensor, "T C"] | Bool[Tensor, " T"] | Float[Tensor, " T"]
 
 
-def weights(mask: Mask, like: Tensor) -> Float[Tensor, "T C"] | Float[Tensor, "T 1"]:
-    """M as numbers that multiply motions like `like`."""
-    m = mask.to(like)
-    return m[:, None] if m.ndim == 1 else m
-
-
-def known(x_target: Motions, mask: Mask) -> Motions:
-    """The target where the mask is not 0, and 0 elsewhere, where it may be unknown (NaN)."""
-    return x_target.masked_fill(weights(mask, x_target) == 0, 0)
+def known(x_target: Motions, mask: Mask) -> tuple[Float[Tensor, "T C"] | Float[Tensor, "T 1"], Motions]:
+    """M as numbers that multiply motions; and the target where M is not 0, and 0 elsewhere, where it may be unknown (NaN)."""
+    m = mask.to(x_target)
+    m = m[:, None] if m.ndim == 1 else m
+    return m, x_target.masked_fill(m == 0, 0)
 
 
 def beside_samples(x: Coefficients, y: Float[Tensor, "... k l"]) -> Coefficients:
@@ -53,7 +49,7 @@ def masked(tf: Transform, x_target: Motions, mask: Mask, noise: Draw, until: flo
         noise: draws a tensor like y, anew at every step.
         until: largest alpha_bar at which it acts; 1 = to the last step.
     """
-    m, x_known = weights(mask, x_target), known(x_target, mask)
+    m, x_known = known(x_target, mask)
     y0 = tf(x_known)
     lost = x_known - tf.inverse(y0)
 
@@ -77,7 +73,7 @@ def pasted(tf: Transform, x_target: Motions, mask: Mask) -> OnEstimate:
 
     Source: MDM (Tevet et al., 2023), motion editing; CondMDI (Cohan et al., 2024), imputation.
     """
-    m, x_known = weights(mask, x_target), known(x_target, mask)
+    m, x_known = known(x_target, mask)
 
     def paste(y0_hat: Coefficients) -> Coefficients:
         """Clean estimates whose masked part is the known motion."""
@@ -124,12 +120,7 @@ def classifier_free(conditional: Tensor, unconditional: Tensor, w: float, form: 
 
 
 def reconstruction_guided(
-    denoise: Denoise,
-    tf: Transform,
-    x_target: Motions,
-    mask: Mask,
-    alpha_bar: Schedule,
-    weight: float,
+    denoise: Denoise, tf: Transform, x_target: Motions, mask: Mask, alpha_bar: Schedule, weight: float
 ) -> Denoise:
     """A denoiser whose clean estimate is drawn to the masked part of a target, by the gradient through the network.
 
@@ -151,7 +142,7 @@ def reconstruction_guided(
     if weight == 0:
         return denoise
     with torch.inference_mode(False):  # else the gradient could not use them
-        m, x_known = weights(mask, x_target).clone(), known(x_target, mask).clone()
+        m, x_known = (part.clone() for part in known(x_target, mask))
 
     def guided(y: Coefficients, t: int) -> Coefficients:
         """The noise, and the gradient of the error against the known motion."""
@@ -189,45 +180,8 @@ def with_keyframes(x: Motions, x_target: Motions, mask: Mask) -> Motions:
         x: sampled motions.
         x_target, mask: as in `masked`.
     """
-    m = weights(mask, x)
-    return m * beside_samples(known(x_target, mask), x) + (1 - m) * x
-
-
-def keyframe_steps(
-    denoise: Denoise,
-    tf: Transform,
-    x_target: Motions,
-    mask: Mask,
-    alpha_bar: Schedule,
-    indices: Sequence[int],
-    noise: Draw,
-    how: KeyframeConfig,
-) -> Iterator[Step]:
-    """DDIM from noise to a motion that meets keyframes, by the scheme of the settings.
-
-    With "replacement" this is the loop of FreqDiffusionBridge: whatever the network is asked about holds the keyframes at the
-    level of the other frames, the first time, too; they are put in over time, and transformed with the rest.
-
-    Args:
-        denoise: (y_t, t) -> eps of an unconditional model.
-        tf, x_target, mask: as in `masked`. Any number of keyframes may stand anywhere.
-        alpha_bar, indices: as in `ddim`.
-        noise: draws a tensor like y; its first draw is the start.
-        how: the scheme.
-
-    Source: FreqDiffusionBridge, Sec. 3.4 (own reconstruction of its loop); RePaint (Lugmayr et al., 2022);
-        MDM (Tevet et al., 2023); Video Diffusion Models (Ho et al., 2022).
-    """
-    denoise = reconstruction_guided(denoise, tf, x_target, mask, alpha_bar, how.reconstruction_weight)
-    y, impose, paste = noise(), None, None
-    if how.scheme == "replacement":
-        drawn = noise() if how.keyframe_noise == "fixed" else None
-        impose = masked(tf, x_target, mask, noise if drawn is None else lambda: drawn)
-        y = impose(y, float(alpha_bar[indices[0]]))
-    elif how.scheme == "paste":
-        paste = pasted(tf, x_target, mask)
-    random = {"eta": how.eta, "repeats": how.repeats, "noise": noise}
-    yield from ddim(denoise, y, alpha_bar, indices, on_y0_hat=paste, after_step=impose, **random)
+    m, x_known = known(x_target, mask)
+    return m * beside_samples(x_known, x) + (1 - m) * x
 
 
 def keyframed(
@@ -240,13 +194,22 @@ def keyframed(
     noise: Draw,
     how: KeyframeConfig,
 ) -> Motions:
-    """The motion that `keyframe_steps` ends with. Schemes that hold the keyframes give them back to the bit.
+    """The motion that DDIM makes of noise and that meets keyframes, by the scheme of the settings.
 
-    Own choice: the paper does not say how its last step ends. With the scheme "none" the keyframes stay as the sampler left
-    them, near the target.
+    With "replacement" this is the loop of FreqDiffusionBridge: whatever the network is asked about holds the keyframes at the
+    level of the other frames, the first time, too; they are put in over time, and transformed with the rest. Schemes that hold
+    the keyframes give them back to the bit. Own choice: the paper does not say how its last step ends. With the scheme "none" the
+    keyframes stay as the sampler left them, near the target.
 
     Args:
-        as in `keyframe_steps`.
+        denoise: (y_t, t) -> eps of an unconditional model.
+        tf, x_target, mask: as in `masked`. Any number of keyframes may stand anywhere.
+        alpha_bar, indices: as in `ddim`.
+        noise: draws a tensor like y; its first draw is the start.
+        how: the scheme.
+
+    Source: FreqDiffusionBridge, Sec. 3.4 (own reconstruction of its loop); RePaint (Lugmayr et al., 2022);
+        MDM (Tevet et al., 2023); Video Diffusion Models (Ho et al., 2022).
 
     >>> from mwlib.diffusion import alpha_bar, ddim_indices, eps_of
     >>> tf, a, clip = mw.DCTTransform(6, 3), alpha_bar("cosine", 100), torch.randn(6, 3)
@@ -256,7 +219,15 @@ def keyframed(
     >>> torch.equal(x[1, mask], clip[mask]), torch.allclose(x, clip.expand(2, 6, 3), atol=1e-4)
     (True, True)
     """
-    for step in keyframe_steps(denoise, tf, x_target, mask, alpha_bar, indices, noise, how):
-        last = step
+    denoise = reconstruction_guided(denoise, tf, x_target, mask, alpha_bar, how.reconstruction_weight)
+    y, impose, paste = noise(), None, None
+    if how.scheme == "replacement":
+        drawn = noise() if how.keyframe_noise == "fixed" else None
+        impose = masked(tf, x_target, mask, noise if drawn is None else lambda: drawn)
+        y = impose(y, float(alpha_bar[indices[0]]))
+    elif how.scheme == "paste":
+        paste = pasted(tf, x_target, mask)
+    random = {"eta": how.eta, "repeats": how.repeats, "noise": noise}
+    *_, last = ddim(denoise, y, alpha_bar, indices, on_y0_hat=paste, after_step=impose, **random)
     x = tf.inverse(last.y)
     return x if how.scheme == "none" else with_keyframes(x, x_target, mask)

@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Sequence
 from functools import partial
-from typing import Literal, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 import torch
@@ -62,6 +62,7 @@ OnEstimate = Callable[[Tensor], Tensor]  # y0_hat -> y0_hat
 AfterStep = Callable[[Tensor, float], Tensor]  # y, its alpha_bar -> y
 Schedule = Float[Tensor, " M"]  # alpha_bar of each index
 Draw = Callable[[], Tensor]  # the next noise
+Values = Float[Tensor, "..."]
 
 
 class Step(NamedTuple):
@@ -100,7 +101,7 @@ def _estimate(
 
 def ddim(
     denoise: Denoise,
-    y: Float[Tensor, "..."],
+    y: Values,
     alpha_bar: Schedule,
     indices: Sequence[int],
     *,
@@ -159,7 +160,7 @@ def ddim(
 
 def dpm_solver(
     denoise: Denoise,
-    y: Float[Tensor, "..."],
+    y: Values,
     alpha_bar: Schedule,
     indices: Sequence[int],
     *,
@@ -226,13 +227,12 @@ def _half_log_snr(alpha_bar: float) -> float:
 
 def posterior_mean(
     denoise: Denoise,
-    y: Float[Tensor, "..."],
+    y: Values,
     alpha_bar: Schedule,
     indices: Sequence[int],
     *,
     noise: Draw | None = None,
-    on_y0_hat: OnEstimate | None = None,
-    after_step: AfterStep | None = None,
+    **hooks: Any,
 ) -> Iterator[Step]:
     """Eq. 6 taken literally, over any subset: y_prev = (y_t - (1-alpha)/sqrt(1-alpha_bar_t) eps) / sqrt(alpha).
 
@@ -241,8 +241,9 @@ def posterior_mean(
     of DDIM with eta = 1, and computed so. Own choice: `noise` adds DDPM's posterior noise, which the paper leaves out.
 
     Args:
-        denoise, y, alpha_bar, indices, on_y0_hat, after_step: as in `ddim`.
+        denoise, y, alpha_bar, indices: as in `ddim`.
         noise: draws a tensor like y; None for the mean alone.
+        hooks: `on_y0_hat` and `after_step`, as in `ddim`.
 
     >>> from mwlib.diffusion import alpha_bar, ddim_indices
     >>> a, clean = alpha_bar("cosine", 100), torch.full((4, 3), 0.5)
@@ -251,7 +252,7 @@ def posterior_mean(
     True
     """
     draw = noise or partial(torch.zeros_like, y)
-    return ddim(denoise, y, alpha_bar, indices, eta=1.0, noise=draw, on_y0_hat=on_y0_hat, after_step=after_step)
+    return ddim(denoise, y, alpha_bar, indices, eta=1.0, noise=draw, **hooks)
 
 
 RHO = 7.0  # Karras et al. 2022, Sec. 3
@@ -288,22 +289,22 @@ def karras_levels(alpha_bar: Schedule, steps: int) -> list[tuple[int, float]]:
 
 def sde_dpm_solver(
     denoise: Denoise,
-    y: Float[Tensor, "..."],
+    y: Values,
     alpha_bar: Schedule,
     steps: int,
     *,
     noise: Draw | None,
     read_at: Literal["index", "level"] = "index",
-    on_y0_hat: OnEstimate | None = None,
-    after_step: AfterStep | None = None,
+    **hooks: Any,
 ) -> Iterator[Step]:
     """`dpm_solver` on Karras' levels: "sde-dpmsolver++" of diffusers with use_karras_sigmas and a final sigma of zero.
 
     Source: StableMoFusion samples so, with 10 steps.
 
     Args:
-        denoise, y, alpha_bar, noise, read_at, on_y0_hat, after_step: as in `dpm_solver`.
+        denoise, y, alpha_bar, noise, read_at: as in `dpm_solver`.
         steps: any number, see `karras_levels`.
+        hooks: `on_y0_hat` and `after_step`, as in `dpm_solver`.
 
     >>> from mwlib.diffusion import alpha_bar
     >>> a, clean = alpha_bar("cosine", 100), torch.full((4, 3), 0.5)
@@ -313,5 +314,4 @@ def sde_dpm_solver(
     True
     """
     indices, levels = zip(*karras_levels(alpha_bar, steps), strict=True)
-    hooks = {"noise": noise, "on_y0_hat": on_y0_hat, "after_step": after_step}
-    return dpm_solver(denoise, y, alpha_bar, indices, levels=levels, read_at=read_at, **hooks)
+    return dpm_solver(denoise, y, alpha_bar, indices, levels=levels, noise=noise, read_at=read_at, **hooks)

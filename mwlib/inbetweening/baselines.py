@@ -5,26 +5,21 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import torch
-from jaxtyping import Float
 from torch import Tensor
 
 from mwlib.body.rotation import from_six, six, slerp
-from mwlib.inbetweening.space import RotationSpace, Space
+from mwlib.inbetweening.space import RotationSpace, Space, Tracks
 
 # How far along the way from the first to the last frame a body is, for u in [0, 1].
 PACES: dict[str, Callable[[Tensor], Tensor]] = {
     "zero_velocity": lambda u: (u >= 1).to(u),  # the first frame until the last
     "interpolation": lambda u: u,
     "hermite": lambda u: u**2 * (3 - 2 * u),  # cubic, at rest at both ends
-    "minimum_jerk": lambda u: (
-        u**3 * (10 - 15 * u + 6 * u**2)
-    ),  # Flash and Hogan 1985: at rest, without acceleration, at both ends
+    "minimum_jerk": lambda u: u**3 * (10 - 15 * u + 6 * u**2),  # Flash and Hogan 1985: without acceleration, too
 }
 
 
-def between(
-    space: Space, x: Float[Tensor, "N T C"], pace: str, blend: Callable[[Tensor, Tensor, Tensor], Tensor] = slerp
-) -> Float[Tensor, "N T C"]:
+def between(space: Space, x: Tracks, pace: str, blend: Callable[[Tensor, Tensor, Tensor], Tensor] = slerp) -> Tracks:
     """Straight lines of places and slerp of rotations from the first to the last frame, at a pace.
 
     Source: LaFAN1's baselines (Harvey et al. 2020) for "zero_velocity" and "interpolation".
@@ -56,7 +51,7 @@ class GaussianBetween:
         x: training windows as seen from their first frames.
     """
 
-    def __init__(self, x: Float[Tensor, "N T C"]) -> None:
+    def __init__(self, x: Tracks) -> None:
         frames = x.shape[1]
         self.mean = x.mean((0, 1))
         centred = (x - self.mean) / x.flatten(0, 1).std(0).clamp_min(1e-4)
@@ -68,6 +63,6 @@ class GaussianBetween:
         near, far = self.rho[lag[:, [0, -1]]], self.rho[lag[[0, -1]][:, [0, -1]]]
         self.weights = (near @ torch.linalg.pinv(far, rtol=1e-6, hermitian=True)).float()  # (T, 2)
 
-    def __call__(self, x: Float[Tensor, "N T C"]) -> Float[Tensor, "N T C"]:
+    def __call__(self, x: Tracks) -> Tracks:
         """Windows with everything but the first and last frame filled in."""
         return self.mean + self.weights @ (x[..., [0, -1], :] - self.mean)

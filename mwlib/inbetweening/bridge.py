@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from itertools import count, pairwise
 from math import ceil
 
 import numpy as np
 import torch
-from jaxtyping import Bool, Float
+from jaxtyping import Float, Int
 from torch import Tensor
 
 from mwlib.body.following import on_rig
@@ -18,12 +19,13 @@ from mwlib.body.motion import Motion
 from mwlib.body.standing import legs, standing
 from mwlib.data.meaning import check_people
 from mwlib.data.windows import MOST_FRAMES, check_finite
-from mwlib.diffusion import Denoise, WindowNoise, alpha_bar, ddim_indices, keyframed, to_eps, with_keyframes
+from mwlib.diffusion import WindowNoise, alpha_bar, ddim_indices, keyframed, to_eps, with_keyframes
+from mwlib.diffusion.samplers import Draw
 from mwlib.inbetweening.config import Config
 from mwlib.inbetweening.objective import KeyframeNetwork, SizedNetwork, WienerNetwork, make_network
 from mwlib.inbetweening.representation import Representation
-from mwlib.inbetweening.space import Space, space_from_json
-from mwlib.inbetweening.windows import given, parted
+from mwlib.inbetweening.space import Samples, Space, Track, Tracks, space_from_json
+from mwlib.inbetweening.windows import Given, given, parted
 from mwlib.settings import of_kind, whole, wholes
 from mwlib.training import TrainedModel, chunks, identities, with_weights
 
@@ -58,13 +60,14 @@ class Bridge(TrainedModel):
         net = with_weights(lambda: make_network(cfg, representation), weights)
         return cls(net, representation, space_from_json(about["space"]), cfg)
 
-    def check(self, frames: int, mask: Bool[Tensor, " T"]) -> None:
+    def check(self, frames: int, mask: Given) -> None:
         """Refuse lengths and keyframes that the model was not made for."""
         task, model = self.cfg.task, self.cfg.model
         if not task.fewest <= frames <= task.frames:
-            between = f"{task.shortest} to {task.between}" if task.shortest else f"{task.between}"
-            found = frames - task.past - task.future
-            raise ValueError(f"frames between is {found}; expected {between}, for which the model was trained")
+            raise ValueError(
+                f"frames between is {frames - task.past - task.future}; expected {task.shortest or task.between} to "
+                f"{task.between}, for which the model was trained"
+            )
         if mask.shape != (frames,) or not mask.any():
             raise ValueError(
                 f"mask has shape {tuple(mask.shape)}, {int(mask.sum())} keyframes; expected ({frames},), at least one"
@@ -74,21 +77,22 @@ class Bridge(TrainedModel):
         if int(mask.sum()) > (most := task.past + task.future + model.more_keyframes):
             raise ValueError(f"{int(mask.sum())} keyframes; expected at most {most}, as in the model's training")
         if not (mask[: task.past].all() and mask[-task.future :].all()):
-            first, all_ = ("first", "both") if task.past == 1 else (f"{task.past} first", "all")
-            last = "last" if task.future == 1 else f"{task.future} last"
-            raise ValueError(f"the {first} or {last} frame is no keyframe; expected {all_}, as in the model's training")
+            raise ValueError(
+                f"not all of the first {task.past} and last {task.future} frames are keyframes; expected all, as in the model's "
+                "training"
+            )
 
     @torch.inference_mode()
     def sample(
         self,
-        x: Float[Tensor, "N T C"],
-        mask: Bool[Tensor, " T"] | None = None,
+        x: Tracks,
+        mask: Given | None = None,
         samples: int | None = None,
         seed: int | None = None,
         *,
         window_ids: Sequence[int] | None = None,
         progress: bool = False,
-    ) -> Float[Tensor, "N S T C"]:
+    ) -> Samples:
         """Whole motions as states, keyframes among them, on the CPU.
 
         Args:
@@ -102,47 +106,50 @@ class Bridge(TrainedModel):
         Raises:
             ValueError: the length or the keyframes do not fit the model, or no sample is asked for.
         """
-        frames, past, future = x.shape[-2], self.cfg.task.past, self.cfg.task.future
-        mask = given(frames, past, future) if mask is None else mask
+        frames, task = x.shape[-2], self.cfg.task
+        mask = given(frames, task.past, task.future) if mask is None else mask
         samples, seed = self.asked(samples, seed)
         self.check(frames, mask)
         ids = identities(window_ids, len(x))
         if not ids:
             raise ValueError("there are no windows; expected at least one")
-        found, shape = [], (samples, *self.representation.transform(frames - past - future + 2).shape)
+        found, shape = [], (samples, *self.representation.transform(frames - task.steps).shape)
         for part in chunks(len(x), max(1, CHUNK // samples), progress):
             noise = WindowNoise(seed, ids[part], shape, self.device)
             found.append(self.finite(self._sample(x[part].to(self.device), mask.to(self.device), noise)).cpu())
         return torch.cat(found)
 
     @torch.inference_mode()
-    def mean(self, x: Float[Tensor, "N T C"]) -> Float[Tensor, "N T C"]:
+    def mean(self, x: Tracks) -> Tracks:
         """What the network of the mean says, without diffusion, one motion a window, see `sample`. Without one the curve."""
         mask = given(x.shape[-2], self.cfg.task.past, self.cfg.task.future)
         self.check(x.shape[-2], mask)
         return self.finite(self._sample(x.to(self.device), mask.to(self.device), None))[:, 0].cpu()
 
-    def _sample(self, x: Float[Tensor, "n T C"], mask: Bool[Tensor, " T"], noise: WindowNoise | None) -> Float[Tensor, "n S T C"]:
-        task, settings = self.cfg.task, self.cfg.sampling
+    def _sample(self, x: Tracks, mask: Given, noise: WindowNoise | None) -> Samples:
+        task, settings, form = self.cfg.task, self.cfg.sampling, self.representation
         whole, (before, x, after) = x, parted(x, task.past, task.future)
         inner = mask[task.past - 1 :][: x.shape[-2]]
-        line = self.representation.interpolation(x, before, inner, after)
-        room, tf = self.representation.room(x, before, after), self.representation.transform(x.shape[-2])
+        line = form.interpolation(x, before, inner, after)
+        room, tf = form.room(x, before, after), form.transform(x.shape[-2])
         z, is_centred = torch.zeros_like(line)[:, None], self.cfg.model.mean_width > 0
         if noise is not None:
-            target = self.representation.modelled(torch.where(inner[:, None], x, line), line, room)
+            target = form.modelled(torch.where(inner[:, None], x, line), line, room)
             indices = ddim_indices(self.cfg.diffusion.steps, settings.ddim_steps, settings.spacing)
-            warm, denoise = tempered(noise, settings.temperature), self._denoise(line, before, inner, after)
+            seen, warm = None, tempered(noise, settings.temperature)
+            if self.cfg.model.condition_on_keyframes:
+                seen = form.conditioning(line, before, inner.expand(line.shape[:-1]), after)[:, None]
             warm = with_silence(warm) if is_centred else warm
-            z = keyframed(denoise, tf, target[:, None], inner, self.alpha_bar, indices, warm, self.cfg.imposing)
+            z = keyframed(partial(self._eps, seen), tf, target[:, None], inner, self.alpha_bar, indices, warm, self.cfg.imposing)
             z = z[:, :-1] - z[:, -1:] if is_centred else z
         if isinstance(self.net, SizedNetwork):
-            ends, usual = self.representation.ends(line, before, after), self.representation.usual(x.shape[-2]).to(z)
+            ends, usual = form.ends(line, before, after), form.usual(x.shape[-2]).to(z)
             factor, mean = self.net.factor_of_samples(ends, tf.shape[0]), self.net.mean(ends, tf.shape[0])
             z = tf.inverse(tf(z) * (usual * factor)[:, None] + (usual * mean)[:, None])
-        states = self.space.valid(self.representation.states(z, line[:, None], room[:, None]))
+        states = self.space.valid(form.states(z, line[:, None], room[:, None]))
         if settings.bones == "keyframes":
-            states = self.space.with_bones(states, self._sized(x, inner)[:, None])
+            last = torch.where(inner, torch.arange(len(inner), device=inner.device), 0).cummax(0).values
+            states = self.space.with_bones(states, x[:, None, last])  # in every frame those of the keyframe before it
         early, late = (
             torch.where(part.isfinite(), part, key)[:, None].expand(-1, states.shape[1], -1, -1)
             for part, key in ((before, x[:, :1]), (after, x[:, -1:]))
@@ -150,40 +157,21 @@ class Bridge(TrainedModel):
         known = mask & whole.isfinite().all(-1).all(0)
         return with_keyframes(torch.cat([early, states, late], dim=-2), whole[:, None], known)
 
-    def _sized(self, x: Float[Tensor, "n T C"], mask: Bool[Tensor, " T"]) -> Float[Tensor, "n T C"]:
-        """In every frame the body of the keyframe before it; it lends its bones only."""
-        last = torch.where(mask, torch.arange(len(mask), device=mask.device), 0).cummax(0).values
-        return x[:, last]
-
-    def _denoise(
-        self,
-        line: Float[Tensor, "n T C"],
-        before: Float[Tensor, "n P C"],
-        mask: Bool[Tensor, " T"],
-        after: Float[Tensor, "n Q C"],
-    ) -> Denoise:
-        """The network's noise estimate of (n, S, rows, C)."""
-        seen = None
-        if self.cfg.model.condition_on_keyframes:
-            seen = self.representation.conditioning(line, before, mask.expand(line.shape[:-1]), after)[:, None]
-
-        def denoise(y: Tensor, t: int) -> Tensor:
-            """(y_t, t) -> eps."""
-            items = y.flatten(0, 1)
-            beside = None if seen is None else seen.expand(*y.shape[:2], -1, -1).flatten(0, 1)
-            output = self.net(items, t, beside)
-            return to_eps(self.cfg.diffusion.prediction, output, items, self.alpha_bar[t]).reshape(y.shape)
-
-        return denoise
+    def _eps(self, seen: Float[Tensor, "n 1 rows conditioning"] | None, y: Float[Tensor, "n S rows C"], t: int) -> Tensor:
+        """The network's noise estimate of y_t."""
+        items = y.flatten(0, 1)
+        beside = None if seen is None else seen.expand(*y.shape[:2], -1, -1).flatten(0, 1)
+        output = self.net(items, t, beside)
+        return to_eps(self.cfg.diffusion.prediction, output, items, self.alpha_bar[t]).reshape(y.shape)
 
 
-def tempered(noise: Callable[[], Tensor], temperature: float) -> Callable[[], Tensor]:
+def tempered(noise: Draw, temperature: float) -> Draw:
     """Noise whose first draw, the start of sampling, has another deviation."""
     draws = count()
     return lambda: noise() * (temperature if next(draws) == 0 else 1.0)
 
 
-def with_silence(noise: Callable[[], Tensor]) -> Callable[[], Tensor]:
+def with_silence(noise: Draw) -> Draw:
     """Noise of one more sample, which is 0: where a network says the mean, what comes of it is taken from the other samples.
 
     Own choice: what is diffused has mean 0 then, and what a denoiser makes of no noise is learnt from people in training. On
@@ -241,55 +229,75 @@ def filled(
         end = aligned(end.with_up(start.up), start)
     if own_rig or join:
         rig_of(start)
-    task = bridge.cfg.task
-    first, *last = _given(bridge, start, end)
-    for name, m in zip(("start", "end"), (first, *last), strict=False):
-        check_people(m.positions[None, :: max(1, len(m) // MOST_LOOKED_AT)], m.skeleton, [name])
-    if isinstance(end, Motion):
-        check_one_body(*((start, end) if start.rig and end.rig else (first, last[0])))
-        count = task.between if frames is None else frames
-        like, x, mask = first, *_of_poses(bridge, first, last[0], count)
-    else:
-        like, x, mask = first, *_of_frames(bridge, first, end, frames)
-    states = _states(bridge, like, x, mask, samples, seed, progress)
-    named, lead = replace(like, name=f"{start.name} in between".strip()), 0 if bridge.cfg.model.hide else task.past - 1
-    shown = slice(task.past - 1 - lead, len(x) - task.future + 1)
-    made = [bridge.space.decode(each[shown], named) for each in states]
-    if feet and not bridge.space.rigid:
-        keys, floor = mask[shown].nonzero().flatten().tolist(), _floor(first, last, end)
+    before, after, x, mask = _asked(bridge, start, end, frames)
+    space, task = bridge.space, bridge.cfg.task
+    place = space.placement(x, space.offsets(before), task.past - 1)
+    sampled = bridge.sample(space.seen_from(x, place)[None], mask, samples, seed, progress=progress)[0]
+    lead, known = 0 if bridge.cfg.model.hide else task.past - 1, (mask & x.isfinite().all(-1))[:, None]
+    shown, named = slice(task.past - 1 - lead, len(x) - task.future + 1), f"{start.name} in between".strip()
+    # What is given is put back: turned there and back it is not the same to the bit.
+    states = (torch.where(known, x, space.placed(each, place))[shown] for each in sampled)
+    made = [space.decode(each, replace(before, name=named)) for each in states]
+    if feet and not space.rigid:
+        keys, floor = mask[shown].nonzero().flatten().tolist(), _floor(before, after)
         made = [_on_feet(each, keys, floor) for each in made]
     made = [each.with_up(start.up) for each in made]
-    if not (own_rig or join):
-        return made
-    poses, at = _given_poses(start, end, len(made[0]), bridge, join, lead)
-    return [on_rig(each, poses, at) for each in made]
+    if own_rig or join:
+        poses, at = _given_poses(start, end, len(made[0]), bridge, join, lead)
+        made = [on_rig(each, poses, at) for each in made]
+    return made
 
 
-def _given(bridge: Bridge, start: Motion, end: Motion | Sequence[int]) -> list[Motion]:
-    """What is given, as the model reads it: one motion and frames of it, or the end of one and the beginning of another."""
-    if not isinstance(end, Motion):
-        return bridge.space.bodies.prepare([start])
-    nearest = _first_of(_reversed(start), bridge, bridge.cfg.task.past), _first_of(end, bridge, bridge.cfg.task.future)
-    (first,), last = (bridge.space.bodies.prepare([motion]) for motion in nearest)
-    return [_reversed(first), *last]
+def _asked(bridge: Bridge, start: Motion, end: Motion | list[int], frames: int | None) -> tuple[Motion, Motion, Track, Given]:
+    """What is given up to the first and from the last keyframe, as the model reads it; the states from the past to the future,
+    NaN where a model may do without; and which of them are keyframes.
+    """
+    space, task = bridge.space, bridge.cfg.task
+    if isinstance(end, Motion):
+        nearest = _first_of(_picked(start, np.arange(len(start))[::-1]), bridge, task.past), _first_of(end, bridge, task.future)
+        (before,), (after,) = (space.bodies.prepare([motion]) for motion in nearest)
+        before = _picked(before, np.arange(len(before))[::-1])
+        _check_size(start=before, end=after)
+        check_one_body(*((start, end) if start.rig and end.rig else (before, after)))
+        keys = [0, (task.between if frames is None else frames) + 1]
+        roots = np.stack([before.positions[-1, 0], after.positions[0, 0]])
+        inner = space.encode(before)[-1:].repeat(keys[1] - 1, 1)
+    else:
+        [motion], keys = space.bodies.prepare([start]), end
+        _check_size(start=motion)
+        if len(keys) < 2 or keys != sorted({*keys}) or keys[-1] >= len(motion):
+            raise ValueError(
+                f"keyframes are {keys} of a motion of {len(motion)} frames at {motion.fps:g} Hz; expected two or more, rising"
+            )
+        between = keys[-1] - keys[0] - 1
+        if frames not in (None, between):
+            raise ValueError(f"frames is {frames}, but {between} lie between frames {keys[0]} and {keys[-1]}; expected None")
+        roots, before, after = motion.positions[keys, 0], motion.cut(0, keys[0] + 1), motion.cut(keys[-1], len(motion))
+        inner = space.encode(motion)[keys[0] + 1 : keys[-1]]
+    _check_speed(roots, keys, before.fps)
+    early, late = space.encode(before)[-task.past :], space.encode(after)[: task.future]
+    missing = task.past - len(early), task.future - len(late)
+    if any(missing) and not bridge.cfg.model.hide:
+        raise ValueError(
+            f"{len(early)} frames at {before.fps:g} Hz up to the first keyframe and {len(late)} from the last; "
+            f"expected at least {task.past} and {task.future}, the past and future that the model was given"
+        )
+    x = torch.nn.functional.pad(torch.cat([early, inner, late]), (0, 0, *missing), value=torch.nan)
+    mask = given(len(x), task.past, task.future)
+    mask[[key - keys[0] + task.past - 1 for key in keys]] = True
+    return before, after, x, mask
 
 
-def _states(
-    bridge: Bridge, like: Motion, x: Float[Tensor, "T D"], mask: Bool[Tensor, " T"], samples: int, seed: int, progress: bool
-) -> list[Float[Tensor, "T D"]]:
-    """Samples in the world of the given frames, which come back to the bit."""
-    place = bridge.space.placement(x, bridge.space.offsets(like), bridge.cfg.task.past - 1)
-    sampled = bridge.sample(bridge.space.seen_from(x, place)[None], mask, samples, seed, progress=progress)[0]
-    known = mask & x.isfinite().all(-1)
-    # turned there and back is not the same to the bit
-    return [torch.where(known[:, None], x, bridge.space.placed(each, place)) for each in sampled]
+def _check_size(**motions: Motion) -> None:
+    """Refuse bodies of no human's size, by their names."""
+    for name, m in motions.items():
+        check_people(m.positions[None, :: max(1, len(m) // MOST_LOOKED_AT)], m.skeleton, [name])
 
 
-def _floor(first: Motion, last: Sequence[Motion], end: Motion | Sequence[int]) -> float:
+def _floor(before: Motion, after: Motion) -> float:
     """Height of the lowest foot in the frames that are given, metres."""
-    feet = [foot for _, _, foot in legs(first.skeleton)]
-    frames = [*last, first] if isinstance(end, Motion) else [first.cut(0, end[0] + 1), first.cut(end[-1], len(first))]
-    return min((float(m.positions[:, feet, 2].min()) for m in frames if feet), default=0.0)
+    feet = [foot for _, _, foot in legs(before.skeleton)]
+    return float(np.concatenate([before.positions, after.positions])[:, feet, 2].min()) if feet else 0.0
 
 
 def _on_feet(motion: Motion, keys: Sequence[int], floor: float) -> Motion:
@@ -301,7 +309,7 @@ def _on_feet(motion: Motion, keys: Sequence[int], floor: float) -> Motion:
 
 
 def _given_poses(
-    start: Motion, end: Motion | Sequence[int], frames: int, bridge: Bridge, join: bool, lead: int
+    start: Motion, end: Motion | list[int], frames: int, bridge: Bridge, join: bool, lead: int
 ) -> tuple[Motion, Float[np.ndarray, " K"]]:
     """Frames of the user's motions that are given, at their rate, and for each which of the `frames` made it is at; of these
     `lead` are before the first keyframe.
@@ -309,15 +317,14 @@ def _given_poses(
     ratio = start.fps / bridge.space.bodies.fps
     before = int(lead * ratio + 1e-6)
     if isinstance(end, Motion):
-        after = end.with_up(start.up).resample(start.fps) if join else end.with_up(start.up).cut(0, 1)
-        first = 0 if join else len(start) - 1 - before
+        end = end.with_up(start.up)
+        after, first = (end.resample(start.fps), 0) if join else (end.cut(0, 1), len(start) - 1 - before)
         at = [lead - np.arange(len(start) - 1 - first, -1, -1) / ratio, frames - 1 + np.arange(len(after)) / ratio]
         return joined(start.cut(first, len(start)), after), np.concatenate(at)
     keys = np.minimum(np.rint(np.array(end) * ratio).astype(int), len(start) - 1)
-    shown = np.arange(0 if join else keys[0] - before, len(start) if join else keys[-1] + 1)
+    shown = np.arange(len(start)) if join else np.arange(keys[0] - before, keys[-1] + 1)
     kept = shown[(shown <= keys[0]) | (shown >= keys[-1]) | np.isin(shown, keys)]
-    motion = replace(start, positions=start.positions[kept], rig=rig_of(start).pick(kept))
-    return motion, (kept - keys[0]) / ratio + lead
+    return _picked(start, kept), (kept - keys[0]) / ratio + lead
 
 
 def _checked(start: Motion, end: Motion | Sequence[int]) -> Motion | list[int]:
@@ -338,10 +345,10 @@ def _check_speed(keyframes: Float[np.ndarray, "K 3"], frames: Sequence[int], fps
     speeds = away * fps / np.diff(frames)
     if not speeds.max() <= FASTEST:
         n = int(speeds.argmax())
-        apart = f"keyframes {n} and {n + 1} are {away[n]:.3g} m and {(frames[n + 1] - frames[n]) / fps:.3g} s apart"
         raise ValueError(
-            f"{apart}, which needs {speeds[n]:.3g} m/s; expected at most {FASTEST:g} m/s: more frames, or nearer poses; "
-            "align brings a second motion to where the first ends"
+            f"keyframes {n} and {n + 1} are {away[n]:.3g} m and {(frames[n + 1] - frames[n]) / fps:.3g} s apart, which needs "
+            f"{speeds[n]:.3g} m/s; expected at most {FASTEST:g} m/s: more frames, or nearer poses; align brings a second motion "
+            "to where the first ends"
         )
 
 
@@ -350,52 +357,5 @@ def _first_of(motion: Motion, bridge: Bridge, frames: int) -> Motion:
     return motion.cut(0, 1 + ceil((frames - 1) * motion.fps / bridge.space.bodies.fps - 1e-6))
 
 
-def _reversed(motion: Motion) -> Motion:
-    backwards = np.arange(len(motion))[::-1]
-    return replace(motion, positions=motion.positions[backwards], rig=motion.rig and motion.rig.pick(backwards))
-
-
-def _of_poses(bridge: Bridge, start: Motion, end: Motion, count: int) -> tuple[Float[Tensor, "T C"], Bool[Tensor, " T"]]:
-    """States that are given at both ends, in between the last of the past, and the mask of what is given."""
-    task = bridge.cfg.task
-    _check_speed(np.stack([start.positions[-1, 0], end.positions[0, 0]]), [0, count + 1], start.fps)
-    before, after = bridge.space.encode(start)[-task.past :], bridge.space.encode(end)[: task.future]
-    x = torch.cat([before, before[-1:].repeat(count, 1), after])
-    return _filled_up(bridge, x, task.past - len(before), task.future - len(after)), given(
-        task.past + count + task.future, task.past, task.future
-    )
-
-
-def _filled_up(bridge: Bridge, x: Float[Tensor, "t C"], early: int, late: int) -> Float[Tensor, "T C"]:
-    """States with NaN for so many that are not there before and after them, if the model may do without."""
-    task = bridge.cfg.task
-    if not bridge.cfg.model.hide:
-        for missing, asked, where, what in (
-            (early, task.past, "up to the first", "past"), (late, task.future, "from the last", "future"),
-        ):  # fmt: skip
-            if missing:
-                found = f"{asked - missing} frames at {bridge.space.bodies.fps:g} Hz {where} keyframe"
-                raise ValueError(f"{found}; expected at least {asked}, the {what} that the model was given")
-    return torch.nn.functional.pad(x, (0, 0, early, late), value=torch.nan)
-
-
-def _of_frames(
-    bridge: Bridge, motion: Motion, numbers: Sequence[int], count: int | None
-) -> tuple[Float[Tensor, "T C"], Bool[Tensor, " T"]]:
-    """The stretch of a motion from its first to its last keyframe, with the past before, and the mask of what is given."""
-    task = bridge.cfg.task
-    lead, trail = task.past - 1, task.future - 1
-    rising = [*numbers] == sorted({*numbers})
-    if len(numbers) < 2 or not rising or numbers[0] < 0 or numbers[-1] >= len(motion):
-        raise ValueError(
-            f"keyframes are {[*numbers]} of a motion of {len(motion)} frames at {motion.fps:g} Hz; expected two or more, rising"
-        )
-    between = numbers[-1] - numbers[0] - 1
-    if count is not None and count != between:
-        raise ValueError(f"frames is {count}, but {between} lie between frames {numbers[0]} and {numbers[-1]}; expected None")
-    _check_speed(motion.positions[[*numbers], 0], numbers, motion.fps)
-    mask = given(lead + between + 2 + trail, lead + 1, trail + 1)
-    mask[[n - numbers[0] + lead for n in numbers]] = True
-    early, late = max(0, lead - numbers[0]), max(0, numbers[-1] + trail + 1 - len(motion))
-    x = bridge.space.encode(motion)[max(0, numbers[0] - lead) : numbers[-1] + trail + 1]
-    return _filled_up(bridge, x, early, late), mask
+def _picked(motion: Motion, frames: Int[np.ndarray, " frames"]) -> Motion:
+    return replace(motion, positions=motion.positions[frames], rig=motion.rig and motion.rig.pick(frames))

@@ -45,7 +45,7 @@ PRESETS: dict[str, dict[str, Any]] = {
     # keyframe tells its velocity, where there is one. The temperature was chosen on the validation person, by jerk and speed.
     "cmu": _LAPTOP | dict(
         data="cmu/asfamc", fps=30.0, past=2, future=2, between=90, shortest=5, coast=24.0, hide=0.3, departure_scale="window",
-        mean_width=256, other_speeds=0.2, rows=32, level_weight="unit", width=64, feedforward=128, train_steps=8000, ema=0.998,
+        mean_width=256, other_speeds=0.2, rows=32, level_weight="unit", width=64, feedforward=128, train_steps=8000,
         ema_start=200, checkpoint_every=250, temperature=0.5, test_windows=40,
         validation_subjects=("1",), test_subjects=("2", "7", "29"),
     ),
@@ -98,7 +98,7 @@ class TaskConfig:
     @property
     def frames(self) -> int:
         """T = past + N + future, of a window."""
-        return self.past + self.between + self.future
+        return self.gap + self.steps
 
     @property
     def gap(self) -> int:
@@ -108,7 +108,7 @@ class TaskConfig:
     @property
     def fewest(self) -> int:
         """The smallest T that the model is for."""
-        return self.past + (self.shortest or self.between) + self.future
+        return self.smallest_gap + self.steps
 
     @property
     def smallest_gap(self) -> int:

@@ -14,27 +14,27 @@ from mwlib.body.motion import Motion
 from mwlib.body.standing import legs, standing
 from mwlib.inbetweening.bridge import Bridge
 from mwlib.inbetweening.losses import STANDING, feet, floor_of
-from mwlib.inbetweening.windows import Clips, interpolated, parted
+from mwlib.inbetweening.windows import Clips, given, interpolated, parted
 from mwlib.metrics import Column, foot_contacts, summary
 
 GAPS = 5, 10, 15, 30, 45, 60, 90  # frames between two keyframes
 STRIDE = 15  # frames between the starts of windows, which are then thinned
 COLUMNS = {
-    "straight": Column("interpolation (mm)", "lower", 1000.0),
-    "mean": Column("mean of ten (mm)", "lower", 1000.0),
-    "single": Column("a sample (mm)", "lower", 1000.0),
-    "best": Column("best of ten (mm)", "lower", 1000.0),
+    "straight": Column("interpolation (mm)", scale=1000.0),
+    "mean": Column("mean of ten (mm)", scale=1000.0),
+    "single": Column("a sample (mm)", scale=1000.0),
+    "best": Column("best of ten (mm)", scale=1000.0),
     "spread": Column("spread (mm)", scale=1000.0),
     "jerk": Column("jerk (m/s³)"),
     "true_jerk": Column("truth's"),
     "speed": Column("speed (m/s)"),
     "true_speed": Column("truth's"),
-    "jump": Column("jump of velocity (m/s)", "lower"),
+    "jump": Column("jump of velocity (m/s)"),
     "true_jump": Column("truth's"),
-    "slide": Column("feet where the truth's stand (m/s)", "lower"),
+    "slide": Column("feet where the truth's stand (m/s)"),
     "straight_slide": Column("interpolation's"),
     "true_slide": Column("truth's"),
-    "sunk": Column("below the floor (cm)", "lower", 100.0),
+    "sunk": Column("below the floor (cm)", scale=100.0),
 }
 Straight = Callable[[int, int, int], Float[np.ndarray, "T joints 3"]]  # clip, first and last keyframe -> motion between them
 
@@ -65,23 +65,17 @@ def by_gap(
         if not is_beyond_known:
             shown[:, [0, -1]] = torch.nan
         x = bridge.sample(shown, samples=10)
-        places = bridge.space.positions(bridge.space.placed(x, _each(windows.placement, 10)), windows.offsets[:, None])
+        places = bridge.space.positions(bridge.space.placed(x, windows.placement.repeated(10)), windows.offsets[:, None])
         true = bridge.space.positions(truth, windows.offsets)
         places = torch.stack([_held(bridge, p, g) for p, g in zip(places[:, :, 1:-1], true, strict=True)])
         inner = parted(true.flatten(-2), 2, 2)[1]
-        ends = torch.zeros(gap + 2, dtype=torch.bool)
-        ends[[0, -1]] = True
-        line = interpolated(inner, ends).unflatten(-1, (-1, 3))
+        line = interpolated(inner, given(gap + 2)).unflatten(-1, (-1, 3))
         if straight is not None:
             cut = zip(windows.clip.tolist(), windows.start.tolist(), strict=True)
             line = torch.from_numpy(np.stack([straight(c, s + 1, s + gap + 2) for c, s in cut])).to(line)
         found = summary(scores(places, true, line, bridge), windows.clip.tolist())
         rows.append({"gap": gap, **{name: found[name] for name in ("mean", "standard_error", "windows")}})
     return rows
-
-
-def _each(placement: Any, samples: int) -> Any:
-    return type(placement)(*(part[:, None].expand(-1, samples, *part.shape[1:]) for part in placement))
 
 
 def _held(bridge: Bridge, places: Float[Tensor, "S T J 3"], truth: Float[Tensor, "_T J 3"]) -> Float[Tensor, "S T J 3"]:
@@ -107,22 +101,19 @@ def scores(
     fps, below = bridge.space.bodies.fps, feet(bridge.space.bodies.skeleton)
     g, floor = truth[:, 1:-1], floor_of(truth, below)
     stand = foot_contacts(g, below, fps, floor=floor, fastest=STANDING).double()
-    each = _error(p, g[:, None])
+    each, straight, mean = _error(p, g[:, None]), _error(line, g), _error(p.mean(1), g)
 
     def slide(x: Tensor) -> Tensor:
         """Mean speed of the feet that stand, metres per second."""
         moved = x[..., below, :2].diff(dim=-3).norm(dim=-1) * fps
         return (moved * stand).sum((-2, -1)) / stand.sum((-2, -1))  # NaN where no foot stands
 
-    whole = torch.cat(
-        [truth[:, None, :1].expand(-1, p.shape[1], -1, -1, -1), p, truth[:, None, -1:].expand(-1, p.shape[1], -1, -1, -1)], 2
-    )
-    stand = stand[:, None]
+    ends = truth[:, None, [0, -1]].expand(-1, p.shape[1], -1, -1, -1)
+    whole, stand = torch.cat([ends[:, :, :1], p, ends[:, :, 1:]], 2), stand[:, None]
     return {
-        "straight": _error(line, g), "gain": _error(line, g) - _error(p.mean(1), g), "mean": _error(p.mean(1), g),
-        "single": each.mean(1), "best": each.amin(1),
-        "spread": _error(p, p.mean(1, keepdim=True)).mean(1), "jerk": _jerk(p, fps).mean(1), "true_jerk": _jerk(g, fps),
-        "speed": _speed(p, fps).mean(1), "true_speed": _speed(g, fps), "jump": _jump(whole, fps).mean(1),
+        "straight": straight, "gain": straight - mean, "mean": mean, "single": each.mean(1), "best": each.amin(1),
+        "spread": _error(p, p.mean(1, keepdim=True)).mean(1), "jerk": _change(p, fps, 3).mean(1), "true_jerk": _change(g, fps, 3),
+        "speed": _change(p, fps, 1).mean(1), "true_speed": _change(g, fps, 1), "jump": _jump(whole, fps).mean(1),
         "true_jump": _jump(truth, fps), "slide": slide(p).mean(1), "straight_slide": slide(line[:, None]).mean(1),
         "true_slide": slide(g[:, None]).mean(1),
         "sunk": (floor[:, None, None, None] - p[..., below, 2]).clamp_min(0).amax((-2, -1)).mean(1),
@@ -134,12 +125,9 @@ def _error(x: Tensor, g: Tensor) -> Tensor:
     return (x - g)[..., 1:-1, :, :].norm(dim=-1).mean((-2, -1))
 
 
-def _speed(x: Tensor, fps: float) -> Tensor:
-    return x.diff(dim=-3).norm(dim=-1).mean((-2, -1)) * fps
-
-
-def _jerk(x: Tensor, fps: float) -> Tensor:
-    return x.diff(n=3, dim=-3).norm(dim=-1).mean((-2, -1)) * fps**3
+def _change(x: Tensor, fps: float, order: int) -> Tensor:
+    """Mean size of a derivative of the joints' places."""
+    return x.diff(n=order, dim=-3).norm(dim=-1).mean((-2, -1)) * fps**order
 
 
 def _jump(x: Tensor, fps: float) -> Tensor:
@@ -152,14 +140,14 @@ def table(rows: Sequence[dict[str, Any]]) -> str:
     heads = ["frames between", *(column.heading for column in COLUMNS.values())]
     lines = [f"| {' | '.join(heads)} |", f"|{'---:|' * len(heads)}"]
     for row in rows:
-        cells = [_said(row, name, column.scale) for name, column in COLUMNS.items()]
+        cells = [_said(row["mean"], name, column.scale) for name, column in COLUMNS.items()]
         lines.append(f"| {' | '.join([str(row['gap']), *cells])} |")
     return "\n".join(lines)
 
 
-def _said(row: dict[str, Any], name: str, scale: float) -> str:
-    share = f" ({row['mean'][name] / row['mean']['straight']:.2f})" if name in ("mean", "single", "best") else ""
-    return f"{scale * row['mean'][name]:.3g}{share}" if name in row["mean"] else "–"
+def _said(mean: Mapping[str, float], name: str, scale: float) -> str:
+    share = f" ({mean[name] / mean['straight']:.2f})" if name in ("mean", "single", "best") else ""
+    return f"{scale * mean[name]:.3g}{share}"
 
 
 def rows_by_gap(bridge: Bridge, motions: Sequence[Motion], found: Mapping[str, Any]) -> dict[str, list[dict[str, Any]]]:

@@ -17,11 +17,14 @@ from torch import Tensor
 from mwlib.diffusion import Denoise, KeyframeConfig, alpha_bar, ddim_indices, keyframe_mask, keyframed
 from mwlib.transforms import DCTTransform, Transform
 
+Covariance = Float[Tensor, "T T"]
+Curve = Float[Tensor, " T"]
+Curves = Float[Tensor, "S T"]
 STEPS = 1000  # of the forward process
 DIVERGED = 10  # a spread that many times the true one is no sample of anything
 
 
-def squared_exponential(frames: int, length: float = 6.0, jitter: float = 1e-4) -> Float[Tensor, "T T"]:
+def squared_exponential(frames: int, length: float = 6.0, jitter: float = 1e-4) -> Covariance:
     """Covariance exp(-(i-j)²/(2 length²)) + jitter (i = j) of a smooth random coordinate, float64.
 
     Args:
@@ -46,13 +49,13 @@ class GaussianBridge:
     ([-1.0, 1.5], True)
     """
 
-    def __init__(self, covariance: Float[Tensor, "T T"], keyframes: Mapping[int, float]) -> None:
+    def __init__(self, covariance: Covariance, keyframes: Mapping[int, float]) -> None:
         self.covariance, self.frames = covariance, len(covariance)
         self.mask = keyframe_mask(self.frames, list(keyframes))
         self.target = torch.zeros(self.frames, dtype=torch.float64)
         self.target[list(keyframes)] = torch.tensor(list(keyframes.values()), dtype=torch.float64)
 
-    def law(self) -> tuple[Float[Tensor, " T"], Float[Tensor, "T T"]]:
+    def law(self) -> tuple[Curve, Covariance]:
         """Mean and covariance of all frames, given the keyframes: the true in-between law. Keyframes have variance 0.
 
         Mean Σ_uk Σ_kk⁻¹ x_k and covariance Σ_uu - Σ_uk Σ_kk⁻¹ Σ_ku, with k the keyframes and u the others.
@@ -64,7 +67,7 @@ class GaussianBridge:
         covariance[free[:, None] & free] = (self.covariance[free][:, free] - gain @ self.covariance[given][:, free]).ravel()
         return mean, covariance
 
-    def draw(self, samples: int, generator: torch.Generator) -> Float[Tensor, "S T"]:
+    def draw(self, samples: int, generator: torch.Generator) -> Curves:
         """Samples of the true in-between law."""
         mean, covariance = self.law()
         free, x = ~self.mask, self.target.expand(samples, -1).clone()
@@ -73,7 +76,7 @@ class GaussianBridge:
         return x
 
 
-def optimal_denoiser(covariance: Float[Tensor, "T T"], tf: Transform, schedule: Float[Tensor, " M"]) -> Denoise:
+def optimal_denoiser(covariance: Covariance, tf: Transform, schedule: Float[Tensor, " M"]) -> Denoise:
     """The denoiser that no network can better: the posterior mean of y_0 given y_t, a linear map, and the noise it stands for.
 
     y0_hat = sqrt(a) Σ_y (a Σ_y + (1-a) I)⁻¹ y_t with Σ_y = D Σ Dᵀ, so eps = sqrt(1-a) (a Σ_y + (1-a) I)⁻¹ y_t.
@@ -134,7 +137,7 @@ SCHEMES = {
 }
 
 
-def sample(bridge: GaussianBridge, scheme: Scheme, samples: int, generator: torch.Generator | None) -> Float[Tensor, "S T"]:
+def sample(bridge: GaussianBridge, scheme: Scheme, samples: int, generator: torch.Generator | None) -> Curves:
     """Samples of a scheme with the optimal denoiser, cosine schedule.
 
     All maps act over time, so that every sample is a channel: one product of matrices serves all.
@@ -165,7 +168,7 @@ def _seam(steps: Float[Tensor, " borders"], mask: Bool[Tensor, " T"]) -> float:
     return float(steps[border].mean() / steps[inside].mean())
 
 
-def measure(bridge: GaussianBridge, x: Float[Tensor, "S T"]) -> dict[str, float]:
+def measure(bridge: GaussianBridge, x: Curves) -> dict[str, float]:
     """Samples against the true in-between law.
 
     Returns:

@@ -22,7 +22,7 @@ from mwlib.data.collections.lafan1 import LAFAN1
 from mwlib.inbetweening.baselines import between
 from mwlib.inbetweening.bridge import Bridge
 from mwlib.inbetweening.config import Config
-from mwlib.inbetweening.space import UP, Placement, RotationSpace, Space
+from mwlib.inbetweening.space import UP, Placement, RotationSpace, Space, Tracks
 from mwlib.inbetweening.system import Fill, Score, inside
 from mwlib.inbetweening.windows import Clips, PlacedWindows
 
@@ -136,9 +136,7 @@ def _deviation(motions: Sequence[Motion], space: RotationSpace, progress: bool) 
     return (square - mean.square()).sqrt()
 
 
-def in_frame_of_reference(
-    space: RotationSpace, x: Float[Tensor, "N S F C"], windows: Float[Tensor, "N T C"]
-) -> Float[Tensor, "N S F C"]:
+def in_frame_of_reference(space: RotationSpace, x: Float[Tensor, "N S F C"], windows: Tracks) -> Float[Tensor, "N S F C"]:
     """States in the benchmark's frame of reference, y up; heights stay.
 
     The root's mean over all frames of the window goes to x = z = 0. Then the window is turned about the up-axis of the world,
@@ -149,9 +147,9 @@ def in_frame_of_reference(
         x: z up, in the place of the windows.
         windows: what says where that is.
     """
-    ahead, samples = windows[:, PAST - 1, 6:9], x.shape[1]  # the second column of the root's rotation
+    ahead = windows[:, PAST - 1, 6:9]  # the second column of the root's rotation
     angle, origin = torch.atan2(ahead[:, 1], ahead[:, 0]), windows[..., :2].mean(1)
-    moved = space.seen_from(x, Placement(angle[:, None].expand(-1, samples), origin[:, None].expand(-1, samples, 2)))
+    moved = space.seen_from(x, Placement(angle, origin).repeated(x.shape[1]))
     whole_body = moved[..., : 3 * space.turned].unflatten(-1, (-1, 3))[..., [0, 2, 1]] * x.new_tensor([1.0, 1.0, -1.0])
     return torch.cat([whole_body.flatten(-2), moved[..., 3 * space.turned :]], dim=-1)
 
@@ -180,9 +178,10 @@ def score(benchmark: Benchmark, fill: Fill, length: int) -> dict[str, float]:
         truth = part.x[:, : PAST + length + 1]
         found = fill(_hidden(part, length), [*range(first, first + len(truth))])
         if found.shape != (len(truth), found.shape[1], *truth.shape[1:]) or not found.isfinite().all():
-            is_finite = "finite" if found.isfinite().all() else "not finite"
-            expected = f"({len(truth)}, samples, {', '.join(map(str, truth.shape[1:]))}), finite"
-            raise ValueError(f"what fills the windows is {tuple(found.shape)}, {is_finite}; expected {expected}")
+            raise ValueError(
+                f"what fills the windows is {tuple(found.shape)}, {'' if found.isfinite().all() else 'not '}finite; "
+                f"expected ({len(truth)}, samples, {', '.join(map(str, truth.shape[1:]))}), finite"
+            )
         x, g = (in_frame_of_reference(space, each.to(truth)[:, :, PAST - 1 :], part.x) for each in (found, truth[:, None]))
         parts.append(scored.errors(x, g, part.offsets, *(scored.joints(each, part.offsets) for each in (x, g))))
     means = {name.upper(): float(torch.cat([each[name] for each in parts]).mean()) for name in ("l2q", "l2p")}
@@ -264,25 +263,26 @@ def model_table(
     if bridge.space.to_json() != benchmark.space.to_json():
         raise ValueError("the model was trained on clips with another rig than the benchmark's; expected the same files' joints")
     task, count = bridge.cfg.task, samples or bridge.cfg.sampling.samples
-    fitting = [n for n in lengths if task.fewest <= task.past + n + 1 <= task.frames]
+    least = task.shortest or task.between
+    fitting = [n for n in lengths if least <= n <= task.between]
     if not fitting:
-        least = task.shortest or task.between
         raise ValueError(f"the model is for {least} to {task.between} frames between; expected some of {[*lengths]}")
     names = "single samples", f"average of {count}", "its mean" if bridge.cfg.model.mean_width else "its curve"
-    rows: dict[str, list[dict[str, Any]]] = {f"{name}, {what}": [] for what in names}
-    for n in lengths:
-        errors: list[Mapping[str, float | None]] = [dict.fromkeys(TOLERANCE)] * len(rows)
-        if n in fitting:
-            seen = _hidden(benchmark.windows, n).x[:, PAST - task.past :].float()
-            x = bridge.sample(seen, None, count, seed, progress=progress)
-            found = x, x.mean(1, keepdim=True), bridge.mean(seen)[:, None]
-            errors = [score(benchmark, _given(benchmark, each), n) for each in found]
-        for (method, of), of_it in zip(rows.items(), errors, strict=True):
-            of.append({"method": method, "N": n, "windows": len(benchmark), **of_it})
-    return [row for of in rows.values() for row in of]
+    errors: dict[int, list[dict[str, float]]] = {}
+    for n in fitting:
+        seen = _hidden(benchmark.windows, n).x[:, PAST - task.past :].float()
+        x = bridge.sample(seen, None, count, seed, progress=progress)
+        found = x, x.mean(1, keepdim=True), bridge.mean(seen)[:, None]
+        errors[n] = [score(benchmark, _given(each), n) for each in found]
+    return [
+        {"method": f"{name}, {what}", "N": n, "windows": len(benchmark)}
+        | (errors[n][place] if n in errors else dict.fromkeys(TOLERANCE))
+        for place, what in enumerate(names)
+        for n in lengths
+    ]
 
 
-def _given(benchmark: Benchmark, x: Float[Tensor, "N S F C"]) -> Fill:
+def _given(x: Float[Tensor, "N S F C"]) -> Fill:
     """A filling with states that are there already, perhaps of the last frames of the past alone."""
 
     def fill(seen: PlacedWindows, ids: list[int]) -> Tensor:

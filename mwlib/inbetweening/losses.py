@@ -19,10 +19,13 @@ from mwlib.metrics import foot_contacts
 
 Smoothness = Literal["step", "velocity", "acceleration"]
 Diversity = Literal["distance", "exponential"]
+Poses = Float[Tensor, "*lead F C"]
+Places = Float[Tensor, "*lead F joints 3"]  # metres
+PerMotion = Float[Tensor, "*lead"]
 STANDING = 0.2  # m/s up to which a low foot of the truth stands; MDM: a centimetre a frame at 20 Hz
 
 
-def diversity_loss(samples: Float[Tensor, "*lead M F C"], kind: Diversity, scale: float = 1.0) -> Float[Tensor, "*lead"]:
+def diversity_loss(samples: Float[Tensor, "*lead M F C"], kind: Diversity, scale: float = 1.0) -> PerMotion:
     """Likeness of the M samples of a clip.
 
     Args:
@@ -48,14 +51,12 @@ def diversity_loss(samples: Float[Tensor, "*lead M F C"], kind: Diversity, scale
     return torch.exp(-apart.square().sum(-1) / scale).mean(-1)
 
 
-def smoothness_loss(
-    x: Float[Tensor, "*lead F C"], truth: Float[Tensor, "*lead F C"] | None, kind: Smoothness
-) -> Float[Tensor, "*lead"]:
+def smoothness_loss(x: Poses, truth: Poses, kind: Smoothness) -> PerMotion:
     """Change of a motion from frame to frame: mean over frames of its squared length.
 
     Args:
         x: any numbers over time.
-        truth: of "velocity".
+        truth: the true ones, of "velocity".
         kind: "step", the paper's words: every step counts, so that standing still is best; "velocity": a step's difference from
             the truth's; "acceleration": second differences.
 
@@ -65,17 +66,13 @@ def smoothness_loss(
     """
     change = x.diff(dim=-2)
     if kind == "velocity":
-        if truth is None:
-            raise ValueError("truth is None; expected the true motion for kind 'velocity'")
         change = change - truth.diff(dim=-2)
     elif kind == "acceleration":
         change = change.diff(dim=-2)
     return change.square().sum(-1).mean(-1)
 
 
-def bone_length_loss(
-    positions: Float[Tensor, "*lead F joints 3"], lengths: Float[Tensor, "*#lead bones"], skeleton: Skeleton
-) -> Float[Tensor, "*lead"]:
+def bone_length_loss(positions: Places, lengths: Float[Tensor, "*#lead bones"], skeleton: Skeleton) -> PerMotion:
     """Mean over frames and bones of the squared difference from the given length, metres².
 
     Args:
@@ -110,9 +107,7 @@ def bone_angles(positions: Float[Tensor, "*lead joints 3"], skeleton: Skeleton) 
     return torch.atan2((cross + 1e-12).sqrt(), (u * v).sum(1)).movedim(0, -1).contiguous()
 
 
-def bone_angle_loss(
-    positions: Float[Tensor, "*lead F joints 3"], limits: Float[Tensor, " angles"], skeleton: Skeleton
-) -> Float[Tensor, "*lead"]:
+def bone_angle_loss(positions: Places, limits: Float[Tensor, " angles"], skeleton: Skeleton) -> PerMotion:
     """Mean over frames and angles of the squared excess over the limit, radians².
 
     Args:
@@ -128,9 +123,7 @@ def bone_angle_loss(
     return (bone_angles(positions, skeleton) - limits).clamp_min(0).square().mean((-2, -1))
 
 
-def contact_loss(
-    positions: Float[Tensor, "*lead T joints 3"], truth: Float[Tensor, "*#lead T joints 3"], feet: Sequence[int], fps: float
-) -> Float[Tensor, "*lead"]:
+def contact_loss(positions: Places, truth: Float[Tensor, "*#lead F joints 3"], feet: Sequence[int], fps: float) -> PerMotion:
     """Speed of feet where the truth's stand: mean over steps and feet of its square, 0 elsewhere, m²/s².
 
     Source: MDM (Tevet et al. 2023), Eq. 4, in metres per second. Own choice: the truth's foot stands if it is slow, as there,
@@ -152,7 +145,7 @@ def contact_loss(
     return (velocity.square().sum(-1) * stand).mean((-2, -1))
 
 
-def floor_of(positions: Float[Tensor, "*lead T joints 3"], feet: Sequence[int]) -> Float[Tensor, "*lead"]:
+def floor_of(positions: Places, feet: Sequence[int]) -> PerMotion:
     """Height of the lowest of some joints over a window, z up, metres."""
     return positions[..., list(feet), 2].amin((-2, -1))
 

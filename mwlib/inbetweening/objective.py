@@ -18,6 +18,7 @@ from mwlib.inbetweening.losses import (  # isort: skip
     bone_angle_loss, bone_angles, bone_length_loss, bone_lengths, contact_loss, diversity_loss, feet, smoothness_loss,
 )  # fmt: skip
 from mwlib.inbetweening.representation import Representation
+from mwlib.inbetweening.space import Tracks
 from mwlib.inbetweening.windows import Clips, PlacedWindows, draw_keyframes, make_space, parted
 from mwlib.networks import TransLinear
 from mwlib.networks.layers import zero_linear
@@ -29,6 +30,10 @@ LARGEST = 4.0  # bound of the logarithm that it says
 SMOOTH = 12  # tokens, from the first, whose mean a network says
 FINE = 6.0  # hertz: what people mean to do is slower
 MEAN_LAYERS = 3  # of that network
+Tokens = Float[Tensor, "B rows channels"]
+Index = Int[Tensor, " B"] | int  # of diffusion, one for all windows or one for each
+Seen = Float[Tensor, "B rows conditioning"]  # see `Representation.conditioning`
+Ends = Float[Tensor, "B entering"]  # see `Representation.ends`
 
 
 class KeyframeNetwork(nn.Module):
@@ -53,12 +58,7 @@ class KeyframeNetwork(nn.Module):
             extra_columns=extra, conditioned=False,
         )  # fmt: skip
 
-    def forward(
-        self,
-        y_t: Float[Tensor, "B rows channels"],
-        t: Int[Tensor, " B"] | int,
-        conditioning: Float[Tensor, "B rows conditioning"] | None = None,
-    ) -> Float[Tensor, "B rows channels"]:
+    def forward(self, y_t: Tokens, t: Index, conditioning: Seen | None = None) -> Tokens:
         """Its output. Fewer tokens than the most are the first of them.
 
         Args:
@@ -93,22 +93,17 @@ class WienerNetwork(nn.Module):
         self.register_buffer("power", power.clone(), persistent=False)
         self.register_buffer("alpha_bar", alpha_bar.float(), persistent=False)
 
-    def forward(
-        self,
-        y_t: Float[Tensor, "B rows channels"],
-        t: Int[Tensor, " B"] | int,
-        conditioning: Float[Tensor, "B rows conditioning"] | None = None,
-    ) -> Float[Tensor, "B rows channels"]:
+    def forward(self, y_t: Tokens, t: Index, conditioning: Seen | None = None) -> Tokens:
         """The clean estimate."""
         a, s, v = self._levels(y_t, t)
         return (a.sqrt() * s**2 / v) * y_t + self.share(y_t, t) * self.inner(y_t / v.sqrt(), t, conditioning)
 
-    def share(self, y_t: Float[Tensor, "B rows channels"], t: Int[Tensor, " B"] | int) -> Float[Tensor, "*B rows channels"]:
+    def share(self, y_t: Tokens, t: Index) -> Float[Tensor, "*B rows channels"]:
         """Deviation of what the linear denoiser misses: the network's output counts so much."""
         a, s, v = self._levels(y_t, t)
         return s * ((1 - a) / v).sqrt()
 
-    def _levels(self, y_t: Tensor, t: Int[Tensor, " B"] | int) -> tuple[Tensor, Tensor, Tensor]:
+    def _levels(self, y_t: Tensor, t: Index) -> tuple[Tensor, Tensor, Tensor]:
         a = self.alpha_bar[t].reshape(-1, 1, 1)
         s = self.power[: y_t.shape[-2]]
         return a, s, a * s**2 + 1 - a
@@ -134,7 +129,7 @@ class MeanNetwork(nn.Module):
         )
         self.leave = nn.Sequential(nn.SiLU(), zero_linear(width, min(rows, SMOOTH) * columns))
 
-    def forward(self, ends: Float[Tensor, "B entering"]) -> Float[Tensor, "B rows columns"]:
+    def forward(self, ends: Ends) -> Float[Tensor, "B rows columns"]:
         """The mean of all tokens; of those after the first `SMOOTH` it is 0."""
         x = self.enter(ends)
         for layer in self.layers:
@@ -163,19 +158,19 @@ class SizedNetwork(WienerNetwork):
         rows = inner.net.rows
         super().__init__(inner, torch.ones(rows, inner.net.columns), alpha_bar)
         self.fps = fps
-        last = zero_linear(SIZES, rows)
+        last = zero_linear(SIZES, rows)  # draws before the first layer does, in every training that was made
         self.log_factor = nn.Sequential(nn.Linear(entering, SIZES), nn.SiLU(), last)
         self.mean_of = mean
 
-    def mean(self, ends: Float[Tensor, "B entering"], rows: int) -> Float[Tensor, "B rows columns"]:
+    def mean(self, ends: Ends, rows: int) -> Float[Tensor, "B rows columns"]:
         """The mean of the first tokens in each window, in usual sizes."""
         return ends.new_zeros(len(ends), rows, self.power.shape[-1]) if self.mean_of is None else self.mean_of(ends)[:, :rows]
 
-    def factor(self, ends: Float[Tensor, "B entering"], rows: int) -> Float[Tensor, "B rows 1"]:
+    def factor(self, ends: Ends, rows: int) -> Float[Tensor, "B rows 1"]:
         """By what the usual sizes of the first tokens are multiplied in each window, as training fits it."""
         return self.log_factor(ends)[:, :rows, None].clamp(-LARGEST, LARGEST).exp()
 
-    def factor_of_samples(self, ends: Float[Tensor, "B entering"], rows: int) -> Float[Tensor, "B rows 1"]:
+    def factor_of_samples(self, ends: Ends, rows: int) -> Float[Tensor, "B rows 1"]:
         """`factor`, but for tokens above `FINE` at most 1: for people faster than those in training the network says that what
         is so fine grows with the movement, and it hardly does.
 
@@ -214,18 +209,18 @@ class InbetweeningObjective(Objective):
     """
 
     def __init__(self, cfg: Config, split: Split, learnt: Mapping[str, Tensor] | None = None) -> None:
-        self.cfg, self.task = cfg, (task := cfg.task)
-        self.space = make_space(split.train, cfg.task.state)
+        self.cfg, self.task, task = cfg, cfg.task, cfg.task
+        self.space = make_space(split.train, task.state)
         self.feet = feet(self.space.bodies.skeleton)
         if cfg.objective.contact_weight and not self.feet:
-            found = ", ".join(self.space.bodies.skeleton.joints)
             raise ValueError(
-                f"contact_weight is {cfg.objective.contact_weight}, but joints are {found}; expected toes, feet or ankles"
+                f"contact_weight is {cfg.objective.contact_weight}, but joints are "
+                f"{', '.join(self.space.bodies.skeleton.joints)}; expected toes, feet or ankles"
             )
         self.clips = Clips(Variation(speeds=task.other_speeds).clips(split.train), self.space, task.mirror)
         self.held_out = Clips(split.validation, self.space) if split.validation else None
         if self.held_out is not None:
-            self.held_out.check(self.task.frames)
+            self.held_out.check(task.frames)
         self.alpha_bar = alpha_bar(cfg.diffusion.schedule, cfg.diffusion.steps)
         self.level = snr_weights(self.alpha_bar) if cfg.objective.level_weight == "snr" else None
         if learnt:
@@ -266,17 +261,17 @@ class InbetweeningObjective(Objective):
         """L = L_noise + lambda_d L_div + lambda_s L_smooth + lambda_l L_len + lambda_a L_ang + the contacts; t in 1..M-1."""
         before, x, after = parted(batch.windows.x, self.task.past, self.task.future)
         mask = batch.mask[:, self.task.past - 1 :][:, : x.shape[1]]
-        options, seen = self.cfg.objective, None
+        options, form, seen = self.cfg.objective, self.representation, None
         draws = options.draws if options.diversity_weight else 1
-        line = self.representation.interpolation(x, before, mask, after)
-        room, tf = self.representation.room(x, before, after), self.representation.transform(x.shape[-2])
-        y = tf(self.representation.modelled(x, line, room))
+        line = form.interpolation(x, before, mask, after)
+        room, tf = form.room(x, before, after), form.transform(x.shape[-2])
+        y = tf(form.modelled(x, line, room))
         sizes, mean, of_window = y.new_ones(len(y), 1, 1), torch.zeros_like(y), y.new_zeros(())
         if isinstance(network, SizedNetwork):
-            sizes, ends = self.representation.usual(x.shape[-2]).to(y), self.representation.ends(line, before, after)
+            sizes, ends = form.usual(x.shape[-2]).to(y), form.ends(line, before, after)
             if network.mean_of is not None:
                 mean = sizes * network.mean(ends, y.shape[-2])
-                guess = self.representation.states(tf.inverse(mean), line, room)
+                guess = form.states(tf.inverse(mean), line, room)
                 of_window, mean = self._share_left(guess, line, batch.windows._replace(x=x)), mean.detach()
                 y = y - mean
             factor = network.factor(ends, y.shape[-2])
@@ -289,7 +284,7 @@ class InbetweeningObjective(Objective):
         eps = torch.randn(y.shape, generator=generator).to(y.device)
         y_t = noised(y, eps, a)
         if self.cfg.model.condition_on_keyframes:
-            seen = self.representation.conditioning(line, before, mask, after).repeat_interleave(draws, dim=0)
+            seen = form.conditioning(line, before, mask, after).repeat_interleave(draws, dim=0)
         output = network(y_t, steps, seen)
         error = output - network_target(self.cfg.diffusion.prediction, y, eps, a)
         if options.level_weight == "unit":
@@ -299,13 +294,11 @@ class InbetweeningObjective(Objective):
         if any(getattr(options, name) for name in ON_BODIES):
             y0_hat = y0_hat_of(y_t, to_eps(self.cfg.diffusion.prediction, output, y_t, a), a)
             z = tf.inverse(y0_hat.unflatten(0, (-1, draws)) * sizes[:, None] + mean[:, None])
-            guessed = self.representation.states(z, line[:, None], room[:, None])  # (B, M, T, C)
+            guessed = form.states(z, line[:, None], room[:, None])  # (B, M, T, C)
             total = total + self._of_bodies(guessed, batch.windows._replace(x=x), t)
         return total
 
-    def _share_left(
-        self, guess: Float[Tensor, "B T C"], line: Float[Tensor, "B T C"], windows: PlacedWindows
-    ) -> Float[Tensor, ""]:
+    def _share_left(self, guess: Tracks, line: Tracks, windows: PlacedWindows) -> Float[Tensor, ""]:
         """Error of guessed states as a share of the interpolation's: mean distance of joints over the frames between."""
         p, straight, truth = (self.space.positions(states, windows.offsets) for states in (guess, line, windows.x))
         left, whole = ((places - truth)[:, 1:-1].norm(dim=-1).mean() for places in (p, straight))
@@ -315,14 +308,11 @@ class InbetweeningObjective(Objective):
         """The losses on clean estimates, metres, times alpha_bar: an error in eps is divided by it in the estimate."""
         o, skeleton = self.cfg.objective, self.space.bodies.skeleton
         places = self.space.positions(x, windows.offsets[:, None])
-        is_compared = o.smoothness == "velocity"
-        frames = slice(None if is_compared or o.contact_weight else 1)  # of the truth, as many as are looked at
-        truth = self.space.positions(windows.x[:, frames], windows.offsets)[:, None]
+        truth = self.space.positions(windows.x, windows.offsets)[:, None]
         flat = places.flatten(-2)
         total = x.new_zeros(x.shape[:2])
         if o.smoothness_weight:
-            like = truth.expand_as(places).flatten(-2) if is_compared else None
-            total = total + o.smoothness_weight * smoothness_loss(flat, like, o.smoothness)
+            total = total + o.smoothness_weight * smoothness_loss(flat, truth.expand_as(places).flatten(-2), o.smoothness)
         if o.length_weight and not self.space.rigid:  # else it is zero
             lengths = bone_lengths(truth[:, :, 0], skeleton)
             total = total + o.length_weight * bone_length_loss(places, lengths, skeleton)
@@ -352,14 +342,13 @@ class InbetweeningObjective(Objective):
 
 def make_network(cfg: Config, representation: Representation) -> KeyframeNetwork | WienerNetwork:
     """The untrained network that a configuration names, for what is diffused."""
-    inner = KeyframeNetwork(cfg.model, *representation.transform(representation.frames).shape, cfg.task.steps)
-    if cfg.model.output == "direct":
+    m, task, (rows, channels) = cfg.model, cfg.task, representation.transform(representation.frames).shape
+    inner = KeyframeNetwork(m, rows, channels, task.steps)
+    if m.output == "direct":
         return inner
     levels = alpha_bar(cfg.diffusion.schedule, cfg.diffusion.steps)
-    if cfg.model.departure_scale != "window":
+    if m.departure_scale != "window":
         return WienerNetwork(inner, representation.power, levels)
-    channels = representation.power.shape[-1]
-    entering = (2 + cfg.task.steps) * channels + cfg.task.steps * bool(cfg.model.hide) + 1
-    m, rows = cfg.model, representation.transform(representation.frames).shape[0]
+    entering = (2 + task.steps) * channels + task.steps * bool(m.hide) + 1
     mean = MeanNetwork(entering, rows, channels, m.mean_width, m.dropout) if m.mean_width else None
     return SizedNetwork(inner, entering, levels, cfg.data.fps, mean)

@@ -13,15 +13,24 @@ from typing import NamedTuple
 
 import numpy as np
 import torch
-from jaxtyping import Float, Int
+from jaxtyping import Float
 from torch import Tensor
 
-from mwlib.body.kinematics import bones_of, fk, heading, horizontal, places, scale_bones, turn_heading
+from mwlib.body.kinematics import bones_of, fk, heading, places, scale_bones, turn_heading
 from mwlib.body.motion import Motion
 from mwlib.body.rig import ROTATION_DTYPE, Rig
 from mwlib.body.rotation import continuous, from_six, six
 from mwlib.body.skeleton import Skeleton
 from mwlib.data.windows import Bodies
+
+Track = Float[Tensor, "T C"]  # states of one motion, frame by frame
+Tracks = Float[Tensor, "N T C"]  # of windows
+Samples = Float[Tensor, "N S T C"]  # several motions for each window
+States = Float[Tensor, "*lead T C"]
+State = Float[Tensor, "*lead C"]
+OtherStates = Float[Tensor, "*#lead T C"]  # whose leading axes broadcast
+Offsets = Float[Tensor, "*#lead rig 3"]  # of the rig, metres, which make a body of a state
+Joints = Float[Tensor, "*lead T J 3"]  # places, metres
 
 UP = "z"
 STIFF = 1e-3  # half a turn in radians up to which a joint counts as not turning
@@ -32,6 +41,10 @@ class Placement(NamedTuple):
 
     angle: Float[Tensor, "*lead"]
     origin: Float[Tensor, "*lead 2"]
+
+    def repeated(self, samples: int) -> Placement:
+        """The same for so many samples of each window."""
+        return Placement(*(part[:, None].expand(-1, samples, *part.shape[1:]) for part in self))
 
 
 class Space(ABC):
@@ -50,51 +63,50 @@ class Space(ABC):
     rigid: bool
 
     @abstractmethod
-    def encode(self, motion: Motion, dtype: torch.dtype = torch.float32) -> Float[Tensor, "T C"]:
+    def encode(self, motion: Motion, dtype: torch.dtype = torch.float32) -> Track:
         """States of a motion, in the world."""
 
-    @abstractmethod
-    def offsets(self, motion: Motion) -> Float[Tensor, "rig 3"]:
-        """Offsets of the rig, metres, which make a body of a state; a state of places needs none, (0, 3)."""
+    def offsets(self, motion: Motion) -> Offsets:
+        """Offsets of the rig, metres, which make a body of a state, (rig, 3); a state of places needs none, (0, 3)."""
+        return torch.zeros(0, 3)
 
     @abstractmethod
-    def positions(self, x: Float[Tensor, "*lead T C"], offsets: Float[Tensor, "*#lead rig 3"]) -> Float[Tensor, "*lead T J 3"]:
+    def positions(self, x: States, offsets: Offsets) -> Joints:
         """Places of all joints of the skeleton, the root among them, metres."""
 
-    @abstractmethod
-    def rotations(self, x: Float[Tensor, "*lead T C"], offsets: Float[Tensor, "*#lead rig 3"]) -> Tensor | None:
+    def rotations(self, x: States, offsets: Offsets) -> Tensor | None:
         """Turns of the joints against the world, (..., T, joints, 4); None if the state has none."""
+        return None
 
     @abstractmethod
-    def decode(self, x: Float[Tensor, "T C"], like: Motion) -> Motion:
+    def decode(self, x: Track, like: Motion) -> Motion:
         """States as a motion. Rate, names and, for rotations, the rig and its bones are those of `like`."""
 
     def to_json(self) -> str:
         """As text that a model file carries."""
         return json.dumps({"bodies": self.bodies.to_json()})
 
-    @abstractmethod
-    def valid(self, x: Float[Tensor, "*lead C"]) -> Float[Tensor, "*lead C"]:
+    def valid(self, x: State) -> State:
         """The nearest numbers that are a state."""
+        return x
 
-    def with_bones(self, x: Float[Tensor, "*lead T C"], given: Float[Tensor, "*#lead T C"]) -> Float[Tensor, "*lead T C"]:
+    def with_bones(self, x: States, given: OtherStates) -> States:
         """States whose bones are as long as in other states; those of rotations have no lengths of their own."""
         return x
 
-    def placement(self, x: Float[Tensor, "*lead T C"], offsets: Float[Tensor, "*#lead rig 3"], frame: int = 0) -> Placement:
+    def placement(self, x: States, offsets: Offsets, frame: int = 0) -> Placement:
         """The place of a window, by one of its frames. Source: own choice, as one of the two given poses suffices for it."""
-        a, b, _ = horizontal(UP)
         joints = self.positions(x[..., frame : frame + 1, :], offsets)[..., 0, :, :]
         relative = (joints[..., 1:, :] - joints[..., :1, :]).flatten(-2)
-        return Placement(heading(relative, self.bodies.skeleton, UP), x[..., frame, [a, b]])
+        return Placement(heading(relative, self.bodies.skeleton, UP), x[..., frame, :2])
 
-    def seen_from(self, x: Float[Tensor, "*lead T C"], placement: Placement) -> Float[Tensor, "*lead T C"]:
+    def seen_from(self, x: States, placement: Placement) -> States:
         """Windows in the world as seen from their placements: that frame's root above the origin, its left along x."""
         moved = x.clone()
         moved[..., :2] -= placement.origin[..., None, :]
         return self._turn(moved, -placement.angle)
 
-    def placed(self, x: Float[Tensor, "*lead T C"], placement: Placement) -> Float[Tensor, "*lead T C"]:
+    def placed(self, x: States, placement: Placement) -> States:
         """Inverse of `seen_from`."""
         moved = self._turn(x, placement.angle)
         moved[..., :2] += placement.origin[..., None, :]
@@ -115,35 +127,23 @@ class PositionSpace(Space):
         self.turned, self.rigid = len(self.bodies.skeleton), False
         self.channels = 3 * self.turned
 
-    def encode(self, motion: Motion, dtype: torch.dtype = torch.float32) -> Float[Tensor, "T C"]:
+    def encode(self, motion: Motion, dtype: torch.dtype = torch.float32) -> Track:
         """See `Space`."""
         return torch.from_numpy(np.concatenate([motion.positions[:, 0], motion.root_relative()], axis=1)).to(dtype)
 
-    def offsets(self, motion: Motion) -> Float[Tensor, "rig 3"]:
-        """See `Space`."""
-        return torch.zeros(0, 3)
-
-    def positions(self, x: Float[Tensor, "*lead T C"], offsets: Float[Tensor, "*#lead rig 3"]) -> Float[Tensor, "*lead T J 3"]:
+    def positions(self, x: States, offsets: Offsets) -> Joints:
         """See `Space`."""
         root, others = x[..., None, :3], x[..., 3:].unflatten(-1, (-1, 3))
         return torch.cat([root, root + others], dim=-2)
 
-    def rotations(self, x: Float[Tensor, "*lead T C"], offsets: Float[Tensor, "*#lead rig 3"]) -> None:
+    def decode(self, x: Track, like: Motion) -> Motion:
         """See `Space`."""
-        return None
+        return replace(like, positions=self.positions(x, self.offsets(like)).numpy().astype(like.positions.dtype), rig=None)
 
-    def decode(self, x: Float[Tensor, "T C"], like: Motion) -> Motion:
-        """See `Space`."""
-        return replace(like, positions=self.positions(x, torch.zeros(0, 3)).numpy().astype(like.positions.dtype), rig=None)
-
-    def with_bones(self, x: Float[Tensor, "*lead T C"], given: Float[Tensor, "*#lead T C"]) -> Float[Tensor, "*lead T C"]:
+    def with_bones(self, x: States, given: OtherStates) -> States:
         """See `Space`."""
         here, there = (bones_of(states[..., 3:], self.bodies.skeleton).norm(dim=-1) for states in (x, given))
         return torch.cat([x[..., :3], scale_bones(x[..., 3:], there / here.clamp_min(1e-6), self.bodies.skeleton)], dim=-1)
-
-    def valid(self, x: Float[Tensor, "*lead C"]) -> Float[Tensor, "*lead C"]:
-        """See `Space`."""
-        return x
 
 
 @dataclass(eq=False)
@@ -182,7 +182,7 @@ class RotationSpace(Space):
             way.append(end)
         return way
 
-    def encode(self, motion: Motion, dtype: torch.dtype = torch.float32) -> Float[Tensor, "T C"]:
+    def encode(self, motion: Motion, dtype: torch.dtype = torch.float32) -> Track:
         """See `Space`.
 
         Raises:
@@ -196,12 +196,14 @@ class RotationSpace(Space):
             )
         stiff = [j for j in range(len(self.tree)) if j not in self.turning]
         if lost := [j for j in stiff if np.abs(rig.rotations[:, j, 1:]).max() > STIFF]:
-            name = f"{motion.name or 'a motion'} turns {self.tree.joints[lost[0]]}"
-            raise ValueError(f"{name}, which has no rotation channels in the first clip; expected the same channels in all clips")
+            raise ValueError(
+                f"{motion.name or 'a motion'} turns {self.tree.joints[lost[0]]}, which has no rotation channels in the first "
+                "clip; expected the same channels in all clips"
+            )
         turns = torch.from_numpy(rig.rotations[:, self.turning]).to(dtype)
         return torch.cat([torch.from_numpy(rig.root).to(dtype), six(turns).flatten(-2)], dim=-1)
 
-    def offsets(self, motion: Motion) -> Float[Tensor, "rig 3"]:
+    def offsets(self, motion: Motion) -> Offsets:
         """See `Space`."""
         return torch.from_numpy(rooted_rig(motion).offsets.astype(np.float32))
 
@@ -210,36 +212,34 @@ class RotationSpace(Space):
         rows = {"tree": asdict(self.tree), "turning": self.turning, "points": self.points}
         return json.dumps({"bodies": self.bodies.to_json(), **rows})
 
-    def local(self, x: Float[Tensor, "*lead C"]) -> Float[Tensor, "*lead rig 4"]:
+    def local(self, x: State) -> Float[Tensor, "*lead rig 4"]:
         """Rotations of all joints of the rig against their parents; those that do not turn have none."""
         return from_six(self._numbers(x))
 
-    def _numbers(self, x: Float[Tensor, "*lead C"]) -> Float[Tensor, "*lead rig 6"]:
-        still = x.new_tensor([1.0, 0.0, 0.0, 0.0, 1.0, 0.0]).expand(*x.shape[:-1], 6)
-        order = _places(self.turning, len(self.tree)).to(x.device)
-        return torch.cat([still, x[..., 3:]], dim=-1).unflatten(-1, (-1, 6)).index_select(-2, order)
+    def _numbers(self, x: State) -> Float[Tensor, "*lead rig 6"]:
+        found = x.new_tensor([1.0, 0.0, 0.0, 0.0, 1.0, 0.0]).repeat(*x.shape[:-1], len(self.tree), 1)
+        found[..., list(self.turning), :] = x[..., 3:].unflatten(-1, (-1, 6))
+        return found
 
-    def positions(self, x: Float[Tensor, "*lead T C"], offsets: Float[Tensor, "*#lead rig 3"]) -> Float[Tensor, "*lead T J 3"]:
+    def positions(self, x: States, offsets: Offsets) -> Joints:
         """See `Space`: forward kinematics."""
         found = places(self._numbers(x), offsets.to(x)[..., None, :, :], x[..., :3], self.tree)
         return found.movedim(-2, 0).index_select(0, torch.tensor(self.points, device=x.device)).movedim(0, -2)
 
-    def rotations(
-        self, x: Float[Tensor, "*lead T C"], offsets: Float[Tensor, "*#lead rig 3"]
-    ) -> Float[Tensor, "*lead T joints 4"]:
+    def rotations(self, x: States, offsets: Offsets) -> Float[Tensor, "*lead T joints 4"]:
         """See `Space`."""
         turns = self.local(x)
         offsets = offsets.to(x)[..., None, :, :].expand(*turns.shape[:-1], 3)
         return fk(turns, offsets, x[..., :3], self.tree)[1][..., list(self.turning), :]
 
-    def decode(self, x: Float[Tensor, "T C"], like: Motion) -> Motion:
+    def decode(self, x: Track, like: Motion) -> Motion:
         """See `Space`."""
         template = rooted_rig(like)
         turns = continuous(self.local(x.double())).numpy().astype(ROTATION_DTYPE)
         rig = Rig(template.skeleton, template.offsets, turns, x[:, :3].double().numpy(), template.points, template.channels)
         return replace(like, positions=rig.positions().astype(like.positions.dtype), rig=rig)
 
-    def valid(self, x: Float[Tensor, "*lead C"]) -> Float[Tensor, "*lead C"]:
+    def valid(self, x: State) -> State:
         """See `Space`."""
         return torch.cat([x[..., :3], six(from_six(x[..., 3:].unflatten(-1, (-1, 6)))).flatten(-2)], dim=-1)
 
@@ -251,10 +251,8 @@ def space_from_json(text: str) -> Space:
     if "tree" not in tree:
         return PositionSpace(bodies)
     rig = tree["tree"]
-    joints, parents, left, right = (tuple(rig[name]) for name in ("joints", "parents", "left", "right"))
-    return RotationSpace(
-        bodies, Skeleton(rig["name"], joints, parents, left, right), tuple(tree["turning"]), tuple(tree["points"])
-    )
+    skeleton = Skeleton(rig["name"], *(tuple(rig[name]) for name in ("joints", "parents", "left", "right")))
+    return RotationSpace(bodies, skeleton, tuple(tree["turning"]), tuple(tree["points"]))
 
 
 def rooted_rig(motion: Motion) -> Rig:
@@ -268,10 +266,3 @@ def rooted_rig(motion: Motion) -> Rig:
             f"{motion.name or 'a motion'} has positions only; expected rotations, as BVH and AMC files have, or state=positions"
         )
     return motion.rig.rooted()
-
-
-def _places(turning: tuple[int, ...], joints: int) -> Int[Tensor, " joints"]:
-    """For every joint of a rig its number among "none, then those that turn"."""
-    order = torch.zeros(joints, dtype=torch.long)
-    order[list(turning)] = torch.arange(1, len(turning) + 1)
-    return order

@@ -20,7 +20,7 @@ from mwlib.inbetweening.config import Config
 from mwlib.inbetweening.gaps import card_of_gaps, rows_by_gap
 from mwlib.inbetweening.losses import bone_lengths, feet, floor_of
 from mwlib.inbetweening.objective import InbetweeningObjective
-from mwlib.inbetweening.space import Space
+from mwlib.inbetweening.space import Samples, Space
 from mwlib.inbetweening.windows import Clips, PlacedWindows, given, make_space, parted, ready
 
 from mwlib.metrics import (  # isort: skip
@@ -56,6 +56,7 @@ CHUNK = 32  # windows scored together
 make_objective, open_model = InbetweeningObjective, Bridge.from_tensors
 more_rows, more_of_card = rows_by_gap, card_of_gaps  # what the card of a shipped model says beside the tables
 
+PerWindow = Float[Tensor, " N"]
 Fill = Callable[[PlacedWindows, list[int]], Tensor]  # windows, their numbers -> states (n, S, T, C)
 
 
@@ -127,18 +128,16 @@ class Score:
         places[..., :2] -= places[:, :, :1, :2].mean(1, keepdim=True)
         return cls(space, places.flatten(-2).flatten(0, 1).std(0, correction=0).clamp_min(1e-4), past, future)
 
-    def __call__(self, x: Float[Tensor, "n S T C"], windows: PlacedWindows) -> dict[str, Float[Tensor, " n"]]:
+    def __call__(self, x: Samples, windows: PlacedWindows) -> dict[str, PerWindow]:
         """Every metric but NPSS, which is summed up over all windows."""
         p, g = (self.joints(states, windows.offsets) for states in (x, windows.x[:, None]))
         keyframes = (*range(self.past), *range(-self.future, 0))
-        met = keyframe_error(p.flatten(-2), g.flatten(-2), keyframes=keyframes).amax(1)
-        x, truth = (parted(states, self.past, self.future)[1] for states in (x, windows.x[:, None]))
-        p, g = (self.joints(states, windows.offsets) for states in (x, truth))
+        met = keyframe_error(p, g, keyframes=keyframes).amax(1)
+        x, truth, p, g = (parted(part, self.past, self.future)[1] for part in (x, windows.x[:, None], p, g))
         errors = self.errors(x, truth, windows.offsets, p, g)
-        straight = self.joints(between(self.space, truth[:, 0], "interpolation")[:, None], windows.offsets).flatten(-2)[:, 0]
-        lengths = bone_lengths(g[:, :, 0], self.skeleton)
-        floor = floor_of(g[:, 0], self.feet or [0])
-        p, g = p.flatten(-2), g.flatten(-2)
+        straight = self.joints(between(self.space, truth[:, 0], "interpolation")[:, None], windows.offsets)[:, 0]
+        lengths = bone_lengths(g[:, :, 0].unflatten(-1, (-1, 3)), self.skeleton)
+        floor = floor_of(g[:, 0].unflatten(-1, (-1, 3)), self.feet or [0])
         inner, true = p[..., 1:-1, :], g[:, 0, 1:-1]
         apart = sample_ade(inner, true)
         return {
@@ -153,26 +152,21 @@ class Score:
             **self._motion(p, floor),
         }
 
-    def joints(self, x: Float[Tensor, "n S F C"], offsets: Float[Tensor, "n rig 3"]) -> Float[Tensor, "n S F J 3"]:
-        """Places of the joints of states."""
-        return self.space.positions(x, offsets[:, None])
+    def joints(self, x: Samples, offsets: Float[Tensor, "N rig 3"]) -> Float[Tensor, "N S T joints"]:
+        """Places of the joints of states, all numbers of a frame in a row."""
+        return self.space.positions(x, offsets[:, None]).flatten(-2)
 
     def errors(
-        self,
-        x: Float[Tensor, "n S F C"],
-        truth: Float[Tensor, "n 1 F C"],
-        offsets: Float[Tensor, "n rig 3"],
-        p: Float[Tensor, "n S F J 3"],
-        g: Float[Tensor, "n 1 F J 3"],
-    ) -> dict[str, Float[Tensor, "n S"]]:
+        self, x: Samples, truth: Float[Tensor, "N 1 T C"], offsets: Float[Tensor, "N rig 3"], p: Tensor, g: Tensor
+    ) -> dict[str, Float[Tensor, "N S"]]:
         """L2P of every sample from keyframe to keyframe and, of rotations, L2Q; NPSS is summed up.
 
         Args:
             x, truth: states from the first to the last keyframe.
             offsets: of their bodies.
-            p, g: their joints.
+            p, g: their joints, see `joints`.
         """
-        p, g = (places.flatten(-2)[..., 1:-1, :] for places in (p, g))
+        p, g = p[..., 1:-1, :], g[..., 1:-1, :]
         found = {"l2p": l2p(p, g, torch.zeros_like(self.deviation), self.deviation)}
         p_turns, g_turns = (self.space.rotations(states, offsets[:, None]) for states in (x, truth))
         if p_turns is None or g_turns is None:
@@ -184,7 +178,7 @@ class Score:
             self.npss.update(p_turns.flatten(-2), g_turns.flatten(-2))
         return found
 
-    def _motion(self, p: Float[Tensor, "n S T C"], floor: Float[Tensor, " n"]) -> dict[str, Float[Tensor, " n"]]:
+    def _motion(self, p: Samples, floor: PerWindow) -> dict[str, PerWindow]:
         joints = p.unflatten(-1, (-1, 3)).clone()
         joints[..., 2] -= floor[:, None, None, None]
         return {
@@ -213,9 +207,8 @@ def evaluate(cfg: Config, get_model: Callable[[], Bridge], split: Split, progres
     fill, score = make_fill(cfg, get_model, split, space), Score.of(split, space, frames, past, future)
     parts = []
     for first in tqdm(range(0, len(windows.x), CHUNK), desc=cfg.sampling.method, disable=not progress, leave=False):
-        rows = slice(first, first + CHUNK)
-        part = windows.pick(rows)
-        parts.append(score(fill(part, [*range(len(windows.x))][rows]), part))
+        part = windows.pick(slice(first, first + CHUNK))
+        parts.append(score(fill(part, [*range(first, first + len(part.x))]), part))
     values = {name: torch.cat([part[name] for part in parts]).double() for name in parts[0]}
     values = {name: torch.where(value.isfinite(), value, torch.nan) for name, value in values.items()}  # still ones have no seam
     return summary(values, windows.clip.tolist(), mean={"npss": score.npss.value()})

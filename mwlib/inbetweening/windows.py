@@ -13,13 +13,18 @@ from torch import Tensor
 from mwlib.body.motion import Motion
 from mwlib.data.mirroring import unmirrored
 from mwlib.data.windows import Bodies, JoinedClips, spread
-from mwlib.inbetweening.space import UP, Placement, PositionSpace, RotationSpace, Space, rooted_rig
+from mwlib.inbetweening.space import UP, Placement, PositionSpace, RotationSpace, Space, States, Tracks, rooted_rig
+
+Given = Bool[Tensor, " T"]  # True in frames that are given, of one window
+Keyframes = Bool[Tensor, "*#lead T"]  # True at keyframes, for one window or each
+Past = Float[Tensor, "*lead P C"]  # states before the first keyframe
+Future = Float[Tensor, "*lead Q C"]  # and after the last
 
 
 class PlacedWindows(NamedTuple):
     """Windows as seen from one of their frames, the offsets of their bodies, and where they come from."""
 
-    x: Float[Tensor, "N T C"]
+    x: Tracks
     offsets: Float[Tensor, "N rig 3"]
     clip: Int[Tensor, " N"]
     start: Int[Tensor, " N"]
@@ -27,9 +32,8 @@ class PlacedWindows(NamedTuple):
 
     def pick(self, rows: Int[Tensor, " n"] | slice) -> PlacedWindows:
         """Some of the windows."""
-        x, offsets, clip, start, placement = self
-        placed = Placement(placement.angle[rows], placement.origin[rows])
-        return PlacedWindows(x[rows], offsets[rows], clip[rows], start[rows], placed)
+        *parts, placement = self
+        return PlacedWindows(*(part[rows] for part in parts), Placement(*(part[rows] for part in placement)))
 
     def thin(self, count: int) -> PlacedWindows:
         """At most `count` windows, spread evenly; 0 keeps all."""
@@ -93,8 +97,11 @@ class Clips(JoinedClips):
         Raises:
             ValueError: the message says how long the longest is, and what to change.
         """
-        parts, remedy = ", the keyframes and what lies between", "longer clips, fewer frames between or a smaller fps would do"
-        self.require(frames, parts=parts, remedy=remedy)
+        self.require(
+            frames,
+            parts=", the keyframes and what lies between",
+            remedy="longer clips, fewer frames between or a smaller fps would do",
+        )
 
     def windows(self, frames: int, stride: int, past: int = 1) -> PlacedWindows:
         """Every window of so many frames, see `starts` and `at`.
@@ -130,15 +137,13 @@ def mirror_images(motions: Sequence[Motion], space: Space) -> list[Motion]:
     return [m.mirror() for m in motions]
 
 
-def given(frames: int, past: int = 1, future: int = 1) -> Bool[Tensor, " T"]:
+def given(frames: int, past: int = 1, future: int = 1) -> Given:
     """The task: the first `past` frames and the last `future` are given. With one of each it is the paper's."""
-    mask = torch.zeros(frames, dtype=torch.bool)
-    mask[:past] = True
-    mask[-future:] = True
-    return mask
+    frame = torch.arange(frames)
+    return (frame < past) | (frame >= frames - future)
 
 
-def parted(x: Float[Tensor, "*lead T C"], past: int, future: int) -> tuple[Tensor, Tensor, Tensor]:
+def parted(x: States, past: int, future: int) -> tuple[Tensor, Tensor, Tensor]:
     """What is before the first keyframe, from it to the last one, and after that."""
     first, last = past - 1, x.shape[-2] - future + 1
     return x[..., :first, :], x[..., first:last, :], x[..., last:, :]
@@ -157,7 +162,7 @@ def draw_keyframes(
     return mask
 
 
-def interpolated(x: Float[Tensor, "*lead T C"], mask: Bool[Tensor, "*#lead T"]) -> Float[Tensor, "*lead T C"]:
+def interpolated(x: States, mask: Keyframes) -> States:
     """Straight lines from keyframe to keyframe; before the first and after the last their states.
 
     Args:
@@ -176,12 +181,12 @@ def interpolated(x: Float[Tensor, "*lead T C"], mask: Bool[Tensor, "*#lead T"]) 
 
 
 def coasting(
-    x: Float[Tensor, "*lead T C"],
-    before: Float[Tensor, "*lead P C"],
-    mask: Bool[Tensor, "*#lead T"],
+    x: States,
+    before: Past,
+    mask: Keyframes,
     frames: float,
-    after: Float[Tensor, "*lead Q C"] | None = None,
-) -> Float[Tensor, "*lead T C"]:
+    after: Future | None = None,
+) -> States:
     """`interpolated`, that leaves the first keyframe with the velocity that the body has there, and arrives so at the last.
 
     Frame k departs from the straight line by (v - v_line) k exp(-(k / frames)^p) (1 - k / K)^p, K the next keyframe, v the last

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from functools import lru_cache
+from itertools import product
 
 import numpy as np
 import pywt
@@ -73,12 +74,11 @@ class WaveletTransform(LinearTransform):
     def __init__(self, frames: int, channels: int, wavelet: str = "bior2.8", mode: str = "zero", level: int = 1) -> None:
         self.frames, self.channels = whole("frames", frames, 1), whole("channels", channels, 1)
         self.wavelet, self.mode, self.level = wavelet, mode, level
-        self.analysis_time, self.synthesis_time, self.rows = wavelet_matrices(frames, wavelet, mode, level)
-        self.analysis_space, self.synthesis_space, self.columns = wavelet_matrices(channels, wavelet, mode, level)
-        self.shape = (self.rows[0], 4 * self.columns[0]) if level == 1 else (sum(self.rows), sum(self.columns))
-        a, s, b, r = self.analysis_time, self.synthesis_time, self.analysis_space, self.synthesis_space
+        self.analysis_time, self.synthesis_time, self.rows = a, s, rows = wavelet_matrices(frames, wavelet, mode, level)
+        self.analysis_space, self.synthesis_space, self.columns = b, r, columns = wavelet_matrices(channels, wavelet, mode, level)
+        self.shape = (rows[0], 4 * columns[0]) if level == 1 else (sum(rows), sum(columns))
         self._letters = [f"a{level}", *(f"d{n}" for n in range(level, 0, -1))]
-        self.bands = dict.fromkeys(("aa", "da", "ad", "dd"), self.columns[0])  # of one level
+        self.bands = dict.fromkeys(("aa", "da", "ad", "dd"), columns[0])  # of one level
         self._analysis = Constant(a), Constant(b.T)
         self._synthesis = Constant(s), Constant(r.T)
         self._projection = Constant(a @ s), Constant((b @ r).T)
@@ -105,9 +105,8 @@ class WaveletTransform(LinearTransform):
         """Sub-bands by name, time letter first: aa, da, ad, dd; with the level after each letter if level > 1."""
         if self.level == 1:
             return super().split(y)
-        rows = zip(self._letters, y.split(self.rows, dim=-2), strict=True)
-        columns = [(row, zip(self._letters, across.split(self.columns, dim=-1), strict=True)) for row, across in rows]
-        return {row + column: band for row, across in columns for column, band in across}
+        bands = (band for across in y.split(self.rows, dim=-2) for band in across.split(self.columns, dim=-1))
+        return dict(zip(map("".join, product(self._letters, repeat=2)), bands, strict=True))
 
     def join(self, bands: dict[str, Tensor]) -> Coefficients:
         """Inverse of `split`."""

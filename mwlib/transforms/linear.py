@@ -278,6 +278,7 @@ class ScaledTransform(Transform):
                 raise ValueError(f"{name} has shape {tuple(scale.shape)}; expected {self.shape}")
         self.mean, self.deviation = mean.numpy(), deviation.numpy()
         self._mean, self._deviation = Constant(self.mean), Constant(self.deviation)
+        self.time_rows, self.split, self.join = base.time_rows, base.split, base.join  # as scaling leaves the order alone
 
     def __call__(self, x: Motions) -> Coefficients:
         """Unit-deviation coefficients of a motion."""
@@ -287,10 +288,6 @@ class ScaledTransform(Transform):
         """Motion, metres."""
         return self.base.inverse(self._unscale(y))
 
-    def time_rows(self) -> TimeRows | None:
-        """The base's."""
-        return self.base.time_rows()
-
     def along_time(self, y: Coefficients) -> Float[Tensor, "... all C"]:
         """The base's, metres."""
         return self.base.along_time(self._unscale(y))
@@ -298,14 +295,6 @@ class ScaledTransform(Transform):
     def project(self, y: Coefficients) -> Coefficients:
         """The base's projection, seen in scaled coefficients."""
         return self._scale(self.base.project(self._unscale(y)))
-
-    def split(self, y: Coefficients) -> dict[str, Tensor]:
-        """Sub-bands of the scaled coefficients."""
-        return self.base.split(y)
-
-    def join(self, bands: dict[str, Tensor]) -> Coefficients:
-        """Inverse of `split`."""
-        return self.base.join(bands)
 
     def _scale(self, y: Tensor) -> Tensor:
         """In place, as nobody else has y."""

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import gc
 import weakref
-from itertools import count
 
 import numpy as np
 import pytest
@@ -20,7 +19,6 @@ from mwlib.diffusion import (
     eps_of,
     history_completion,
     keyframe_mask,
-    keyframe_steps,
     keyframed,
     masked,
     noised,
@@ -274,7 +272,7 @@ def test_the_network_sees_keyframes_at_the_level_of_the_rest_from_the_first_step
     tf, clip, mask, seen = COSINES, _clip(), keyframe_mask(T, [2, 7]), []
     zeros = lambda: torch.zeros(1, *tf.shape, dtype=torch.float64)  # noqa: E731
     watched = lambda y, t: (seen.append((t, tf.inverse(y)[0, mask])), some_denoiser(y, t))[1]  # noqa: E731
-    list(keyframe_steps(watched, tf, clip, mask, A_BAR, INDICES, zeros, PAPER))
+    keyframed(watched, tf, clip, mask, A_BAR, INDICES, zeros, PAPER)
     assert [t for t, _ in seen] == INDICES
     for t, frames in seen:
         torch.testing.assert_close(frames, float(A_BAR[t]) ** 0.5 * clip[mask], atol=1e-12, rtol=0)
@@ -289,7 +287,7 @@ def test_keyframe_noise_is_fresh_or_fixed(kind, different):
         seen.append((tf.inverse(y)[0, 0] - a**0.5 * clip[0]) / (1 - a) ** 0.5)
         return some_denoiser(y, t)
 
-    list(keyframe_steps(watched, tf, clip, mask, A_BAR, INDICES, _noise(tf, 1), KeyframeConfig(keyframe_noise=kind)))
+    keyframed(watched, tf, clip, mask, A_BAR, INDICES, _noise(tf, 1), KeyframeConfig(keyframe_noise=kind))
     assert bool(((seen[0] - torch.stack(seen)).abs() > 1e-3).any()) is different
 
 
@@ -334,11 +332,11 @@ def test_a_soft_mask_mixes():
 
 
 def test_repeats_cost_what_they_say():
-    """r evaluations of the network a step; one item a step."""
-    tf, calls, how = COSINES, count(), KeyframeConfig(repeats=4, eta=0.5)
-    counted = lambda y, t: (next(calls), some_denoiser(y, t))[1]  # noqa: E731
-    steps = list(keyframe_steps(counted, tf, _clip(), keyframe_mask(T, [0]), A_BAR, INDICES, _noise(tf, 1), how))
-    assert [s.t for s in steps] == INDICES and next(calls) == 40
+    """r evaluations of the network a step."""
+    tf, asked, how = COSINES, [], KeyframeConfig(repeats=4, eta=0.5)
+    counted = lambda y, t: (asked.append(t), some_denoiser(y, t))[1]  # noqa: E731
+    keyframed(counted, tf, _clip(), keyframe_mask(T, [0]), A_BAR, INDICES, _noise(tf, 1), how)
+    assert asked == [t for t in INDICES for _ in range(4)]
 
 
 def test_the_process_is_the_samplers_where_nothing_is_known():

@@ -178,7 +178,7 @@ POSES = [
     *[("frames", lambda walk, value=value: value, f"frames is {found}.*; expected a whole") for value, found in NO_NUMBERS],
     ("frames", lambda walk: 0, "frames is 0; expected at least 1"),
     ("frames", lambda walk: 10**18, "frames is 1e.18; expected at most"),
-    ("frames", lambda walk: 60, "frames between is 60; expected 6, for which the model was trained"),
+    ("frames", lambda walk: 60, "frames between is 60; expected 6 to 6, for which the model was trained"),
     *[("seed", lambda walk, value=value: value, message) for value, message in SEEDS],
     *[("samples", lambda walk, value=value: value, message) for value, message in SAMPLES],
 ]  # fmt: skip

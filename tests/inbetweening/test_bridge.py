@@ -161,15 +161,20 @@ def test_the_past_is_looked_at():
 @pytest.mark.parametrize(
     "changes, frames, more, message",
     [
-        ({}, 7, [], "frames between is 5; expected 6, for which"),
-        (PAPER, 9, [], "frames between is 7; expected 6, for which"),
+        ({}, 7, [], "frames between is 5; expected 6 to 6, for which"),
+        (PAPER, 9, [], "frames between is 7; expected 6 to 6, for which"),
         (dict(shortest=3), 4, [], "frames between is 2; expected 3 to 6, for which"),
         ({}, 8, [3], "3 keyframes; expected at most 2, as in the model's training"),
         (dict(more_keyframes=1), 8, [2, 3], "4 keyframes; expected at most 3"),
-        (dict(past=4), 10, [], "frames between is 5; expected 6, for which"),
+        (dict(past=4), 10, [], "frames between is 5; expected 6 to 6, for which"),
         (dict(past=4, shortest=3), 7, [], "frames between is 2; expected 3 to 6, for which"),
         (dict(past=4), 11, [1, 2, 3, 4], "6 keyframes; expected at most 5, as in the model's training"),
-        (dict(past=4), 11, [1, 3], "the 4 first or last frame is no keyframe; expected all, as in the model's training"),
+        (
+            dict(past=4),
+            11,
+            [1, 3],
+            "not all of the first 4 and last 1 frames are keyframes; expected all, as in the model's training",
+        ),
     ],
 )
 def test_what_the_model_is_not_for_is_refused(changes, frames, more, message):
@@ -183,7 +188,7 @@ def test_what_the_model_is_not_for_is_refused(changes, frames, more, message):
 def test_ends_that_are_no_keyframes_are_refused_where_the_network_sees_them_alone():
     mask = given(8)
     mask[-1] = False
-    with pytest.raises(ValueError, match="the first or last frame is no keyframe; expected both"):
+    with pytest.raises(ValueError, match="not all of the first 1 and last 1 frames are keyframes; expected all"):
         untrained().sample(torch.zeros(1, 8, 51), mask)
     bridge = untrained(**PAPER)
     x = windows_for(bridge).x[:1]
@@ -304,7 +309,10 @@ def test_a_past_that_is_too_short_is_refused():
     bridge = untrained(past=4)
     motion = data_of(bridge.cfg).test[0]
     for start, end, found in ((motion.cut(0, 3), motion.cut(9, 10), 3), (motion, [2, 9], 3)):
-        with pytest.raises(ValueError, match=f"{found} frames at 10 Hz up to the first keyframe; expected at least 4, the past"):
+        with pytest.raises(
+            ValueError,
+            match=f"{found} frames at 10 Hz up to the first keyframe and 1 from the last; expected at least 4 and 1, the past",
+        ):
             filled(bridge, start, end)
 
 
@@ -354,10 +362,10 @@ def test_other_bodies_are_carried_over_or_refused():
         ([-8, -1], None, "end.0. is -8; expected at least 0"),
         ([25, 32], None, "of a motion of 30 frames"),
         ([3, 10], 5, "frames is 5, but 6 lie between frames 3 and 10; expected None"),
-        ([3, 12], None, "frames between is 8; expected 6"),
+        ([3, 12], None, "frames between is 8; expected 6 to 6"),
         ([3, 5, 10], None, "3 keyframes; expected at most 2"),
         (None, 0, "frames is 0; expected at least 1"),
-        (None, 9, "frames between is 9; expected 6"),
+        (None, 9, "frames between is 9; expected 6 to 6"),
     ],
 )
 def test_what_cannot_be_filled_is_refused(end, frames, message):
@@ -484,5 +492,5 @@ def test_feet_that_stand_are_held_and_keyframes_met():
 
 def test_a_future_that_is_too_short_is_refused():
     bridge, motion = untrained(future=2), data_of(untrained().cfg).test[0]
-    with pytest.raises(ValueError, match="1 frames at 10 Hz from the last keyframe; expected at least 2, the future"):
+    with pytest.raises(ValueError, match="first keyframe and 1 from the last; expected at least 1 and 2, the past and future"):
         filled(bridge, motion.cut(0, 7), motion.cut(13, 14))

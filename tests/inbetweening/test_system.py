@@ -184,7 +184,7 @@ class Lifted(Score):
     def joints(self, x, offsets):
         places = super().joints(x, offsets).clone()
         if places.shape[1] > 1:
-            places[:, self.lifted, ..., 2] += 0.3
+            places[:, self.lifted, :, 2::3] += 0.3
         return places
 
 
