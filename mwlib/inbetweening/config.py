@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any, ClassVar, Literal, Self
+from typing import Any, ClassVar, Literal
 
 from mwlib.data.collections import NAMED_SOURCES
 from mwlib.data.sources import SourceConfig
@@ -192,6 +192,7 @@ class Config(Settings):
         "past": 1, "future": 1, "coast": 0.0, "hide": 0.0, "departure_scale": "longest", "other_speeds": 0.0, "mean_width": 0,
         "more_data": (),
     }  # fmt: skip
+    people = "train_subjects", "validation_subjects", "test_subjects"
     after_training: ClassVar[frozenset[str]] = frozenset(
         {"sampling", "imposing", "test_stride", "test_windows", "checkpoint_every"}
     )
@@ -204,14 +205,6 @@ class Config(Settings):
     training: TrainingConfig = field(default_factory=TrainingConfig)
     sampling: SamplingConfig = field(default_factory=SamplingConfig)
     imposing: KeyframeConfig = field(default_factory=KeyframeConfig)
-
-    @classmethod
-    def preset(cls, name: str, **changes: Any) -> Self:
-        """A named preset with some fields changed; with other data than the preset's own, its subjects are emptied."""
-        base = super().preset(name)
-        if changes.get("data", base.data.data) != base.data.data:  # other data, other people
-            base = base.override(train_subjects=(), validation_subjects=(), test_subjects=())
-        return base.override(**changes)
 
     def check(self) -> None:
         """Refuse values that do not fit each other."""
