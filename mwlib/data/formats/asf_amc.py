@@ -280,7 +280,7 @@ def _first_frame(text: str, body: Body, file: Path) -> Frame:
     dofs = {name: bone.dof for name, bone in body.bones.items() if bone.dof}
     frame = [("frame", "number")]
     for line in islice(lines_of(text), 1, None):
-        words = line[0].split(maxsplit=len(ROOT_ORDER) + 1)
+        words = line[0].split(maxsplit=7)  # a name and six numbers at most, or too many of them
         if len(words) == 1:  # the next frame's number
             break
         if not words:
@@ -306,10 +306,9 @@ def _table(text: str, frame: Frame, body: Body, file: Path) -> Float[np.ndarray,
     if len(table) > most:
         found = f"more than {most} frames"
         raise MotionFormatError(file, "frames", found, f"at most that for {bones} bones in a file of this size")
-    if len(others := np.argwhere(table[:, [*places.values()]] != [*places.values()])):
-        row, bone = others[0]
-        found = f"another bone for {[*places][bone][:40]}"
-        raise MotionFormatError(file, f"frame {table[row, 0]:g}", found, "the bones of frame 1 in its order")
+    names = [*places.values()]
+    if len(others := np.flatnonzero(np.any(table[:, names] != names, axis=1))):
+        raise MotionFormatError(file, f"frame {table[others[0], 0]:g}", "other bones", "those of frame 1 in their order")
     if len(jumps := np.flatnonzero(np.diff(table[:, 0]) != 1)):
         before, after = table[jumps[0] :, 0][:2]
         raise MotionFormatError(file, f"after frame {before:g}", f"frame {after:g}", "the next one")

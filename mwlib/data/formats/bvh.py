@@ -190,10 +190,10 @@ def _open(word: str, words: Iterator[str], nodes: list[Node], stack: list[int], 
 
 
 def _channel_names(words: Iterator[str], file: Path, place: str) -> list[str]:
-    number_of = next(words)
-    if not re.fullmatch("[0-6]", number_of):
-        raise MotionFormatError(file, f"{place}, CHANNELS", repr(number_of[:40]), "a number from 0 to 6")
-    names = [next(words).lower() for _ in range(int(number_of))]
+    word = next(words)
+    if not re.fullmatch("[0-6]", word):
+        raise MotionFormatError(file, f"{place}, CHANNELS", repr(word[:40]), "a number from 0 to 6")
+    names = [next(words).lower() for _ in range(int(word))]
     if not set(names) <= {*MOVES, *ANGLES} or len(set(names)) < len(names):
         raise MotionFormatError(file, f"{place}, CHANNELS", " ".join(names)[:120], "different ones of Xposition ... Zrotation")
     return names

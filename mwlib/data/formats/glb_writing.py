@@ -125,7 +125,7 @@ def _mesh(rig: Rig, places: Float[np.ndarray, "rig 3"], arrays: Arrays) -> dict[
     for parent, child in rig.skeleton.bones:
         length = float(np.linalg.norm(places[child] - places[parent]))
         if length > 1e-3 and (parent or rig.points[0] == 0):  # nothing to a root on the floor
-            capsules.append((parent, places[child], float(np.clip(THICKNESS * length, THIN, THICK))))
+            capsules.append((parent, places[child], min(max(THICKNESS * length, THIN), THICK)))
     heads = [joint for joint, name in enumerate(rig.skeleton.joints) if name.lower().rpartition(":")[2] == "head"]
     capsules += [(joint, places[joint] + [0, 1e-3, 0], SKULL) for joint in heads]
     parts = [_capsule(places[joint], end, radius) for joint, end, radius in capsules]

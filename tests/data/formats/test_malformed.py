@@ -62,7 +62,7 @@ INJURIES = {
         ("larm -6.5e-1\n", "barm -6.5e-1\n", "frames: found could not convert string 'barm' .* at row 1"),
         ("larm -6.5e-1\n", "larm x\n", "could not convert string 'x' .* at row 1"),
         ("larm -6.5e-1\n", "larm 1e300\n", "finite number up to"),
-        ("rleg 4.5 5.5\nlarm -6.5e-1\n", "larm -6.5e-1\nrleg 4.5 5.5\n", "frame 2: found another bone for rleg"),
+        ("rleg 4.5 5.5\nlarm -6.5e-1\n", "larm -6.5e-1\nrleg 4.5 5.5\n", "frame 2: found other bones"),
         ("\n2\nroot", "\n3\nroot", "after frame 1: found frame 3"),
         ("\n2\nroot", "\nroot", "frame 1: found root with 6 numbers; expected 6 numbers, once"),
         (AMC.split(":DEGREES")[1], "", "no frame"),
