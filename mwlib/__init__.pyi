@@ -2,7 +2,7 @@ from . import metrics, plots
 from .body.motion import Motion
 from .body.skeleton import Skeleton
 from .data import MotionFormatError, Windows, load_motions, windows
-from .data.formats.bvh_writing import write_bvh
+from .data.formats.bvh import write_bvh
 from .data.formats.glb_writing import write_glb
 from .experiments import generate, get_model, get_run, inbetween, load_run
 from .prediction.config import Config

@@ -20,7 +20,7 @@ from mwlib.cli.options import choice_of
 from mwlib.cli.source import ADVANCED, arguments, commands, names_of, settings_text
 from mwlib.course.notebooks import chapter_number, find_notebook
 from mwlib.data.collections import COLLECTIONS, SKELETONS
-from mwlib.data.formats.bvh_writing import write_bvh
+from mwlib.data.formats.bvh import write_bvh
 from mwlib.experiments.grids import MODULES, system
 from mwlib.synthetic.motions import synthetic_motions
 

@@ -17,7 +17,7 @@ from mwlib.body.motion import Motion
 from mwlib.cli.options import expect_ending
 from mwlib.data import load_motions
 from mwlib.data.collections import acknowledgement
-from mwlib.data.formats.bvh_writing import write_bvh
+from mwlib.data.formats.bvh import write_bvh
 from mwlib.data.formats.glb_writing import write_glb
 from mwlib.experiments import exported, sampling
 from mwlib.experiments.results import of_older_code, rendered

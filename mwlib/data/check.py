@@ -87,7 +87,7 @@ def _layout(clips: Sequence[CaptionedClip]) -> FeatureLayout:
 
 
 def _splits(path: Path, clips: Sequence[CaptionedClip]) -> str:
-    lists = clip_lists(path, has_lists(path), [])
+    lists = clip_lists(path, [])
     counts = [f"{len(lists[split])} ids in {split}.txt" if split in lists else f"no {split}.txt" for split in SPLITS]
     known = PUBLISHED_IDS.get(_layout(clips).name) if clips else None
     mirrored = sum(name.startswith("M") for names in lists.values() for name in names)

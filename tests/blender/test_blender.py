@@ -18,7 +18,7 @@ from mwlib.body.fitting import fit_rig
 from mwlib.body.motion import Motion
 from mwlib.body.skeleton import Skeleton
 from mwlib.data.collections.lafan1 import LAFAN1
-from mwlib.data.formats.bvh_writing import write_bvh
+from mwlib.data.formats.bvh import write_bvh
 from mwlib.data.formats.glb_writing import write_glb
 from mwlib.data.load import load_motions, motion_files, read_motion_file
 from mwlib.experiments import inbetween

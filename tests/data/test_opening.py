@@ -144,7 +144,7 @@ def test_frames_of_many_joints_are_counted_before_they_are_read(tmp_path):
         load_motions(tmp_path / "a.bvh")
 
 
-def test_an_amc_of_many_frames_is_refused_as_soon_as_there_are_too_many(tmp_path, monkeypatch):
+def test_an_amc_of_too_many_frames_is_refused(tmp_path, monkeypatch):
     monkeypatch.setattr("mwlib.data.formats.asf_amc.MOST_POINTS", 4)
     (tmp_path / "05.asf").write_text(ASF)
     (tmp_path / "05_01.amc").write_text(AMC)

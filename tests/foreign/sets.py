@@ -11,7 +11,7 @@ import numpy as np
 
 from mwlib.body.motion import Motion
 from mwlib.body.skeleton import HUMANML22
-from mwlib.data.formats.bvh_writing import write_bvh
+from mwlib.data.formats.bvh import write_bvh
 from mwlib.data.formats.h36m import write_h36m
 from mwlib.synthetic.acts import captioned_positions
 from mwlib.synthetic.motions import synthetic_motions

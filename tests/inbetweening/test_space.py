@@ -14,7 +14,7 @@ from mwlib.body.motion import Motion
 from mwlib.body.rig import ANGLES, MOVES
 from mwlib.body.skeleton import Skeleton
 from mwlib.data.collections.lafan1 import LAFAN1
-from mwlib.data.formats.bvh_writing import write_bvh
+from mwlib.data.formats.bvh import write_bvh
 from mwlib.data.load import load_motions
 from mwlib.data.windows import Bodies
 from mwlib.inbetweening.space import Placement, PositionSpace, RotationSpace, Space, space_from_json

@@ -12,7 +12,7 @@ from mwlib.body.skeleton import CMU, H36M17, HUMANML22, Skeleton
 from mwlib.data.collections.bandai_namco import BANDAI21
 from mwlib.data.collections.h36m import HUMANEVA15
 from mwlib.data.collections.lafan1 import LAFAN1
-from mwlib.data.formats.bvh_writing import write_bvh
+from mwlib.data.formats.bvh import write_bvh
 from mwlib.data.sources import fingerprint
 from mwlib.experiments import get_model, get_result, get_run, load_run, system
 from mwlib.inbetweening import system as module

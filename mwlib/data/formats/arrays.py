@@ -5,36 +5,31 @@ published code, `forward_kinematics_cmu.py`, MIT licence.
 """
 
 import json
-from collections import Counter
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from jaxtyping import Shaped
-
-from mwlib.body.skeleton import Skeleton
-from mwlib.data.collections import SKELETONS, known_skeleton
-from mwlib.data.formats.humanml import HUMANML3D, KIT
-
-from mwlib.data.meaning import (  # isort: skip
-    BESIDE, DEFAULT, ENTRY, FORMAT, LEVELS_UP, UNKNOWN, Hints, Reading, Stated, hints_of, infer_unit,
-)  # fmt: skip
-from jaxtyping import Float
 from scipy.spatial.transform import Rotation
 
 from mwlib.body.kinematics import forward_kinematics
-from mwlib.body.skeleton import CMU
+from mwlib.body.skeleton import CMU, Skeleton
+from mwlib.data.collections import SKELETONS, known_skeleton
 from mwlib.data.collections.cmu import BENCHMARK_COLUMNS
-from mwlib.data.formats.frames import in_blocks, starts_in_tpose
-from mwlib.data.meaning import FILE, UNITS
+from mwlib.data.formats.frames import blocks, starts_in_tpose
+from mwlib.data.formats.humanml import HUMANML3D, JOINTS, KIT
 from mwlib.data.mirroring import paired
+from mwlib.settings import of_kind, several, whole, wholes
 
+from mwlib.data.meaning import (  # isort: skip
+    BESIDE, DEFAULT, ENTRY, FILE, FORMAT, LEVELS_UP, UNITS, UNKNOWN, Hints, Reading, Stated, hints_of, infer_unit,
+)  # fmt: skip
 from mwlib.data.untrusted import (  # isort: skip
     MOST_JOINTS, SMALL_TEXT, MotionFormatError, check_names, label, number_table, numbers, read_text, single,
 )  # fmt: skip
 
 SKELETON_FILE = "skeleton.json"
 KEYS = tuple("name joints parents left right parts fps unit up note notes".split())  # of it
-JOINTS_FOLDER = "new_joints"  # of HumanML3D (22 joints) and KIT-ML (21)
 
 
 def read_positions(arrays: dict[str, Shaped[np.ndarray, "*shape"]], file: Path, hints: Hints) -> Reading:
@@ -48,34 +43,27 @@ def read_positions(arrays: dict[str, Shaped[np.ndarray, "*shape"]], file: Path, 
         MotionFormatError: shapes, values or the skeleton do not fit, nobody states the skeleton or the frame rate, or the file
             and skeleton.json state two of something while neither the caller nor clips.csv decides.
     """
-    beside = _layout_beside(file, arrays["positions"].shape)
+    positions = arrays["positions"]
+    beside = _layout_beside(file, positions.shape)
     said = {name: single(array, file, name) for name, array in arrays.items() if name != "positions"}
     inside = hints_of(said, file, ENTRY)
     skeleton = inside.skeleton or beside.skeleton or hints.skeleton
-    if skeleton == (beside.skeleton or skeleton):
-        _check_agreement(inside, beside, file, hints)
+    checked = (("fps", "file_fps"), ("unit", "unit"), ("up", "up"))
+    for name, argument in checked if skeleton == (beside.skeleton or skeleton) else ():  # else it is about another skeleton
+        one, other = getattr(inside, name), getattr(beside, name)
+        if one and other and one.value != other.value and getattr(hints, name) is None:
+            expected = f"one value; or a column {name} in clips.csv, or {argument}="
+            raise MotionFormatError(file, name, f"{one.value} in {one.source}, {other.value} in {other.source}", expected)
     who, what = (label(str(said.get(name, "")), file, name) for name in ("subject", "action"))
     known = hints.over(inside).over(beside).over(Hints(subject=who, action=what))
     if skeleton is None or known.fps is None:
-        missing, ways = (
-            ("skeleton", "skeleton=") if skeleton is None else ("frame rate", "a column fps in clips.csv, or file_fps=")
-        )
-        raise MotionFormatError(file, missing, "none", f"a {SKELETON_FILE} beside the file that says it, or {ways}")
-    positions = arrays["positions"]
+        expected = f"a {SKELETON_FILE} beside the file that says it, or skeleton= and a column fps in clips.csv, or file_fps="
+        raise MotionFormatError(file, "frame rate" if skeleton else "skeleton", "none", expected)
     fits = positions.shape[1:] == (len(skeleton), 3) and len(positions) > 0
     expected = f"numbers of shape (T, {len(skeleton)}, 3) with T > 0 for {skeleton.name}"
     positions = numbers(positions, fits, file, "positions", expected)
     unit = known.unit or infer_unit(positions, skeleton, file)
     return known.reading(file, positions * unit.value, skeleton, unit, known.up or Stated("z", DEFAULT), known.fps)
-
-
-def _check_agreement(inside: Hints, beside: Hints, file: Path, hints: Hints) -> None:
-    """Refuse a file that says something else than the skeleton.json beside it, unless somebody else says what is right."""
-    for name, argument in (("fps", "file_fps"), ("unit", "unit"), ("up", "up")):
-        one, other = (getattr(layout, name) for layout in (inside, beside))
-        if one and other and one.value != other.value and getattr(hints, name) is None:
-            expected = f"one value; or a column {name} in clips.csv, or {argument}="
-            raise MotionFormatError(file, name, f"{one.value} in {one.source}, {other.value} in {other.source}", expected)
 
 
 def _layout_beside(file: Path, shape: tuple[int, ...]) -> Hints:
@@ -85,7 +73,7 @@ def _layout_beside(file: Path, shape: tuple[int, ...]) -> Hints:
         if (folder / SKELETON_FILE).is_file():
             return read_skeleton_file(folder / SKELETON_FILE)
     known = KIT if shape[1:] == (len(KIT.skeleton), 3) else HUMANML3D
-    if path.parent.name == JOINTS_FOLDER:
+    if path.parent.name == JOINTS:
         return Hints(
             Stated(known.metres_per_unit, FORMAT), Stated("y", FORMAT), Stated(known.fps, FORMAT), skeleton=known.skeleton
         )
@@ -103,68 +91,51 @@ def read_skeleton_file(file: Path) -> Hints:
     Raises:
         MotionFormatError: not JSON, an unknown key, a field of the wrong kind, or a skeleton that is no tree.
     """
+    text = read_text(file, SMALL_TEXT)
     try:
-        tree = json.loads(read_text(file, SMALL_TEXT), object_pairs_hook=_once)
+        tree = json.loads(text, object_pairs_hook=_once)
     except (ValueError, RecursionError) as error:
-        if isinstance(error, MotionFormatError):
-            raise
         raise MotionFormatError(file, "text", str(error)[:80], "JSON with each key once") from error
-    if isinstance(tree, dict):
-        check_names(tree, KEYS, "key", file, "top")
-    if not isinstance(tree, dict) or not isinstance(tree.get("name"), str) or not tree["name"].strip():
+    tree = tree if isinstance(tree, dict) else {}
+    check_names(tree, KEYS, "key", file, "top")
+    name = label(tree.get("name") or "", file, "name")
+    if not name.strip():
         raise MotionFormatError(file, "top", "no name", "an object with a name")
-    label(tree["name"], file, "name")
-    if "joints" in tree or tree["name"] not in SKELETONS:
-        tree["skeleton"] = _skeleton(tree, file)
-    else:
-        tree["skeleton"] = tree["name"]
-    return hints_of(tree, file, BESIDE)
+    return hints_of(
+        tree | {"skeleton": _skeleton(tree, file) if "joints" in tree or name not in SKELETONS else name}, file, BESIDE
+    )
 
 
 def _once(pairs: list[tuple[str, object]]) -> dict:
     """An object, each of whose keys stands once."""
-    if twice := [key for key, count in Counter(key for key, _ in pairs).items() if count > 1]:
-        raise ValueError(f"key {twice[0]!r} twice")
-    return dict(pairs)
-
-
-def _skeleton(tree: dict, file: Path) -> Skeleton:
-    names, parents = tree.get("joints"), tree.get("parents")
-    if (
-        not isinstance(names, list) or not 2 <= len(names) <= MOST_JOINTS or not all(isinstance(name, str) for name in names)
-        or not isinstance(parents, list) or not all(type(p) is int for p in parents)
-    ):  # fmt: skip
-        found = f"joints {str(names)[:60]}, parents {str(parents)[:60]}"
-        raise MotionFormatError(
-            file, "joints, parents", found, f"a list of two or more names up to {MOST_JOINTS}, a list of indices"
-        )
-    for name in names:
-        if label(name, file, "joints").strip() != name or not name:
-            raise MotionFormatError(file, "joints", repr(name), "names without blanks around them")
-    parts = tree.get("parts", {})
-    if not isinstance(parts, dict):
-        raise MotionFormatError(file, "parts", repr(parts)[:60], "an object")
-    for row in (tree.get("left", []), tree.get("right", []), *parts.values()):
-        if not isinstance(row, list) or not all(type(i) is int and 0 <= i < len(names) for i in row):
-            raise MotionFormatError(file, "left, right, parts", repr(row)[:60], f"lists of joint indices, 0 to {len(names) - 1}")
-    by_name = {"left", "right"}.isdisjoint(tree)
-    left, right = paired(tuple(names)) if by_name else (tuple(tree.get(side, [])) for side in ("left", "right"))
-    parts = {part: tuple(row) for part, row in parts.items()}
-    try:
-        found = known_skeleton(Skeleton(tree["name"], tuple(names), tuple(parents), left, right, parts))
-    except ValueError as error:
-        raise MotionFormatError(file, "skeleton", str(error), "a tree") from error
-    _check_sides(found, file)
+    found = dict(pairs)
+    if len(found) < len(pairs):
+        raise ValueError(f"a key twice among {', '.join(key for key, _ in pairs)}")
     return found
 
 
-def _check_sides(skeleton: Skeleton, file: Path) -> None:
-    """Refuse pairs of joints that their names contradict."""
-    told = dict(zip(*paired(skeleton.joints), strict=True))
-    for one, other in zip(skeleton.left, skeleton.right, strict=True):
+def _skeleton(tree: dict[str, Any], file: Path) -> Skeleton:
+    names = tree.get("joints")
+    if not isinstance(names, list) or not 2 <= len(names) <= MOST_JOINTS:
+        raise MotionFormatError(file, "joints", repr(names)[:60], f"a list of two or more names up to {MOST_JOINTS}")
+    for name in names:
+        if label(name, file, "joints").strip() != name or not name:
+            raise MotionFormatError(file, "joints", repr(name), "names without blanks around them")
+    try:
+        parents = tuple(whole("parents", parent, -1) for parent in several("parents", tree.get("parents"), "joint indices"))
+        left, right = (tuple(wholes(side, tree.get(side, ()))) for side in ("left", "right"))
+        if {"left", "right"}.isdisjoint(tree):
+            left, right = paired(tuple(names))
+        parts = {part: tuple(wholes(part, row)) for part, row in of_kind("parts", tree.get("parts", {}), dict).items()}
+        found = known_skeleton(Skeleton(tree["name"], tuple(names), parents, left, right, parts))
+    except ValueError as error:
+        raise MotionFormatError(file, "skeleton", str(error), "a tree of joints, pairs of them and parts") from error
+    told = dict(zip(*paired(found.joints), strict=True))
+    for one, other in zip(found.left, found.right, strict=True):
         if told.get(one) != other and {one, other} & {*told, *told.values()}:
-            found = f"{skeleton.joints[one]!r} on the left and {skeleton.joints[other]!r} on the right"
-            raise MotionFormatError(file, "left, right", found, "pairs as the joints' names say, in the same order")
+            said = f"{found.joints[one]!r} on the left and {found.joints[other]!r} on the right"
+            raise MotionFormatError(file, "left, right", said, "pairs as the joints' names say, in the same order")
+    return found
 
 
 FPS = 120.0  # every row; the usual protocol keeps every second one
@@ -197,16 +168,14 @@ def read_benchmark(file: Path, hints: Hints) -> Reading:
         MotionFormatError: not lines of 117 finite numbers.
     """
     table = number_table(read_text(file), BENCHMARK_COLUMNS, file, "table", delimiter=",")
-    positions = in_blocks(lambda part: _positions(table[part]), len(table), len(SKELETON))
+    positions = np.concatenate([
+        forward_kinematics(rotations, TREE[:, 1:], table[part, :3], SKELETON).take(PICKED, axis=1)
+        for part in blocks(len(table), len(SKELETON))
+        for rotations in [Rotation.from_rotvec(-table[part, 3:].reshape(-1, 3)).as_matrix().reshape(-1, len(SKELETON), 3, 3)]
+    ])  # fmt: skip
     unit = hints.unit or Stated(UNITS["cmu"], FORMAT)
     up, fps = hints.up or Stated("y", FORMAT), hints.fps or Stated(FPS, FORMAT)
     positions *= unit.value
     first = int(hints.first_frame is None and starts_in_tpose(table[:, 3:6], positions, up.value))
     known = hints.over(Hints(action=file.parent.name))
     return known.reading(file, positions[first:], CMU, unit, up, fps, Stated(first, FILE))
-
-
-def _positions(table: Float[np.ndarray, "n 117"]) -> Float[np.ndarray, "n joints 3"]:
-    """Where the points of CMU are, CMU units."""
-    turns = Rotation.from_rotvec(-table[:, 3:].reshape(-1, 3)).as_matrix().reshape(len(table), 38, 3, 3)
-    return forward_kinematics(turns, TREE[:, 1:], table[:, :3], SKELETON)[:, PICKED]

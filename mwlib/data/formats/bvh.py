@@ -1,31 +1,34 @@
-"""Reading BVH: CMU (cgspeed and Daz conversions), LaFAN1, Bandai-Namco, and any other skeleton."""
+"""BVH: CMU (cgspeed and Daz conversions), LaFAN1, Bandai-Namco and any other skeleton are read; rigs, or fitted ones, written."""
 
-from __future__ import annotations
-
+import io
 import re
-from collections import defaultdict
 from collections.abc import Container, Iterator
-from dataclasses import dataclass
-from itertools import chain, repeat
+from dataclasses import dataclass, field
+from decimal import Decimal
+from itertools import chain, count, islice, repeat, takewhile
 from pathlib import Path
 
 import numpy as np
 from jaxtyping import Float
 
+from mwlib.body.fitting import FitError, distance, fit_rig
 from mwlib.body.kinematics import forward_kinematics
+from mwlib.body.motion import Motion
 from mwlib.body.rig import ANGLES, MOVES, Rig, axes_of
-from mwlib.body.rotation import euler_matrices, euler_quaternions
+from mwlib.body.rotation import euler_angles, euler_quaternions
 from mwlib.body.skeleton import CMU, Skeleton
 from mwlib.data.collections import SKELETONS
 from mwlib.data.collections.bandai_namco import BANDAI21
-from mwlib.data.formats.asf_amc import CMU_BONES, OF_CMU, far_ends, same_tree
-from mwlib.data.formats.frames import in_blocks, rotation_track, starts_in_tpose
-from mwlib.data.meaning import FASTEST, FILE, FORMAT, SLOWEST, Hints, Reading, Stated, infer_unit
+from mwlib.data.formats.asf_amc import CMU_BONES, OF_CMU, depth_first, far_ends, named_bones
+from mwlib.data.formats.frames import Turn, blocks, matrices, quaternions, starts_in_tpose
+from mwlib.data.meaning import FASTEST, FILE, FORMAT, SLOWEST, Hints, Reading, Stated, infer_unit, metres_per_unit
 from mwlib.data.mirroring import own_skeleton, rig_skeleton
 
 from mwlib.data.untrusted import (  # isort: skip
-    LONGEST_WORD, MOST_JOINTS, MOST_POINTS, MotionFormatError, allowed, number, number_table, read_text, words_of,
+    LARGEST, LONGEST_WORD, MOST_JOINTS, MOST_POINTS, MotionFormatError, allowed, number, number_table, read_text, words_of,
 )  # fmt: skip
+from mwlib.files import write_atomic
+from mwlib.settings import of_kind
 
 # The parents of the 31 cgspeed joints, and the node that stands at each point of CMU. The file has no length for the
 # thorax and wrist bones: their far ends coincide with their near ones.
@@ -45,34 +48,36 @@ class Node:
 
     name: str
     parent: int
-    offset: list[float] | None = None
-    channels: dict[str, int] | None = None
-    is_end: bool = False
+    is_end: bool
+    missing: list[str]  # what has yet to be said of it
+    offset: list[float] = field(default_factory=list)
+    channels: dict[str, int] = field(default_factory=dict)
 
     def columns(self, kind: Container[str]) -> dict[str, int]:
         """Those of the channels of one kind, in the file's order."""
-        return {name: column for name, column in (self.channels or {}).items() if name in kind}
+        return {name: column for name, column in self.channels.items() if name in kind}
 
 
-def bvh_skeleton(nodes: list[Node]) -> tuple[Skeleton, list[int]]:
-    """The skeleton of a file, and which node each of its joints is."""
-    names = [n.name for n in nodes]
+def bvh_skeleton(nodes: list[Node], tree: Skeleton) -> tuple[Skeleton, list[int]]:
+    """The skeleton of a file, and which node each of its joints is.
+
+    Args:
+        nodes: of the file.
+        tree: all of them, End Sites among them.
+    """
     joints = [i for i, n in enumerate(nodes) if not n.is_end]
-    own = own_skeleton(tuple(names[i] for i in joints), tuple(joints.index(nodes[i].parent) if i else -1 for i in joints))
-    if own.parents == CGSPEED_PARENTS and set(CGSPEED_POINTS) <= set(names):
-        return CMU, [names.index(n) for n in CGSPEED_POINTS]
-    if same_tree(own, OF_CMU):
-        ends = far_ends(rig_skeleton(tuple(names), tuple(n.parent for n in nodes)))
-        return CMU, [ends[names.index(bone)] for bone in CMU_BONES]
+    own = own_skeleton(tuple(tree.joints[i] for i in joints), tuple(joints.index(tree.parents[i]) if i else -1 for i in joints))
+    bones = named_bones(own)
+    if own.parents == CGSPEED_PARENTS and set(CGSPEED_POINTS) <= set(tree.joints):
+        return CMU, [tree.joints.index(name) for name in CGSPEED_POINTS]
+    if bones == named_bones(OF_CMU):
+        ends = far_ends(tree)
+        return CMU, [ends[tree.joints.index(bone)] for bone in CMU_BONES]
     for known in SKELETONS.values():
-        if same_tree(own, known) or (known is BANDAI21 and same_tree(own, _under("joint_Root", known))):
-            return known, [names.index(name) for name in known.joints]
+        above_root = {("joint_Root", "Hips")} if known is BANDAI21 else set()
+        if bones - above_root == named_bones(known):
+            return known, [tree.joints.index(name) for name in known.joints]
     return own, joints
-
-
-def _under(root: str, skeleton: Skeleton) -> Skeleton:
-    """The skeleton with one more joint above its root."""
-    return Skeleton("", (root, *skeleton.joints), (-1, *(parent + 1 for parent in skeleton.parents)))
 
 
 def frame_offsets(nodes: list[Node], table: Float[np.ndarray, "T channels"]) -> Float[np.ndarray, "T nodes 3"]:
@@ -84,46 +89,9 @@ def frame_offsets(nodes: list[Node], table: Float[np.ndarray, "T channels"]) -> 
     return offsets
 
 
-def bvh_rig(nodes: list[Node], table: Float[np.ndarray, "T channels"], points: list[int], metres: float) -> Rig:
-    """The rig of a file: every node, End Sites among them.
-
-    Args:
-        table: the rows of MOTION, degrees and the file's unit.
-        points: which node stands at each joint of the motion.
-        metres: per unit of the file.
-    """
-    turning: dict[str, list[int]] = defaultdict(list)  # axes -> joints that turn about these
-    for joint, node in enumerate(nodes):
-        turning[axes_of(node.columns(ANGLES))].append(joint)
-
-    def rotations(part: slice) -> Float[np.ndarray, "n nodes 4"]:
-        """Quaternions of the nodes in a part of the frames."""
-        found = np.empty((part.stop - part.start, len(nodes), 4))
-        for axes, joints in turning.items():
-            columns = np.array([[*nodes[joint].columns(ANGLES).values()] for joint in joints], dtype=int)
-            found[:, joints] = euler_quaternions(axes, np.deg2rad(table[part, columns]))
-        return found
-
-    def moves(part: slice) -> Float[np.ndarray, "n nodes 3"]:
-        """Offsets of the nodes in a part of the frames, metres."""
-        return frame_offsets(nodes, table[part]) * metres
-
-    is_moving = any(node.columns(MOVES) for node in nodes[1:])
-    return Rig(
-        rig_skeleton(tuple(n.name for n in nodes), tuple(n.parent for n in nodes)),
-        np.array([n.offset for n in nodes]) * metres,
-        rotation_track(rotations, len(table), len(nodes)),
-        frame_offsets(nodes[:1], table)[:, 0] * metres,
-        tuple(points),
-        tuple(None if n.is_end else tuple(n.channels or ()) for n in nodes),
-        in_blocks(moves, len(table), len(nodes)) if is_moving else None,
-        metres,
-    )
-
-
 DEEPEST = 200
 END = "the end of the hierarchy"  # in place of words behind its last one
-COMMON_RATES = (24, 25, 30, 48, 50, 60, 72, 75, 90, 100, 120, 144, 150, 180, 200, 240)  # hertz
+COMMON_RATES = [int(rate) for rate in "24 25 30 48 50 60 72 75 90 100 120 144 150 180 200 240".split()]  # hertz
 
 
 def read_bvh(file: Path, hints: Hints) -> Reading:
@@ -141,79 +109,91 @@ def read_bvh(file: Path, hints: Hints) -> Reading:
     if split is None:
         raise MotionFormatError(file, "end of HIERARCHY", "no MOTION section", "a line MOTION")
     nodes = _hierarchy(chain(words_of(text, split.start()), repeat(END)), file)
-    skeleton, picked = bvh_skeleton(nodes)
+    tree = rig_skeleton(tuple(n.name for n in nodes), tuple(n.parent for n in nodes))
+    skeleton, picked = bvh_skeleton(nodes, tree)
     if len(skeleton) < 2:
         raise MotionFormatError(file, "HIERARCHY", "one joint", "at least two")
     table, fps = _motion(text, split.end(), nodes, file)
     del text  # the clip needs its memory
-    positions = _positions(nodes, table, picked)
+    turns = [Turn(axes_of(n.channels), np.deg2rad(table[:, [*n.columns(ANGLES).values()]])) for n in nodes]
+    path = frame_offsets(nodes[:1], table)[:, 0]
+    positions = np.concatenate([
+        forward_kinematics(matrices(turns, part), frame_offsets(nodes, table[part]), path[part], tree).take(picked, axis=1)
+        for part in blocks(len(table), len(nodes))
+    ])  # fmt: skip
     unit = hints.unit or infer_unit(positions, skeleton, file)
     up, rate = hints.up or Stated("y", FORMAT), hints.fps or Stated(fps, FILE)
     positions *= unit.value
-    turns = table[:, [*nodes[0].columns(ANGLES).values()]]
-    first = int(hints.first_frame is None and starts_in_tpose(turns, positions, up.value))
-    rig = bvh_rig(nodes, table[first:], picked, unit.value)
+    first = int(hints.first_frame is None and starts_in_tpose(turns[0].angles, positions, up.value))
+    rig = Rig(
+        tree,
+        np.array([n.offset for n in nodes]) * unit.value,
+        quaternions(turns, slice(first, None)),
+        path[first:] * unit.value,
+        tuple(picked),
+        tuple(None if n.is_end else tuple(n.channels) for n in nodes),
+        frame_offsets(nodes, table[first:]) * unit.value if any(n.columns(MOVES) for n in nodes[1:]) else None,
+        unit.value,
+    )
     return hints.reading(file, positions[first:], skeleton, unit, up, rate, Stated(first, FILE), rig)
 
 
-def _hierarchy(rest: Iterator[str], file: Path) -> list[Node]:
+def _hierarchy(words: Iterator[str], file: Path) -> list[Node]:
     """The nodes in file order: parents before children."""
-    first = next(rest)
-    if first != "HIERARCHY":
+    if (first := next(words)) != "HIERARCHY":
         raise MotionFormatError(file, "start", repr(first[:40]), "HIERARCHY")
     nodes: list[Node] = []
     stack: list[int] = []
-    while (word := next(rest)) != END:
-        place = f"joint {nodes[stack[-1]].name}" if stack else "HIERARCHY"
+    columns = count()
+    while (word := next(words)) != END:
+        node = nodes[stack[-1]] if stack else None
+        place = f"joint {node.name}" if node else "HIERARCHY"
         if word in ("ROOT", "JOINT", "End"):
             if (word == "ROOT") == bool(stack) or (nodes and not stack):
                 raise MotionFormatError(file, place, word, "one ROOT, everything else inside it")
-            _open(word, rest, nodes, stack, file, place)
-        elif word == "}" and stack:
-            node = nodes[stack.pop()]
-            missing = [name for name, value in (("OFFSET", node.offset), ("CHANNELS", node.channels)) if value is None]
-            if missing:
-                raise MotionFormatError(file, f"joint {node.name}", f"no {' and no '.join(missing)}", "both")
-        elif word == "OFFSET" and stack and nodes[stack[-1]].offset is None:
-            nodes[stack[-1]].offset = [number(next(rest), file, f"{place}, OFFSET") for _ in range(3)]
-        elif word == "CHANNELS" and stack and nodes[stack[-1]].channels is None and not nodes[stack[-1]].is_end:
-            start = sum(len(node.channels or ()) for node in nodes)
-            nodes[stack[-1]].channels = {name: start + i for i, name in enumerate(_channel_names(rest, file, place))}
+            _open(word, words, nodes, stack, file, place)
+        elif node and word == "}":
+            if node.missing:
+                raise MotionFormatError(file, place, f"no {' and no '.join(node.missing)}", "both")
+            stack.pop()
+        elif node and word in node.missing:
+            node.missing.remove(word)
+            if word == "OFFSET":
+                node.offset = [number(next(words), file, f"{place}, OFFSET") for _ in range(3)]
+            else:
+                node.channels = {name: next(columns) for name in _channel_names(words, file, place)}
         else:
             raise MotionFormatError(file, place, repr(word[:40]), "JOINT, End Site, one OFFSET, one CHANNELS or }")
     if stack or not nodes:
         raise MotionFormatError(file, "end of HIERARCHY", f"{len(stack)} open braces, {len(nodes)} joints", "a closed ROOT")
     names = [n.name for n in nodes if not n.is_end]
-    if len(set(names)) < len(names):
-        twice = next(n for n in names if names.count(n) > 1)
-        raise MotionFormatError(file, "HIERARCHY", f"two joints named {twice!r}", "different names")
+    if twice := [name for i, name in enumerate(names) if name in names[:i]]:
+        raise MotionFormatError(file, "HIERARCHY", f"two joints named {twice[0]!r}", "different names")
     return nodes
 
 
-def _open(word: str, rest: Iterator[str], nodes: list[Node], stack: list[int], file: Path, place: str) -> None:
+def _open(word: str, words: Iterator[str], nodes: list[Node], stack: list[int], file: Path, place: str) -> None:
     """Append the node that begins here and step into it."""
-    name = []
-    while (part := next(rest)) != "{":
-        name.append(part)
-        if len(" ".join(name)) > LONGEST_WORD:
-            raise MotionFormatError(file, place, " ".join(name)[:40], f"a name of at most {LONGEST_WORD} characters, then {{")
-    parent = stack[-1] if stack else -1
-    is_end = word == "End"
-    if len(name) == 0 or (is_end and (name != ["Site"] or nodes[parent].is_end)) or (stack and nodes[parent].is_end):
-        raise MotionFormatError(file, place, f"{word} {' '.join(name)[:40]}", "ROOT name, JOINT name or End Site, then {")
-    label = f"{nodes[parent].name}/End" if is_end else " ".join(name)
+    name = " ".join(takewhile(lambda part: part != "{", islice(words, LONGEST_WORD)))
+    parent, is_end = stack[-1] if stack else -1, word == "End"
+    if not 0 < len(name) <= LONGEST_WORD or (is_end and name != "Site") or (stack and nodes[parent].is_end):
+        expected = f"ROOT or JOINT and a name of at most {LONGEST_WORD} characters, or End Site, then {{"
+        raise MotionFormatError(file, place, f"{word} {name[:40]}", expected)
     stack.append(len(nodes))
-    nodes.append(Node(label, parent, channels={} if is_end else None, is_end=is_end))
+    if is_end:
+        nodes.append(Node(f"{nodes[parent].name}/End", parent, True, ["OFFSET"]))
+    else:
+        nodes.append(Node(name, parent, False, ["OFFSET", "CHANNELS"]))
     if len(nodes) > MOST_JOINTS or len(stack) > DEEPEST:
         found = f"{len(nodes)} joints, {len(stack)} deep"
         raise MotionFormatError(file, "HIERARCHY", found, f"at most {MOST_JOINTS}, {DEEPEST} deep")
 
 
-def _channel_names(rest: Iterator[str], file: Path, place: str) -> list[str]:
-    count = next(rest)
-    if not re.fullmatch("[0-6]", count):
-        raise MotionFormatError(file, f"{place}, CHANNELS", repr(count[:40]), "a number from 0 to 6")
-    names = [next(rest).lower() for _ in range(int(count))]
+def _channel_names(words: Iterator[str], file: Path, place: str) -> list[str]:
+    word = next(words)
+    if not re.fullmatch("[0-6]", word):
+        raise MotionFormatError(file, f"{place}, CHANNELS", repr(word[:40]), "a number from 0 to 6")
+    names = [next(words).lower() for _ in range(int(word))]
     if not set(names) <= {*MOVES, *ANGLES} or len(set(names)) < len(names):
         raise MotionFormatError(file, f"{place}, CHANNELS", " ".join(names)[:120], "different ones of Xposition ... Zrotation")
     return names
@@ -224,15 +204,14 @@ def _motion(text: str, start: int, nodes: list[Node], file: Path) -> tuple[Float
     head = re.compile(r"\s*Frames:\s*(\S+)\s+Frame[ \t]+Time:\s*(\S+)[^\n]*").match(text, start)
     if head is None:
         raise MotionFormatError(file, "MOTION", repr(text[start : start + 80].strip()[:40]), "Frames: and Frame Time:")
-    count, step = head.groups()
-    width = sum(len(n.channels or ()) for n in nodes)
-    most = allowed(MOST_POINTS, file)
-    if not re.fullmatch(r"\d{1,12}", count) or not 0 < int(count) * len(nodes) <= most:
-        expected = f"a positive number of frames, at most {most // len(nodes)} for {len(nodes)} joints in a file of this size"
-        raise MotionFormatError(file, "Frames", repr(count[:40]), expected)
+    rows, step = head.groups()
+    width, most = sum(len(n.channels) for n in nodes), allowed(MOST_POINTS, file) // len(nodes)
+    if not re.fullmatch(r"\d{1,12}", rows) or not 0 < int(rows) <= most:
+        expected = f"a positive number of frames, at most {most} for {len(nodes)} joints in a file of this size"
+        raise MotionFormatError(file, "Frames", repr(rows[:40]), expected)
     table = number_table(text, width, file, "MOTION", start=head.end())
-    if len(table) != int(count):
-        raise MotionFormatError(file, "MOTION", f"{len(table)} rows", f"{count}, as Frames: says")
+    if len(table) != int(rows):
+        raise MotionFormatError(file, "MOTION", f"{len(table)} rows", f"{rows}, as Frames: says")
     return table, _frames_per_second(step, file)
 
 
@@ -246,27 +225,129 @@ def _frames_per_second(word: str, file: Path) -> float:
     if not 1 / FASTEST <= step <= 1 / SLOWEST:
         found = f"{word[:40]}, which looks like milliseconds" if step > 1 else word[:40]
         raise MotionFormatError(file, "Frame Time", found, f"seconds, {1 / FASTEST:g} to {1 / SLOWEST:g}")
-    written = re.fullmatch(r"\+?\d*\.?(\d*)(?:[eE]([+-]?\d{1,3}))?", word)
-    off = 0.0 if written is None else 10.0 ** (int(written[2] or 0) - len(written[1]))
+    off = 10.0 ** int(Decimal(word).as_tuple().exponent)  # of the last digit
     whole = round(1 / step)
     is_vague = abs(1 / whole - step) > 1e-9 and abs(1 / (whole + 1) - step) < off
-    fitting = [rate for rate in COMMON_RATES if abs(1 / rate - step) < off]
-    if is_vague and fitting:
-        return float(min(fitting, key=lambda rate: abs(1 / rate - step)))
-    return float(whole) if abs(1 / whole - step) < off else 1 / step
+    common = [rate for rate in COMMON_RATES if is_vague and abs(1 / rate - step) < off]
+    rate = min(common or [whole], key=lambda rate: abs(1 / rate - step))
+    return float(rate) if abs(1 / rate - step) < off else 1 / step
 
 
-def _positions(nodes: list[Node], table: Float[np.ndarray, "T channels"], picked: list[int]) -> Float[np.ndarray, "T joints 3"]:
-    """Where the picked nodes stand, the file's unit."""
-    everything = Skeleton("file", tuple(n.name for n in nodes), tuple(n.parent for n in nodes))
+ALIKE = 1e-6  # metres and radians: far above the rounding of float32, far below what is seen
+DIGITS = 7  # after the point: 1e-9 m, and 2e-9 radians
 
-    def positions(part: slice) -> Float[np.ndarray, "n joints 3"]:
-        """Joints in a part of the frames, in the unit of the file."""
-        offsets = frame_offsets(nodes, table[part])
-        rotations = np.broadcast_to(np.eye(3), (len(offsets), len(nodes), 3, 3)).copy()
-        for joint, angles in enumerate(node.columns(ANGLES) for node in nodes):
-            if angles:
-                rotations[:, joint] = euler_matrices(axes_of(angles), np.deg2rad(table[part, [*angles.values()]]))
-        return forward_kinematics(rotations, offsets, offsets[:, 0], everything)[:, picked]
 
-    return in_blocks(positions, len(table), len(nodes))
+def write_bvh(motion: Motion, file: str | Path, *, unit: float | str = "cm", up: str = "y") -> FitError:
+    """Write a motion as a BVH file: same rate, joint names and channels as it was read with.
+
+    A motion with a rig is written as its rig is, End Sites included. One with positions only, like a model's prediction, gets
+    rotations by `fit_rig`: bones have their median lengths, so that its joints may be moved; see what is returned. A joint
+    whose channels cannot say what it does (a mirrored or turned motion, sometimes) gets all of a kind. Whole or not at all: an
+    old file stays until the new one is complete.
+
+    Args:
+        file: a name that ends in .bvh; missing folders are made.
+        unit: metres per unit of the file, or "cm", "m", "mm", "inch", "cmu". BVH has no place to state it. Own choice:
+            centimetres, as LaFAN1 and Bandai-Namco have them; `load_motions` tells cm, m and mm from the size of a human,
+            any other unit has to be said to it again. `motion.rig.metres` is the unit of the file that it was read from.
+        up: the axis that points up in the file. Whoever reads one with "z" has to be told.
+
+    Returns:
+        Mean and largest distance, metres, of the joints in the file from `motion.positions`.
+
+    Raises:
+        ValueError: an argument is of another kind, positions are not finite or absurdly large, a joint's name or the rate cannot
+            stand in a BVH file, the name of the file ends otherwise, or an unknown unit. Nothing is written then.
+
+    >>> import tempfile
+    >>> from mwlib.data.load import load_motions
+    >>> from mwlib.synthetic.motions import synthetic_motions
+    >>> file = Path(tempfile.mkdtemp()) / "walk.bvh"
+    >>> walk = synthetic_motions(subjects=1, seconds=1.0)[0]
+    >>> write_bvh(walk, file).max < 1e-5
+    True
+    >>> [again] = load_motions(file)
+    >>> again.fps, again.up, again.skeleton.name, np.allclose(again.with_up("z").positions, walk.positions, atol=1e-5)
+    (50.0, 'y', 'H36M17', True)
+    """
+    metres = metres_per_unit(unit)
+    file, motion, rig = asked_for(motion, file, ".bvh", up)
+    if not SLOWEST <= motion.fps <= FASTEST:
+        raise ValueError(f"fps is {motion.fps:g}; expected {SLOWEST:g} to {FASTEST:g}")
+    for name, names in zip(rig.skeleton.joints, rig.channels, strict=True):
+        if names is not None and (not name or " ".join(name.split()) != name or {"{", "}"} & {*name.split()}):
+            raise ValueError(f"a joint is named {name!r}; expected words with single spaces between, no brace alone")
+    channels = {joint: _enough(rig, joint) for joint in depth_first(rig.skeleton)}
+    channels[0] = channels[0] or MOVES + ANGLES
+    table = np.stack(
+        [column for joint, names in channels.items() for column in _columns(rig, joint, names or (), metres)], axis=1
+    )
+    if not np.all(np.abs(table) <= LARGEST):  # False for nan
+        raise ValueError(f"a number of the motion is {np.abs(table).max():g} in the file; expected finite ones up to {LARGEST:g}")
+    tree = "\n".join(["HIERARCHY", *_joint(rig, 0, channels, metres)])
+    # The digits of a whole rate's Frame Time are such that it is read as the whole rate.
+    step = f"{1 / motion.fps:.10f}" if motion.fps == round(motion.fps) else np.format_float_positional(1 / motion.fps)
+    numbers = io.StringIO()
+    np.savetxt(numbers, np.round(table, DIGITS) + 0.0, fmt=f"%.{DIGITS}f")
+    write_atomic(file, f"{tree}\nMOTION\nFrames: {len(table)}\nFrame Time: {step}\n{numbers.getvalue()}")
+    return distance(rig, motion)
+
+
+def asked_for(motion: object, file: object, ending: str, up: str) -> tuple[Path, Motion, Rig]:
+    """Where a motion is to be written, the motion with another axis up, and its rig or one fitted to it.
+
+    Raises:
+        ValueError: it is no motion, or the file's name ends otherwise.
+    """
+    motion = of_kind("motion", motion, Motion)
+    file = Path(of_kind("file", file, (str, Path), "a path"))
+    if file.suffix.lower() != ending:
+        raise ValueError(f"file is {file.name!r}; expected a name that ends in {ending}")
+    motion = motion.with_up(up)
+    return file, motion, motion.rig or fit_rig(motion).rig
+
+
+def _places(rig: Rig, joint: int) -> Float[np.ndarray, "T 3"]:
+    """What position channels would say, metres."""
+    if joint == 0:
+        return rig.root
+    return rig.moves[:, joint] if rig.moves is not None else np.broadcast_to(rig.offsets[joint], rig.root.shape)
+
+
+def _enough(rig: Rig, joint: int) -> tuple[str, ...] | None:
+    """A joint's channels, and all of a kind where its own cannot say what it does."""
+    names = rig.channels[joint]
+    if names is None:
+        return None
+    lacking = [name not in names for name in MOVES]
+    if np.abs(_places(rig, joint) - rig.offsets[joint])[:, lacking].max(initial=0) > ALIKE:
+        names = MOVES + tuple(name for name in names if name not in MOVES)
+    axes, quaternions = axes_of(names), rig.rotations[:, joint].astype(np.float64)
+    if len(axes) < 3:
+        said = euler_quaternions(axes, euler_angles(axes, quaternions))
+        astray = np.minimum(*(np.linalg.norm(said - sign * quaternions, axis=-1) for sign in (1, -1)))
+        if 2 * astray.max() > ALIKE:
+            names = tuple(name for name in names if name not in ANGLES) + ANGLES
+    return names
+
+
+def _columns(rig: Rig, joint: int, names: tuple[str, ...], metres: float) -> list[Float[np.ndarray, " T"]]:
+    """The joint's part of the table: the file's unit, and degrees."""
+    places = _places(rig, joint) / metres
+    degrees = iter(np.rad2deg(euler_angles(axes_of(names), rig.rotations[:, joint].astype(np.float64))).T)
+    return [next(degrees) if name in ANGLES else places[:, MOVES.index(name)] for name in names]
+
+
+def _joint(rig: Rig, joint: int, channels: dict[int, tuple[str, ...] | None], metres: float) -> list[str]:
+    """Lines of the tree from a joint on; where nothing hangs from it, it gets an End Site, which other readers want."""
+    names, offset = channels[joint], np.round(rig.offsets[joint] / metres, DIGITS) + 0.0
+    lines = [f"OFFSET {' '.join(f'{value:.{DIGITS}f}' for value in offset)}"]
+    if names is not None:
+        lines.append(f"CHANNELS {len(names)} {' '.join(name.capitalize() for name in names)}".rstrip())
+        children = [child for parent, child in rig.skeleton.bones if parent == joint]
+        for child in children:
+            lines += _joint(rig, child, channels, metres)
+        if not children:
+            lines += ["End Site", "{", "\tOFFSET 0 0 0", "}"]
+    head = "End Site" if names is None else f"{'JOINT' if joint else 'ROOT'} {rig.skeleton.joints[joint]}"
+    return [head, "{", *(f"\t{line}" for line in lines), "}"]

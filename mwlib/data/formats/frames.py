@@ -1,6 +1,7 @@
-"""Frames of files with rotations: computed block by block, and the T-pose that some begin with."""
+"""Frames of files with rotations: turns about axes as matrices and quaternions, and the T-pose that some begin with."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 import torch
@@ -8,43 +9,51 @@ from jaxtyping import Float
 
 from mwlib.body.kinematics import horizontal
 from mwlib.body.rig import ROTATION_DTYPE
-from mwlib.body.rotation import continuous
+from mwlib.body.rotation import continuous, euler_matrices, euler_quaternions
 
 POINTS_AT_ONCE = 2**15  # frames times joints: what a block computes stays within a processor's cache
 FEWEST_FRAMES = 512  # of a block: each joint is a step of its own, however short the block
 
 
-def blocks(frames: int, joints: int) -> Iterator[slice]:
-    """Slices of frames that together are all of them."""
+class Turn(NamedTuple):
+    """How a joint turns against its parent: C R_axes[0](angle 0) R_axes[1](angle 1) ... C^-1.
+
+    Args:
+        axes: one letter of xyz for each angle; "" for a joint that cannot turn.
+        angles: in every frame, radians.
+        frame: C, whose columns are the axes that the joint turns about; None: they are its parent's.
+    """
+
+    axes: str
+    angles: Float[np.ndarray, "T turns"]
+    frame: Float[np.ndarray, "3 3"] | None = None
+
+
+def matrices(turns: Sequence[Turn], part: slice) -> Float[np.ndarray, "n joints 3 3"]:
+    """Rotation matrices of the joints in a part of the frames."""
+    found = np.broadcast_to(np.eye(3), (len(turns[0].angles[part]), len(turns), 3, 3)).copy()
+    for joint, (axes, angles, frame) in enumerate(turns):
+        if axes:
+            turn = euler_matrices(axes, angles[part])
+            found[:, joint] = turn if frame is None else frame @ turn @ frame.T
+    return found
+
+
+def quaternions(turns: Sequence[Turn], part: slice = slice(None)) -> Float[np.ndarray, "n joints 4"]:
+    """The same as unit quaternions without a sign jump, as a rig keeps them."""
+    found = np.empty((len(turns[0].angles[part]), len(turns), 4), ROTATION_DTYPE)
+    for joint, (axes, angles, frame) in enumerate(turns):
+        turn = euler_quaternions(axes, angles[part])
+        if frame is not None:
+            turn[:, 1:] @= frame.T  # C R C^-1: R about the turned axis
+        found[:, joint] = turn
+    return continuous(torch.from_numpy(found)).numpy()
+
+
+def blocks(frames: int, joints: int) -> list[slice]:
+    """Parts of the frames that together are all of them."""
     step = max(FEWEST_FRAMES, POINTS_AT_ONCE // joints)
-    return (slice(start, min(start + step, frames)) for start in range(0, frames, step))
-
-
-def in_blocks(
-    compute: Callable[[slice], Float[np.ndarray, "n points 3"]], frames: int, joints: int
-) -> Float[np.ndarray, "frames points 3"]:
-    """What `compute` gives for each block of frames, as one array."""
-    whole = np.empty(0)
-    for part in blocks(frames, joints):
-        found = compute(part)
-        whole = np.empty((frames, *found.shape[1:])) if part.start == 0 else whole
-        whole[part] = found
-    return whole
-
-
-def rotation_track(
-    compute: Callable[[slice], Float[np.ndarray, "n joints 4"]], frames: int, joints: int
-) -> Float[np.ndarray, "frames joints 4"]:
-    """The unit quaternions that `compute` gives for each block of frames, without a sign jump, as a rig keeps them."""
-    track = np.empty((frames, joints, 4), ROTATION_DTYPE)
-    before, signs = np.empty((0, joints, 4)), np.ones((joints, 1))
-    for part in blocks(frames, joints):
-        turns = compute(part)
-        signed = continuous(torch.from_numpy(np.concatenate([before, turns]))).numpy()[len(before) :] * signs
-        signs = np.where(np.sum(signed[-1] * turns[-1], axis=-1, keepdims=True) < 0, -1.0, 1.0)
-        before = turns[-1:]
-        track[part] = signed
-    return track
+    return [slice(start, start + step) for start in range(0, frames, step)]
 
 
 WIDE = (0.85, 1.15)  # arm span by height
@@ -63,9 +72,8 @@ def starts_in_tpose(turn: Float[np.ndarray, "T angles"], positions: Float[np.nda
         positions: joints, metres.
         up: the up-axis.
     """
-    if len(positions) < 2 or turn.shape[1] == 0 or np.any(turn[0]) or not np.any(turn[1]):
+    if len(positions) < 2 or np.any(turn[0]) or not np.any(turn[1]):
         return False
-    across, along, above = horizontal(up)
-    width, depth, height = np.ptp(positions[0], axis=0)[[across, along, above]]
+    width, depth, height = np.ptp(positions[0], axis=0)[[*horizontal(up)]]
     jump = np.linalg.norm(positions[1] - positions[0], axis=-1).max()
     return bool(WIDE[0] * height < width < WIDE[1] * height and depth < DEEP * height and jump > JUMP)

@@ -7,11 +7,11 @@ sequences as in DLow and HumanMAC.
 import io
 import re
 from collections.abc import Sequence
+from itertools import chain, count
 from pathlib import Path
 from typing import BinaryIO
 
 import numpy as np
-from jaxtyping import Float
 
 from mwlib.body.motion import Motion
 from mwlib.body.skeleton import H36M17
@@ -21,11 +21,12 @@ from mwlib.data.meaning import FORMAT, Hints, Reading, Stated
 from mwlib.data.untrusted import MotionFormatError, array_header, bounded, label
 from mwlib.files import write_atomic
 
-FPS = {17: 50.0, 15: 60.0}
+KNOWN = {17: (H36M17, 50.0), 15: (HUMANEVA15, 60.0)}  # joints -> skeleton and frames per second
 PARENTS_32 = [int(p) for p in "-1 0 1 2 3 4 0 6 7 8 9 0 11 12 13 14 12 16 17 18 19 20 19 22 12 24 25 26 27 28 27 30".split()]
 KEPT = tuple(map(int, "0 1 2 3 6 7 8 12 13 14 15 17 18 19 25 26 27".split()))
-_WALKS = (("Train/S3", "Walking 1 chunk0"), ("Train/S3", "Walking 1 chunk2"), ("Validate/S3", "Walking 1 chunk4"))
-CORRUPT = {("S11", "Directions"), *_WALKS}
+CORRUPT = {
+    ("S11", "Directions"), ("Train/S3", "Walking 1 chunk0"), ("Train/S3", "Walking 1 chunk2"), ("Validate/S3", "Walking 1 chunk4")
+}  # fmt: skip
 
 
 def read_positions_3d(stream: BinaryIO, file: Path, hints: Hints) -> list[Reading]:
@@ -56,27 +57,21 @@ def read_positions_3d(stream: BinaryIO, file: Path, hints: Hints) -> list[Readin
     return readings
 
 
-def _reading(array: object, subject: str, action: str, file: Path, hints: Hints) -> Reading:
+def _reading(array: np.ndarray, subject: str, action: str, file: Path, hints: Hints) -> Reading:
     for word in (subject, action):
         label(word, file, "positions_3d")
     place = f"positions_3d, {subject[:40]} {action[:60]}"
-    expected = "floats (frames, 32 or 17 or 15, 3)"
-    if not isinstance(array, np.ndarray):
-        raise MotionFormatError(file, place, "a dictionary", expected)
-    fits = array.ndim == 3 and array.shape[1] in (15, 17, 32) and array.shape[2] == 3 and len(array) > 0
+    fits = array.ndim == 3 and array.shape[1] in (32, *KNOWN) and array.shape[2] == 3 and len(array) > 0
     if not fits or array.dtype.kind != "f":
-        raise MotionFormatError(file, place, f"shape {array.shape}, {array.dtype}", expected)
+        raise MotionFormatError(file, place, f"shape {array.shape}, {array.dtype}", "floats (frames, 32 or 17 or 15, 3)")
     positions = bounded(array, file, place).astype(np.float32)
     if positions.shape[1] == 32:
         positions = positions[:, KEPT]
-    joints = positions.shape[1]
-    unit, up = hints.unit or Stated(1.0, FORMAT), hints.up or Stated("z", FORMAT)
-    fps = hints.fps or Stated(FPS[joints], FORMAT)
+    skeleton, rate = KNOWN[positions.shape[1]]
+    unit, up, fps = hints.unit or Stated(1.0, FORMAT), hints.up or Stated("z", FORMAT), hints.fps or Stated(rate, FORMAT)
     positions *= np.float32(unit.value)
-    skeleton = {17: H36M17, 15: HUMANEVA15}[joints]
     kind = re.sub(r"( \d+)?( chunk\d+)?$", "", action)
-    motion = Motion(positions, fps.value, skeleton, subject, kind, f"{subject} {action}", up.value)
-    return Reading(motion, unit, up, fps)
+    return Reading(Motion(positions, fps.value, skeleton, subject, kind, f"{subject} {action}", up.value), unit, up, fps)
 
 
 def write_h36m(path: str | Path, motions: Sequence[Motion]) -> None:
@@ -88,22 +83,18 @@ def write_h36m(path: str | Path, motions: Sequence[Motion]) -> None:
     Raises:
         ValueError: a motion cannot be carried over to H36M17, or would be named like a sequence that readers drop.
     """
+    stands: list[int] = []  # for each of the 32 joints which of the 17
+    for joint, parent in enumerate(PARENTS_32):
+        stands.append(KEPT.index(joint) if joint in KEPT else stands[parent])
     tree: dict[str, dict[str, np.ndarray]] = {}
     for motion in motions:
-        motion = motion.retarget(H36M17).with_up("z").resample(FPS[17])
+        motion = motion.retarget(H36M17).with_up("z").resample(50.0)
         actions = tree.setdefault(motion.subject, {})
-        takes = (motion.action if take == 0 else f"{motion.action} {take}" for take in range(len(actions) + 1))
-        name = next(take for take in takes if take not in actions)
+        numbered = chain([motion.action], (f"{motion.action} {take}" for take in count(1)))
+        name = next(name for name in numbered if name not in actions)
         if (motion.subject, name) in CORRUPT:
             raise ValueError(f"{motion.subject} {name} is a sequence that readers drop; expected another name")
-        actions[name] = _32_joints(motion.positions)
+        actions[name] = motion.positions[:, stands]
     stream = io.BytesIO()
     np.savez_compressed(stream, positions_3d=np.array(tree, dtype=object))
     write_atomic(Path(path), stream.getvalue())
-
-
-def _32_joints(positions: Float[np.ndarray, "T 17 3"]) -> Float[np.ndarray, "T 32 3"]:
-    full = np.empty((len(positions), 32, 3), np.float32)
-    for joint, parent in enumerate(PARENTS_32):
-        full[:, joint] = positions[:, KEPT.index(joint)] if joint in KEPT else full[:, parent]
-    return full

@@ -8,7 +8,7 @@ import math
 import posixpath
 import warnings
 from collections import Counter
-from collections.abc import Container, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import NamedTuple, Self, TypeVar
@@ -60,7 +60,6 @@ class CaptionedClip:
 
 
 Array = TypeVar("Array", np.ndarray, Tensor)
-AXIS = {"0": (0, 0, 0), "+x": (1, 0, 0), "-x": (-1, 0, 0), "+y": (0, 1, 0), "-y": (0, -1, 0), "+z": (0, 0, 1)}
 
 
 @dataclass(frozen=True)
@@ -121,8 +120,10 @@ class FeatureLayout:
         (slice(193, 259, None), slice(247, 251, None))
         """
         others = len(self.skeleton) - 1
-        sizes = {"yaw_rate": 1, "root_velocity": 2, "height": 1, "positions": 3 * others, "rotations": 6 * others}
-        sizes |= {"velocities": 3 * others + 3, "contacts": 4}
+        sizes = {
+            "yaw_rate": 1, "root_velocity": 2, "height": 1, "positions": 3 * others, "rotations": 6 * others,
+            "velocities": 3 * others + 3, "contacts": 4,
+        }  # fmt: skip
         ends = np.cumsum([*sizes.values()]).tolist()
         return {name: slice(end - size, end) for (name, size), end in zip(sizes.items(), ends, strict=True)}
 
@@ -132,7 +133,10 @@ class FeatureLayout:
         Own choice: KIT's published ones have left and right exchanged, so that hips are half a turn from rest, where the
         shortest rotation has no axis.
         """
-        axes = np.array([AXIS[word] for word in self.rest], float)
+        axes = np.zeros((len(self.rest), 3))
+        for joint, word in enumerate(self.rest):
+            if word != "0":
+                axes[joint, "xyz".index(word[1])] = 1 if word[0] == "+" else -1
         if heading == "correct":
             for joints, sign in ((self.skeleton.left, 1), (self.skeleton.right, -1)):
                 axes[list(joints), 0] = sign * np.abs(axes[list(joints), 0])
@@ -202,11 +206,7 @@ def joints_of(features: Array, layout: FeatureLayout) -> Array:
     if features.shape[-1] != layout.width:
         raise ValueError(f"features have width {features.shape[-1]}; expected {layout.width} for {layout.name}")
     if isinstance(features, np.ndarray):
-        return _joints(torch.from_numpy(np.array(features)), layout).numpy()
-    return _joints(features, layout)
-
-
-def _joints(features: Float[Tensor, "*lead T D"], layout: FeatureLayout) -> Float[Tensor, "*lead T J 3"]:
+        return joints_of(torch.from_numpy(np.array(features)), layout).numpy()
     back = -turned(features[..., 0])
     first = torch.zeros_like(features[..., :1, 1:3])
     steps = torch.cat([first, features[..., :-1, layout.blocks["root_velocity"]]], dim=-2)
@@ -249,44 +249,31 @@ class FolderContents(NamedTuple):
     clips: list[CaptionedClip]
     left_out: Mapping[str, str]
 
-    def report(self) -> str:
-        """How many clips there are, how many were left out for which reason, and some of their names."""
-        counts = Counter(clip.split for clip in self.clips)
-        first = f"{len(self.clips)} clips: {', '.join(f'{n} {split}' for split, n in counts.items()) or 'none'}"
-        return "\n".join([first, *(f"  {line}" for line in self.reasons())])
-
-    def reasons(self, which: Container[str] | None = None) -> list[str]:
-        """A line for each reason, or for some of them."""
-        found = []
-        for reason, count in Counter(self.left_out.values()).most_common():
-            names = [name for name, why in self.left_out.items() if why == reason][:5]
-            if which is None or reason in which:
-                found.append(f"{count} left out, {reason}: {', '.join(names)}{' ...' if count > len(names) else ''}")
-        return found
+    def reasons(self) -> list[str]:
+        """A line for each reason, the most frequent first."""
+        names: dict[str, list[str]] = {reason: [] for reason, _ in Counter(self.left_out.values()).most_common()}
+        for name, reason in self.left_out.items():
+            names[reason].append(name)
+        return [f"{len(n)} left out, {reason}: {', '.join(n[:5])}{' ...' * (len(n) > 5)}" for reason, n in names.items()]
 
     def broken(self) -> list[str]:
         """Those lines that say what should not be; a wrong length is no fault."""
-        return self.reasons(BROKEN)
+        return FolderContents([], {name: reason for name, reason in self.left_out.items() if reason in BROKEN}).reasons()
 
 
-def read_folder(path: Path, layout: FeatureLayout | None = None, splits: Sequence[str] | None = None) -> list[CaptionedClip]:
+def read_folder(path: Path) -> list[CaptionedClip]:
     """The captioned clips of a folder; see `folder_contents`, which also says what was left out.
 
     Warns (`BrokenFilesWarning`) of clips that the lists name but that are missing or hold numbers that are not finite, as
     000021 and 007975 of most copies of HumanML3D, and of captions whose times end before they begin, or begin after the clip.
     """
-    contents = folder_contents(path, layout, splits)
+    contents = folder_contents(path)
     if broken := contents.broken():
         warnings.warn(f"{path}: {' '.join(broken)}", BrokenFilesWarning, 2)
     return contents.clips
 
 
-def folder_contents(
-    path: Path,
-    layout: FeatureLayout | None = None,
-    splits: Sequence[str] | None = None,
-    faults: list[MotionFormatError] | None = None,
-) -> FolderContents:
+def folder_contents(path: Path, faults: list[MotionFormatError] | None = None) -> FolderContents:
     """Read new_joint_vecs/ID.npy and texts/ID.txt of the IDs in train.txt, val.txt and test.txt. Nothing is unpickled.
 
     A clip has at least 40 frames (KIT: 24) and fewer than 200; others are left out with all their captions. Captions of a
@@ -296,34 +283,27 @@ def folder_contents(
 
     Args:
         path: of the folder.
-        layout: HUMANML3D or KIT; None: told by the width of the first features.
-        splits: which of "train", "val" and "test"; None: those that have a list.
         faults: what is wrong is added to it, and the rest is read; None: the first fault is raised.
 
     Raises:
-        MotionFormatError: a list is missing, has a clip twice or one that another list has too, as it is or mirrored (M000001
-            beside 000001), a text or an array is malformed, or the features have another width.
-        ValueError: an unknown split.
+        MotionFormatError: there is no list, one has a clip twice or one that another list has too, as it is or mirrored (M000001
+            beside 000001), a text or an array is malformed, or features differ in width.
     """
-    if unknown := [split for split in splits or () if split not in SPLITS]:
-        raise ValueError(f"splits has {unknown[0]!r}; expected some of {', '.join(SPLITS)}")
-    wanted = splits or has_lists(path)
-    if not wanted:
-        lists = ", ".join(f"{split}.txt" for split in SPLITS)
-        raise MotionFormatError(path, "folder", "no list of clips", f"one of {lists}, beside captions")
+    if not has_lists(path):
+        raise MotionFormatError(path, "folder", "no list of clips", "one of train.txt, val.txt and test.txt, beside captions")
     clips: list[CaptionedClip] = []
     left_out: dict[str, str] = {}
-    for split, names in clip_lists(path, wanted, faults).items():
+    layout: FeatureLayout | None = None  # that of the first features
+    for split, names in clip_lists(path, faults).items():
         for name in names:
             try:
                 file, text = path / FEATURES / f"{name}.npy", path / TEXTS / f"{name}.txt"
                 if not file.is_file() or not text.is_file():
                     left_out[name] = BROKEN[file.is_file()]
                     continue
-                features = _features(file, layout)
-                layout = LAYOUTS[features.shape[1]]
+                features, layout = _features(file, layout)
                 whole = CaptionedClip(features, (), name)
-                for clip in [whole] if _fault(whole, layout) else _entries(features, _captions(text), name, split):
+                for clip in [whole] if _fault(whole, layout) else _entries(features, text, name, split):
                     if why := _fault(clip, layout):
                         left_out[clip.name] = why
                     else:
@@ -343,44 +323,33 @@ def has_lists(path: Path) -> list[str]:
     return [split for split in SPLITS if (path / f"{split}.txt").is_file()]
 
 
-def clip_lists(path: Path, wanted: Sequence[str], faults: list[MotionFormatError] | None) -> dict[str, list[str]]:
-    """The IDs of every list that is wanted; all lists that are there are compared.
-
-    Args:
-        path, faults: as in `folder_contents`.
-        wanted: some of "train", "val" and "test".
-    """
-    lists: dict[str, list[str]] = {split: [] for split in SPLITS if split in wanted or split in has_lists(path)}
-    for error in _fill(lists, path):
-        if faults is None:
-            raise error
-        faults.append(error)
-    return {split: lists[split] for split in wanted}
-
-
-def _fill(lists: dict[str, list[str]], path: Path) -> Iterator[MotionFormatError]:
-    """Read the lists; an ID that no file can have, or that stands in one twice, or in two, as it is or mirrored, is an error."""
+def clip_lists(path: Path, faults: list[MotionFormatError] | None) -> dict[str, list[str]]:
+    """The IDs of every list; arguments as in `folder_contents`."""
+    lists: dict[str, dict[str, int]] = {split: {} for split in has_lists(path)}  # ID -> its line
     owner: dict[str, tuple[str, str]] = {}  # ID without M -> the list that has it, and where
-    for split, names in lists.items():
-        lines: dict[str, int] = {}
+    for split, lines in lists.items():
         file = path / f"{split}.txt"
         for line, row in enumerate(read_text(file, SMALL_TEXT).splitlines(), 1):
             for name in row.split():
-                size = len(name.encode())
-                if size > LONGEST_NAME or posixpath.normpath(name) != name or name[0] in "/." or "\\" in name:
-                    found = f"{name[:20]!r} and so on, {size} bytes" if size > LONGEST_NAME else repr(name)
-                    expected = f"the name of a clip, at most {LONGEST_NAME} bytes, below the folder"
-                    yield MotionFormatError(file, f"line {line}", found, expected)
-                    continue
+                fits = len(name.encode()) <= LONGEST_NAME and posixpath.normpath(name) == name
+                fits = fits and name[0] not in "/." and "\\" not in name
                 whose, where = owner.setdefault(name.removeprefix("M"), (split, f"as {name} in {file.name}, line {line}"))
-                if name in lines:
-                    yield MotionFormatError(file, f"line {line}", f"{name}, as in line {lines[name]}", "every clip once")
+                found, expected = "", "every clip once"
+                if not fits:
+                    found, expected = repr(name[:40]), f"the name of a clip, at most {LONGEST_NAME} bytes, below the folder"
+                elif name in lines:
+                    found = f"{name}, as in line {lines[name]}"
                 elif whose != split:
+                    found = f"{name}, {where}"
                     expected = "clips that no other list has, as they are or mirrored (M before the ID)"
-                    yield MotionFormatError(file, f"line {line}", f"{name}, {where}", expected)
-                if name not in lines:
-                    names.append(name)
-                lines.setdefault(name, line)
+                if found:
+                    error = MotionFormatError(file, f"line {line}", found, expected)
+                    if faults is None:
+                        raise error
+                    faults.append(error)
+                if fits:
+                    lines.setdefault(name, line)
+    return {split: [*lines] for split, lines in lists.items()}
 
 
 def read_features(array: Shaped[np.ndarray, "*shape"], file: Path, hints: Hints) -> Reading:
@@ -407,13 +376,13 @@ def without_features(files: Sequence[Path]) -> list[Path]:
     return [file for file in files if file.parent.name != FEATURES or file.parent.parent / JOINTS / file.name not in there]
 
 
-def _features(file: Path, wanted: FeatureLayout | None) -> Float[np.ndarray, "T D"]:
+def _features(file: Path, wanted: FeatureLayout | None) -> tuple[Float[np.ndarray, "T D"], FeatureLayout]:
     with open_regular(file) as stream:
         array = read_array(stream, file, "array")
     found = _layout(array, file)
     if wanted and found != wanted:
         raise MotionFormatError(file, "array", f"shape {array.shape}", f"(T, {wanted.width}) for {wanted.name}")
-    return array.astype(np.float32)
+    return array.astype(np.float32), found
 
 
 def _layout(array: Shaped[np.ndarray, "*shape"], file: Path) -> FeatureLayout:
@@ -436,37 +405,29 @@ def _fault(clip: CaptionedClip, layout: FeatureLayout) -> str:
     return f"{TOO_LONG} frames or longer" if frames >= TOO_LONG else ""
 
 
-Caption = tuple[int, str, float, float]  # a line of a text: its number, what it says, of which seconds; 0 and 0 is the whole clip
-
-
-def _captions(file: Path) -> list[Caption]:
-    """The lines that are not empty; nan is 0."""
-    found = []
-    for n, line in enumerate(read_text(file, SMALL_TEXT).splitlines(), 1):
-        if not line.strip():
-            continue
-        fields = line.strip().split("#")
-        if len(fields) != FIELDS or not fields[0].strip():
-            raise MotionFormatError(file, f"line {n}", repr(line[:80]), "caption#word/POS word/POS ...#start#end")
-        start, end = (0.0 if f.strip().lower() == "nan" else number(f, file, f"line {n}") for f in fields[2:])
-        found.append((n, _tagged(fields[0].strip(), fields[1]), start, end))
-    if not found:
-        raise MotionFormatError(file, "text", "no line", "at least one caption")
-    return found
-
-
 def _tagged(text: str, words: str) -> str:
     """The caption with its "word/POS word/POS"; the caption alone where these are not all so."""
     pairs = [(word, part) for word, _, part in (token.rpartition("/") for token in words.split())]
     return TaggedCaption(text, pairs) if pairs and all(word and part for word, part in pairs) else text
 
 
-def _entries(features: Float[np.ndarray, "T D"], captions: Sequence[Caption], name: str, split: str) -> Iterator[CaptionedClip]:
-    """The whole clip with all captions that have no times, then one entry for each other caption."""
-    whole = tuple(text for _, text, start, end in captions if start == end == 0)
-    if whole:
-        yield CaptionedClip(features, whole, name, split)
-    for n, text, start, end in captions:
-        if start or end:
+def _entries(features: Float[np.ndarray, "T D"], file: Path, name: str, split: str) -> list[CaptionedClip]:
+    """The whole clip with all captions that have no times, then one entry for each other caption; nan is 0."""
+    whole: list[str] = []
+    parts: list[CaptionedClip] = []
+    for n, line in enumerate(read_text(file, SMALL_TEXT).splitlines(), 1):
+        if not line.strip():
+            continue
+        fields = line.strip().split("#")
+        if len(fields) != FIELDS or not fields[0].strip():
+            raise MotionFormatError(file, f"line {n}", repr(line[:80]), "caption#word/POS word/POS ...#start#end")
+        caption = _tagged(fields[0].strip(), fields[1])
+        start, end = (0.0 if f.strip().lower() == "nan" else number(f, file, f"line {n}") for f in fields[2:])
+        if start == end == 0:
+            whole.append(caption)
+        else:
             first, last = (max(math.trunc(seconds * STAMP_FPS), 0) for seconds in (start, end))
-            yield CaptionedClip(features[first:last], (text,), f"{name} line {n}, {start:g} to {end:g} s", split)
+            parts.append(CaptionedClip(features[first:last], (caption,), f"{name} line {n}, {start:g} to {end:g} s", split))
+    if not whole and not parts:
+        raise MotionFormatError(file, "text", "no line", "at least one caption")
+    return [CaptionedClip(features, tuple(whole), name, split), *parts] if whole else parts

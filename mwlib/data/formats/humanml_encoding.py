@@ -3,17 +3,15 @@
 Source: the code published with HumanML3D, of which two known faults can be had by name ("humanml3d") or left out ("correct").
 """
 
-from collections.abc import Sequence
-from functools import lru_cache
+from itertools import pairwise
 from typing import Literal, get_args
 
 import numpy as np
-import torch
-from jaxtyping import Float, Int
+from jaxtyping import Float
 from scipy.ndimage import gaussian_filter1d
 
 from mwlib.body.kinematics import bone_lengths
-from mwlib.data.formats.humanml import HUMANML3D, Array, FeatureLayout
+from mwlib.data.formats.humanml import HUMANML3D, FeatureLayout
 from mwlib.settings import choice
 
 Heading = Literal["correct", "humanml3d"]
@@ -50,22 +48,23 @@ def features_of(
     world = placed(np.asarray(positions, float), layout)
     if len(world) < 2:
         raise ValueError("positions have 1 frame; expected at least 2, as each row of features looks at the next frame")
-    angle = _headings(world, layout, heading)
+    forward = gaussian_filter1d(_facing(world, layout, heading), SMOOTHING, axis=0, mode="nearest")
+    angle = np.arctan2(forward[:, 0], forward[:, 2])
+    angle[0] = 0.0
     steps = _about_up(np.diff(world, axis=0), -angle[:-1])
     root = _about_up(np.diff(world[:, :1], axis=0), -angle[1:])
-    turn = np.diff(angle)
     local = world - world[:, :1] * [1, 0, 1]
     squared = np.square(np.diff(world[:, list(layout.contact_joints)], axis=0)).sum(axis=-1)
-    columns = {
-        "yaw_rate": -(np.remainder(turn + np.pi, 2 * np.pi) - np.pi) / 2,
-        "root_velocity": root[:, 0, [0, 2]],
-        "height": world[:-1, 0, 1],
-        "positions": _about_up(local[:-1, 1:], -angle[:-1]),
-        "rotations": _rotations(world[:-1], angle[:-1], layout, heading)[..., :2].swapaxes(-1, -2),
-        "velocities": steps,
-        "contacts": squared < layout.contact_threshold,
-    }
-    return np.concatenate([part.reshape(len(steps), -1) for part in columns.values()], axis=1).astype(np.float32)
+    columns = (
+        -(np.remainder(np.diff(angle) + np.pi, 2 * np.pi) - np.pi) / 2,
+        root[:, 0, [0, 2]],
+        world[:-1, 0, 1],
+        _about_up(local[:-1, 1:], -angle[:-1]),
+        _rotations(world[:-1], angle[:-1], layout, heading)[..., :2].swapaxes(-1, -2),
+        steps,
+        squared < layout.contact_threshold,
+    )  # in the order of `FeatureLayout.blocks`
+    return np.concatenate([part.reshape(len(steps), -1) for part in columns], axis=1).astype(np.float32)
 
 
 def placed(positions: Float[np.ndarray, "T J 3"], layout: FeatureLayout = HUMANML3D) -> Float[np.ndarray, "T J 3"]:
@@ -75,7 +74,7 @@ def placed(positions: Float[np.ndarray, "T J 3"], layout: FeatureLayout = HUMANM
         ValueError: as in `features_of`.
     """
     expected = (len(layout.skeleton), 3)
-    if positions.ndim != 3 or positions.shape[1:] != expected or len(positions) == 0:
+    if positions.shape[1:] != expected or len(positions) == 0:
         raise ValueError(f"positions have shape {positions.shape}; expected (T, {expected[0]}, 3) for {layout.name}")
     if not np.isfinite(positions).all():
         frame, joint, _ = np.argwhere(~np.isfinite(positions))[0]
@@ -85,24 +84,21 @@ def placed(positions: Float[np.ndarray, "T J 3"], layout: FeatureLayout = HUMANM
     return _about_up(positions - origin, -np.arctan2(x, z)[None]).astype(positions.dtype)
 
 
-def with_bones(
-    positions: Float[np.ndarray, "T J 3"], layout: FeatureLayout = HUMANML3D, lengths: Sequence[float] | None = None
-) -> Float[np.ndarray, "T J 3"]:
-    """The same motion of another body: bones in their directions with other lengths, the root's path scaled as the legs are.
+def with_bones(positions: Float[np.ndarray, "T J 3"], layout: FeatureLayout = HUMANML3D) -> Float[np.ndarray, "T J 3"]:
+    """The same motion of the layout's body: bones in their directions with its lengths, the root's path scaled as the legs are.
 
     This is how the published data were given one body; its own has the leg of one side measured, this the mean of both.
 
     Args:
         positions: layout's units.
         layout: whose joints these are.
-        lengths: of the bone to each joint, the root's being 0; None: the layout's.
 
     Raises:
-        ValueError: the layout has no lengths and none are given.
+        ValueError: the layout has no lengths.
     """
-    wanted = layout.bone_lengths if lengths is None else lengths
+    wanted = layout.bone_lengths
     if wanted is None:
-        raise ValueError(f"lengths is None; expected {len(layout.skeleton)} lengths, as {layout.name} knows of none")
+        raise ValueError(f"bone_lengths of {layout.name} is None; expected {len(layout.skeleton)} lengths")
     own = bone_lengths(positions, layout.skeleton)  # of joints 1, 2, ...
     legs = [joint for chain in layout.chains[:2] for joint in chain[LOWER_LEG : LOWER_LEG + 2]]
     scale = np.sum(np.asarray(wanted)[legs]) / np.median(own, axis=0)[np.subtract(legs, 1)].sum()
@@ -114,55 +110,13 @@ def with_bones(
     return out
 
 
-def mirrored(features: Array, layout: FeatureLayout = HUMANML3D) -> Array:
-    """Features of the mirror image, left and right exchanged; NumPy or torch, leading axes free. Captions need the same."""
-    order, signs = _mirror(layout)
-    if isinstance(features, np.ndarray):
-        return (features[..., order] * signs).astype(features.dtype)
-    return features[..., torch.from_numpy(order).to(features.device)] * torch.from_numpy(signs).to(features)
-
-
-@lru_cache
-def _mirror(layout: FeatureLayout) -> tuple[Int[np.ndarray, " D"], Float[np.ndarray, " D"]]:
-    """For each feature of the mirror image which one it is of the original, and its sign. The mirror is the plane x = 0."""
-    pairs, blocks = layout.skeleton.mirror, layout.blocks
-    signs, order = np.ones(layout.width), np.arange(layout.width)
-    signs[0] = signs[1] = -1
-    for name, joints, own in (
-        ("positions", pairs[1:] - 1, (-1, 1, 1)),
-        ("rotations", pairs[1:] - 1, (1, -1, -1, -1, 1, 1)),  # M R M with M = diag(-1, 1, 1), two columns of it
-        ("velocities", pairs, (-1, 1, 1)),
-        ("contacts", np.array([2, 3, 0, 1]), (1,)),
-    ):
-        start = blocks[name].start
-        order[blocks[name]] = (start + joints[:, None] * len(own) + np.arange(len(own))).ravel()
-        signs[blocks[name]] = np.tile(own, len(joints))
-    return order, signs
-
-
 def _facing(positions: Float[np.ndarray, "T J 3"], layout: FeatureLayout, heading: str) -> Float[np.ndarray, "T 3"]:
     """Horizontal directions in which the body looks; shorter than 1 where hips and shoulders are tilted."""
     right_hip, left_hip, right_shoulder, left_shoulder = layout.face_joints
     hips = positions[:, right_hip] - positions[:, left_hip]
-    if heading == "humanml3d":
-        hips = -hips
-    across = hips + positions[:, right_shoulder] - positions[:, left_shoulder]
+    across = (-hips if heading == "humanml3d" else hips) + positions[:, right_shoulder] - positions[:, left_shoulder]
     across = across / np.maximum(np.linalg.norm(across, axis=-1, keepdims=True), LEAST)
     return np.cross([0.0, 1.0, 0.0], across)
-
-
-def _headings(world: Float[np.ndarray, "T J 3"], layout: FeatureLayout, heading: str) -> Float[np.ndarray, " T"]:
-    """Angles about y from +z to where the body faces, smoothed; the first is 0."""
-    forward = gaussian_filter1d(_facing(world, layout, heading), SMOOTHING, axis=0, mode="nearest")
-    angle = np.arctan2(forward[:, 0], forward[:, 2])
-    angle[0] = 0.0
-    return angle
-
-
-def _start(angle: Float[np.ndarray, " T"], heading: str) -> Float[np.ndarray, "T 3 3"]:
-    """The rotation from which every chain begins: none, as the pose is seen in its heading; as published, the heading undone."""
-    undone = -angle if heading == "humanml3d" else np.zeros_like(angle)
-    return _about_up(np.broadcast_to(np.eye(3), (len(angle), 3, 3)), undone).swapaxes(-1, -2)
 
 
 def _rotations(
@@ -172,15 +126,17 @@ def _rotations(
 
     Each bone is turned from its rest by the shortest arc; a twist cannot be seen in positions.
     """
-    before, after = np.array([pair for chain in layout.chains for pair in zip(chain, chain[1:], strict=False)]).T
+    before, after = np.array([pair for chain in layout.chains for pair in pairwise(chain)]).T
     begins = [joint == chain[1] for chain in layout.chains for joint in chain[1:]]
     bones = world[:, after] - world[:, before]
-    if heading == "correct":
-        bones = _about_up(bones, -angle)
+    if heading == "correct":  # every chain begins without a turn, as the pose is seen in its heading
+        bones, start = _about_up(bones, -angle), np.eye(3)
+    else:  # as published: with the heading undone
+        start = _about_up(np.broadcast_to(np.eye(3), (len(angle), 3, 3)), -angle).swapaxes(-1, -2)[:, None]
     whole = np.empty((len(world), len(layout.skeleton), 3, 3))
     whole[:, after] = _arcs(layout.rests(heading)[after], bones)
     above = whole[:, before]
-    above[:, begins] = _start(angle, heading)[:, None]
+    above[:, begins] = start
     local = np.empty_like(whole)
     local[:, after] = above.swapaxes(-1, -2) @ whole[:, after]
     return local[:, 1:]
@@ -189,9 +145,7 @@ def _rotations(
 def _arcs(rest: Float[np.ndarray, "bones 3"], bones: Float[np.ndarray, "T bones 3"]) -> Float[np.ndarray, "T bones 3 3"]:
     """The smallest rotations that carry unit vectors to the directions of bones: 1 + K + K K / (1 + cosine)."""
     towards = bones / np.maximum(np.linalg.norm(bones, axis=-1, keepdims=True), LEAST)
-    x, y, z = np.moveaxis(np.cross(rest, towards), -1, 0)
-    zero = np.zeros_like(x)
-    k = np.stack([zero, -z, y, z, zero, -x, -y, x, zero], axis=-1).reshape(*x.shape, 3, 3)
+    k = np.cross(np.eye(3), np.cross(rest, towards)[..., None, :])
     more = 1 + np.sum(rest * towards, axis=-1)[..., None, None]
     arcs = np.eye(3) + k + k @ k / np.maximum(more, OPPOSITE)
     side = np.roll(rest, 1, axis=-1)  # at a right angle to a vector along an axis

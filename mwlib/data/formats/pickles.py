@@ -11,7 +11,7 @@ import warnings
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, NamedTuple, TypeVar
+from typing import Any
 
 import numpy as np
 
@@ -20,19 +20,15 @@ from mwlib.data.untrusted import MOST_DIMENSIONS, MOST_VALUES, MotionFormatError
 EXPECTED = "a pickle of dictionaries and NumPy arrays of numbers"
 WORDS = "a pickle of a list of words, or of a dictionary from words to whole numbers"
 MOST_STEPS = 250_000  # instructions in a file of up to 10 MB; an array takes about 25, all of Human3.6M about 6000
-LONGEST_TUPLE = 9  # what NumPy says about a dtype
-NUMBER = re.compile(r"(f[248]|[iu][1248]|b1)")
+KINDS = re.compile("f[248]|[iu][1248]|b1|O8?")  # of dtypes
 NAMES = {
-    ("numpy", "ndarray"), ("numpy", "dtype"), ("_codecs", "encode"),
-    *((f"numpy.{core}.multiarray", "_reconstruct") for core in ("core", "_core")),
-    *((f"numpy.{core}.numeric", "_frombuffer") for core in ("core", "_core")),
+    "numpy.ndarray", "numpy.dtype", "_codecs.encode",
+    *(f"numpy.{core}.{name}" for core in ("core", "_core") for name in ("multiarray._reconstruct", "numeric._frombuffer")),
 }  # fmt: skip
-TEXTS = "SHORT_BINUNICODE BINUNICODE SHORT_BINSTRING BINSTRING SHORT_BINBYTES BINBYTES BYTEARRAY8".split()
-PUSHED = {*TEXTS, "BININT", "BININT1", "BININT2", "LONG1", "INT"}
-CONSTANTS = {"NONE": None, "NEWTRUE": True, "NEWFALSE": False}
+PUSHED = (
+    "SHORT_BINUNICODE BINUNICODE SHORT_BINSTRING BINSTRING SHORT_BINBYTES BINBYTES BYTEARRAY8 BININT BININT1 BININT2 LONG1 INT"
+).split()
 REMEMBERED, RECALLED, IDLE = ("MEMOIZE", "BINPUT", "LONG_BINPUT"), ("BINGET", "LONG_BINGET"), ("PROTO", "FRAME", "STOP")
-
-Read = TypeVar("Read")
 
 
 class _Refused(ValueError):
@@ -43,10 +39,10 @@ class _Mark:
     """Where the items of a tuple, list or dictionary begin."""
 
 
-class _Name(NamedTuple):
+@dataclass
+class _Name:
     """A name that NumPy's pickles contain. It stands for itself; nothing can call it."""
 
-    module: str
     name: str
 
 
@@ -71,7 +67,7 @@ def unpickle(data: bytes, file: Path, place: str) -> object:
     Raises:
         MotionFormatError: anything else is in it, and nothing of it has run; or more than the file's size allows.
     """
-    return _read(data, file, place, EXPECTED, lambda tree: _plain(tree, depth=3))
+    return _read(data, file, place, EXPECTED, _plain)
 
 
 def unpickle_words(data: bytes, file: Path) -> list[str] | dict[str, int]:
@@ -83,7 +79,7 @@ def unpickle_words(data: bytes, file: Path) -> list[str] | dict[str, int]:
     return _read(data, file, "pickle", WORDS, _words)
 
 
-def _read(data: bytes, file: Path, place: str, expected: str, finish: Callable[[object], Read]) -> Read:
+def _read(data: bytes, file: Path, place: str, expected: str, finish: Callable[[object], Any]) -> Any:
     """What `finish` makes of the tree that the instructions build."""
     machine = _Machine(allowed(MOST_VALUES, file))
     most = allowed(MOST_STEPS, file)
@@ -99,8 +95,8 @@ def _read(data: bytes, file: Path, place: str, expected: str, finish: Callable[[
         raise MotionFormatError(file, place, str(error)[:200] or type(error).__name__, expected) from error
 
 
-def _plain(tree: object, depth: int) -> object:
-    """Stand-ins replaced by what they stand for."""
+def _plain(tree: object, depth: int = 2) -> object:
+    """Stand-ins in so many levels of dictionaries replaced by what they stand for."""
     if isinstance(tree, _Array):
         tree = tree.value
     if isinstance(tree, np.ndarray):
@@ -132,8 +128,8 @@ class _Machine:
         Raises:
             _Refused, ValueError, LookupError, TypeError: it is none that NumPy needs, or its operands are not.
         """
-        if name in PUSHED or name in CONSTANTS:
-            self.stack.append(CONSTANTS.get(name, argument))
+        if name in PUSHED:
+            self.stack.append(argument)
         elif name in MADE:
             self.stack.append(MADE[name]())
         elif name in TAKERS:
@@ -161,9 +157,7 @@ class _Machine:
         return items[::-1]
 
     def put_tuple(self, items: list[Any]) -> None:
-        """TUPLE: a short one."""
-        if len(items) > LONGEST_TUPLE:
-            raise _Refused(f"a tuple of {len(items)}")
+        """TUPLE."""
         self.stack.append(tuple(items))
 
     def recall(self, slot: int) -> None:
@@ -176,7 +170,7 @@ class _Machine:
     def put_items(self, items: list[Any]) -> None:
         """SETITEMS: keys are text, so that no chosen ones collide."""
         keys, values = items[::2], items[1::2]
-        if len(keys) != len(values) or not isinstance(self.stack[-1], dict) or not all(type(key) is str for key in keys):
+        if not isinstance(self.stack[-1], dict) or not all(type(key) is str for key in keys):
             raise _Refused("a key that is no text among the dictionaries")
         self.stack[-1].update(zip(keys, values, strict=True))
 
@@ -191,33 +185,37 @@ class _Machine:
 
     def name(self, words: list[Any]) -> None:
         """GLOBAL: one of the names that NumPy writes."""
-        module, name = words
-        if not isinstance(module, str) or not isinstance(name, str) or (module, name) not in NAMES:
-            raise _Refused(f"the name {str(module)[:60]}.{str(name)[:60]}")
-        self.stack.append(_Name(module, name))
+        name = ".".join(str(word)[:60] for word in words)
+        if name not in NAMES:
+            raise _Refused(f"the name {name}")
+        self.stack.append(_Name(name))
 
     def reduce(self, operands: list[Any]) -> None:
         """REDUCE: what the call of a permitted name would give."""
-        name, arguments = operands
-        if not isinstance(name, _Name) or not isinstance(arguments, tuple):
+        called, arguments = operands
+        if not isinstance(called, _Name) or not isinstance(arguments, tuple):
             raise _Refused("a call of something without a name")
-        if name.name == "_reconstruct":
+        name = called.name.rpartition(".")[2]
+        if name == "_reconstruct":
             made: object = _Array()
-        elif name.name == "dtype":
-            made = _Dtype(_code(arguments[0]))
-        elif name.name == "encode" and isinstance(arguments[0], str) and arguments[1] in ("latin1", "latin-1"):
+        elif name == "dtype":
+            code = arguments[0]
+            if not isinstance(code, str) or not KINDS.fullmatch(code):
+                raise _Refused(f"dtype {str(code)[:20]!r}")
+            made = _Dtype(code)
+        elif name == "encode" and isinstance(arguments[0], str) and arguments[1] in ("latin1", "latin-1"):
             made = arguments[0].encode("latin1")
-        elif name.name == "_frombuffer":
+        elif name == "_frombuffer":
             content, dtype, shape, order = arguments
             made = _Array(self._numbers(content, dtype, shape, order == "F"))
         else:
-            raise _Refused(f"a call of {name.module}.{name.name}")
+            raise _Refused(f"a call of {called.name}")
         self.stack.append(made)
 
     def build(self, operands: list[Any]) -> None:
         """BUILD: byte order of a dtype; shape, dtype and data of an array."""
         made, state = operands
-        if isinstance(made, _Dtype) and isinstance(state, tuple) and state[1] in ("<", ">", "|", "="):
+        if isinstance(made, _Dtype) and isinstance(state, tuple) and state[1] in tuple("<>|="):
             made.order = state[1]
         elif isinstance(made, _Array) and isinstance(state, tuple) and len(state) == 5:
             _, shape, dtype, fortran, data = state
@@ -247,19 +245,13 @@ class _Machine:
         return np.frombuffer(bytes(raw), kind).reshape(shape, order="F" if fortran else "C")
 
 
-def _code(word: object) -> str:
-    if not isinstance(word, str) or not (NUMBER.fullmatch(word) or word in ("O", "O8")):
-        raise _Refused(f"dtype {str(word)[:20]!r}")
-    return word
-
-
-MADE: dict[str, Callable[[], object]] = {"MARK": _Mark, "EMPTY_DICT": dict, "EMPTY_LIST": list}
+MADE: dict[str, Callable[[], object]] = {
+    "MARK": _Mark, "EMPTY_DICT": dict, "EMPTY_LIST": list, "EMPTY_TUPLE": tuple,
+    "NONE": lambda: None, "NEWTRUE": lambda: True, "NEWFALSE": lambda: False,
+}  # fmt: skip
 # What takes how many operands; None: all above the last mark.
 TAKERS: dict[str, tuple[Callable[[_Machine, list[Any]], None], int | None]] = {
-    "EMPTY_TUPLE": (_Machine.put_tuple, 0),
-    "TUPLE1": (_Machine.put_tuple, 1),
-    "TUPLE2": (_Machine.put_tuple, 2),
-    "TUPLE3": (_Machine.put_tuple, 3),
+    **{f"TUPLE{count}": (_Machine.put_tuple, count) for count in (1, 2, 3)},
     "TUPLE": (_Machine.put_tuple, None),
     "SETITEM": (_Machine.put_items, 2),
     "SETITEMS": (_Machine.put_items, None),

@@ -19,11 +19,12 @@ from scipy.spatial.transform import Rotation
 
 from mwlib.body.kinematics import fk
 from mwlib.body.rig import ANGLES, MOVES, Rig
-from mwlib.body.skeleton import HUMANML22, Skeleton
-from mwlib.data.formats.frames import in_blocks, rotation_track
+from mwlib.body.rotation import continuous
+from mwlib.body.skeleton import HUMANML22
+from mwlib.data.formats.frames import blocks
 from mwlib.data.meaning import DEFAULT, ENTRY, FORMAT, Hints, Reading, Stated, hints_of
 from mwlib.data.mirroring import rig_skeleton
-from mwlib.data.untrusted import MotionFormatError, archive_names, bounded, label, numbers, read_archive, read_array, single
+from mwlib.data.untrusted import MotionFormatError, archive_names, label, numbers, read_archive, read_array, single
 
 GENDERS = ("male", "female", "neutral")
 OF_MODELS = ("v_template", "shapedirs", "J_regressor", "kintree_table")
@@ -105,18 +106,19 @@ def body_model(family: str, gender: str, folders: Sequence[Path]) -> BodyModel:
     """
     name = f"{family.upper()}_{gender.upper()}"
     stems = f"{family}/{gender}/model", f"{family}/{name}", name
-    places = [folder / stem for folder in folders for stem in stems]
-    for file in (place.with_name(f"{place.name}.npz") for place in places):
-        if file.is_file():
-            state = file.stat()
-            return _read(file, family, state.st_mtime_ns, state.st_size)
-    pickled = [file for place in places if (file := place.with_name(f"{place.name}.pkl")).is_file()]
-    title, _, where = FAMILIES[family]
+    there, pickled = (
+        [file for folder in folders for stem in stems if (file := folder / f"{stem}.{ending}").is_file()]
+        for ending in ("npz", "pkl")
+    )
+    if there:
+        state = there[0].stat()
+        return _read(there[0], family, state.st_mtime_ns, state.st_size)
     if pickled:
         expected = "the same as .npz; docs/howto/own-motions.md has the lines that convert it"
         raise MotionFormatError(pickled[0], "body model", "a pickle, which can run code", expected)
-    there = f"{stems[0]}.npz or {stems[1]}.npz there, or in {folders[-1].name} beside the motions or above them"
-    expected = f"{there}: it says where the joints are, and whoever registers gets it at {where}"
+    title, _, where = FAMILIES[family]
+    places = f"{stems[0]}.npz or {stems[1]}.npz there, or in {folders[-1].name} beside the motions or above them"
+    expected = f"{places}: it says where the joints are, and whoever registers gets it at {where}"
     raise MotionFormatError(folders[-1], "body model", f"no {gender} one of {title}", expected)
 
 
@@ -126,31 +128,26 @@ def _read(file: Path, family: str, *_state: int) -> BodyModel:
     arrays = {name: read_array(stream, file, name) for name, stream in read_archive(file, OF_MODELS).items()}
     if lost := [name for name in OF_MODELS if name not in arrays]:
         raise MotionFormatError(file, "archive", f"no entry {lost[0]}", f"the entries {', '.join(OF_MODELS)} of a body model")
-    template, ways, regressor, tree = (arrays[name] for name in OF_MODELS)
-    joints, points = len(FAMILIES[family].joints), len(template) if template.ndim else 0
-    shapes = {
-        "v_template": (points, 3),
-        "shapedirs": (points, 3, ways.shape[-1] if ways.ndim else 0),
-        "J_regressor": (joints, points),
-    }
-    for name, shape in {**shapes, "kintree_table": (2, joints)}.items():
-        found = arrays[name]
-        if found.shape != shape or found.dtype.kind not in "fiu" or 0 in shape:
-            expected = f"numbers of shape {shape} for {FAMILIES[family].title}"
-            raise MotionFormatError(file, name, f"{found.dtype} of shape {found.shape}", expected)
-    parents = (-1, *(int(parent) for parent in tree[0, 1:]))
-    if parents[: len(HUMANML22)] != HUMANML22.parents or any(not 0 <= p < j for j, p in enumerate(parents) if j):
-        raise MotionFormatError(file, "kintree_table", f"parents {str(parents)[:80]}", f"those of {FAMILIES[family].title}")
-    count = ways.shape[-1]
+    title, joints, _ = FAMILIES[family]
+    ways = np.atleast_1d(arrays["shapedirs"])
+    points, count = arrays["v_template"].size // 3, ways.shape[-1]
     if family == "smplx":
         count = min(count, SHAPES_OF_X[0] if count > SHAPES_OF_X[0] else SHAPES_OF_X[1])
-    template, regressor = (
-        bounded(a, file, n).astype(np.float64) for a, n in ((template, "v_template"), (regressor, "J_regressor"))
+    arrays["shapedirs"] = ways[..., :count]
+    shapes = {"v_template": (points, 3), "shapedirs": (points, 3, count), "J_regressor": (len(joints), points)}
+    template, ways, regressor = (
+        numbers(arrays[name], arrays[name].shape == shape and 0 not in shape, file, name, f"numbers of shape {shape} for {title}")
+        for name, shape in shapes.items()
     )
-    ways = bounded(ways[..., :count], file, "shapedirs").astype(np.float64)
+    tree = arrays["kintree_table"]
+    parents = (-1, *map(int, tree[0, 1:])) if tree.shape == (2, len(joints)) else ()
+    if parents[: len(HUMANML22)] != HUMANML22.parents or any(not 0 <= p < j for j, p in enumerate(parents) if j):
+        found = f"parents {str(parents)[:80]} in shape {tree.shape}"
+        raise MotionFormatError(file, "kintree_table", found, f"those of {title}, of shape {(2, len(joints))}")
     return BodyModel(regressor @ template, np.einsum("jv,vcb->jcb", regressor, ways), parents, file)
 
 
+Arrays = Mapping[str, Shaped[np.ndarray, "..."]]  # entries of an archive by their names
 POSES = {"poses": "", "pose_body": "root_orient", "body_pose": "global_orient"}  # and the entry of the root, if it is apart
 PATHS = ("trans", "transl")
 RATES = ("mocap_framerate", "mocap_frame_rate", "fps")
@@ -188,10 +185,9 @@ def read_smpl(file: Path, hints: Hints, folders: Sequence[Path]) -> Reading:
     inside = hints_of({"up": said.get("up"), "fps": next((said[n] for n in RATES if n in said), None)}, file, ENTRY)
     known = hints.over(inside).over(Hints(subject=file.resolve().parent.name))
     if known.fps is None:
-        expected = f"an entry {', '.join(RATES)}, a column fps in clips.csv, or file_fps="
+        expected = "an entry mocap_framerate, mocap_frame_rate or fps, a column fps in clips.csv, or file_fps="
         raise MotionFormatError(file, "frame rate", "none", expected)
-    is_amass = not {*OF_AMASS}.isdisjoint(said)
-    up = known.up or (Stated("z", FORMAT) if is_amass else Stated("y", DEFAULT))
+    up = known.up or (Stated("y", DEFAULT) if {*OF_AMASS}.isdisjoint(said) else Stated("z", FORMAT))
     unit = known.unit or Stated(1.0, FORMAT)
     turns, family = _turns(arrays, said.get(MODEL, ""), file)
     path = _vectors(arrays, next((name for name in PATHS if name in arrays), PATHS[0]), file, len(turns))
@@ -200,11 +196,21 @@ def read_smpl(file: Path, hints: Hints, folders: Sequence[Path]) -> Reading:
     model = body_model(family, gender, folders)
     rest, joints = unit.value * model.rest(arrays.get("betas", np.zeros(1)), file), turns.shape[1]
     tree = rig_skeleton(FAMILIES[family].joints[:joints], model.parents[:joints])
-    rig, positions = _posed(turns, rest[:joints], rest[0] + unit.value * path[:, 0], tree)
+    offsets = np.concatenate([rest[:1], rest[1:joints] - rest[list(tree.parents[1:])]])
+    points = tuple(range(len(HUMANML22)))
+    root = rest[0] + unit.value * path[:, 0]
+    scalar_last = Rotation.from_rotvec(turns.reshape(-1, 3)).as_quat()
+    quaternions = torch.from_numpy(np.roll(scalar_last, 1, axis=-1)).reshape(-1, joints, 4)
+    positions = np.concatenate([
+        fk(quaternions[part], torch.from_numpy(offsets), torch.from_numpy(root[part]), tree)[0].numpy().take(points, axis=1)
+        for part in blocks(len(turns), joints)
+    ])  # fmt: skip
+    rotations = continuous(quaternions.float()).numpy()
+    rig = Rig(tree, offsets, rotations, root, points, (MOVES + ANGLES, *[ANGLES] * (joints - 1)))
     return known.reading(file, positions, HUMANML22, unit, up, known.fps, rig=rig)
 
 
-def _turns(arrays: Mapping[str, Shaped[np.ndarray, "..."]], said: str, file: Path) -> tuple[Float[np.ndarray, "T joints 3"], str]:
+def _turns(arrays: Arrays, said: str, file: Path) -> tuple[Float[np.ndarray, "T joints 3"], str]:
     """Rotation vectors, the root's first, and the family of bodies that they are for."""
     name = next((name for name in POSES if name in arrays), "poses")
     turns = _vectors(arrays, name, file)
@@ -217,43 +223,19 @@ def _turns(arrays: Mapping[str, Shaped[np.ndarray, "..."]], said: str, file: Pat
     fitting = [family for family in fitting if word in ("", family)]
     if len(fitting) != 1:
         found = f"rotations of {joints} joints, {MODEL} {said[:40] or 'not said'}"
-        widths = ", ".join(f"{len(known.joints)} ({family})" for family, known in FAMILIES.items())
-        raise MotionFormatError(file, name, found, f"as many as its model has: {widths}; or 22, and {MODEL} smplh or smplx")
+        expected = f"as many as its model has: 24 (smpl), 52 (smplh), 55 (smplx); or 22, and {MODEL} smplh or smplx"
+        raise MotionFormatError(file, name, found, expected)
     return turns, fitting[0]
 
 
-def _vectors(
-    arrays: Mapping[str, Shaped[np.ndarray, "..."]], name: str, file: Path, frames: int = 0
-) -> Float[np.ndarray, "T vectors 3"]:
+def _vectors(arrays: Arrays, name: str, file: Path, frames: int = 0) -> Float[np.ndarray, "T vectors 3"]:
     """An entry of shape (T, 3 n) or (T, n, 3); only poses may have n > 1."""
     if name not in arrays:
         raise MotionFormatError(file, "archive", f"entries {', '.join(sorted(arrays))[:120]}", f"{name} among them")
     found, several = arrays[name], name in POSES
-    is_listed = found.size > 0 and (found.ndim == 2 or found.ndim == 3 and found.shape[2] == 3)
-    width = found[0].size if is_listed else 0
-    fits = width > 0 and (width % 3 == 0 if several else width == 3) and len(found) == (frames or len(found))
+    fits = (
+        found.size > 0 and (found.ndim == 2 or found.ndim == 3 and found.shape[2] == 3) and len(found) == (frames or len(found))
+    )
+    fits = fits and (found[0].size % 3 == 0 if several else found[0].size == 3)
     expected = f"numbers of shape ({frames or 'T'}, {'3 x joints' if several else 3})"
     return numbers(found, fits, file, name, expected).reshape(len(found), -1, 3)
-
-
-def _posed(
-    turns: Float[np.ndarray, "T joints 3"], rest: Float[np.ndarray, "joints 3"], root: Float[np.ndarray, "T 3"], tree: Skeleton
-) -> tuple[Rig, Float[np.ndarray, "T 22 3"]]:
-    """The rig of a body that stands at `rest` before it turns, and where HumanML3D's joints come to be."""
-    joints = len(tree)
-    offsets = np.concatenate([rest[:1], rest[1:] - rest[list(tree.parents[1:])]])
-
-    def rotations(part: slice) -> Float[np.ndarray, "n joints 4"]:
-        """Quaternions of the joints in a part of the frames."""
-        quaternions = Rotation.from_rotvec(turns[part].reshape(-1, 3)).as_quat()
-        return np.roll(quaternions, 1, axis=-1).reshape(-1, joints, 4)
-
-    def places(part: slice) -> Float[np.ndarray, "n 22 3"]:
-        """The body's first 22 joints in a part of the frames, metres."""
-        found, _ = fk(torch.from_numpy(rotations(part)), torch.from_numpy(offsets), torch.from_numpy(root[part]), tree)
-        return found[:, : len(HUMANML22)].numpy()
-
-    channels = (MOVES + ANGLES, *[ANGLES] * (joints - 1))
-    track = rotation_track(rotations, len(turns), joints)
-    rig = Rig(tree, offsets, track, root, tuple(range(len(HUMANML22))), channels)
-    return rig, in_blocks(places, len(turns), joints).astype(np.float32)

@@ -40,6 +40,21 @@ def arc(rest: np.ndarray, bone: np.ndarray) -> Rotation:
     return Rotation.from_rotvec(angle * axis / np.linalg.norm(axis))
 
 
+def mirrored(features: np.ndarray, layout: FeatureLayout) -> np.ndarray:
+    """Features of the mirror image in the plane x = 0: those of the other side's joints, with their signs."""
+    pairs, mirror = layout.skeleton.mirror, features.copy()
+    mirror[:, :2] *= -1
+    for name, joints, signs in (
+        ("positions", pairs[1:] - 1, (-1, 1, 1)),
+        ("rotations", pairs[1:] - 1, (1, -1, -1, -1, 1, 1)),  # M R M with M = diag(-1, 1, 1), two columns of it
+        ("velocities", pairs, (-1, 1, 1)),
+        ("contacts", [2, 3, 0, 1], (1,)),
+    ):
+        block = features[:, layout.blocks[name]].reshape(len(features), len(joints), len(signs))
+        mirror[:, layout.blocks[name]] = (block[:, joints] * signs).reshape(len(features), -1)
+    return mirror
+
+
 def published_rates(to_z: np.ndarray) -> np.ndarray:
     """Yaw rates as the published code has them: the arcsine of a product's part, whichever sign the product has."""
     half = np.arctan2(np.sin(to_z), np.cos(to_z)) / 2

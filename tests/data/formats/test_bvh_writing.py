@@ -18,7 +18,7 @@ from mwlib.data.collections import SKELETONS
 from mwlib.data.collections.bandai_namco import BANDAI21
 from mwlib.data.collections.lafan1 import LAFAN1
 from mwlib.data.formats.asf_amc import CMU_BONES, far_ends
-from mwlib.data.formats.bvh_writing import write_bvh
+from mwlib.data.formats.bvh import write_bvh
 from mwlib.data.load import motion_files, read_motion_file
 from mwlib.data.mirroring import rig_skeleton
 from mwlib.synthetic.motions import synthetic_motions

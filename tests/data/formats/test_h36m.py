@@ -107,7 +107,7 @@ def test_writing_carries_over_skeleton_axis_and_rate(tmp_path, rng):
         ({"S1": {"Walking": np.zeros((4, 17, 3), "i4")}}, "int32; expected floats"),
         ({"S1": {"Walking": np.full((4, 17, 3), np.nan, "f4")}}, r"entry \(0, 0, 0\): found nan"),
         ({"S1": {"Walking": np.full((4, 17, 3), np.inf, "f2")}}, r"entry \(0, 0, 0\): found inf; expected a finite number up to"),
-        ({"S1": {"Walking": {"deep": np.zeros((4, 17, 3), "f4")}}}, "a dictionary"),
+        ({"S1": {"Walking": {"deep": np.zeros((4, 17, 3), "f4")}}}, "dict among the dictionaries"),
         ({"S1": np.zeros((4, 17, 3), "f4")}, "two levels"),
         ({"S1": {"a": np.zeros((4, 17, 3), "f4"), "b": np.zeros((4, 15, 3), "f4")}}, "all with the same joints"),
         ({}, "0 sequences"),

@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import time
+from dataclasses import replace
 
 import numpy as np
 import pytest
-import torch
 
 from mwlib.body.kinematics import bone_lengths
 from mwlib.data.formats.humanml import HUMANML3D, KIT, joints_of
-from mwlib.data.formats.humanml_encoding import features_of, mirrored, placed, with_bones
-from tests.data.formats.sample_features import about_y, joints_of_rotations, published_rates, slow_features, wandering
+from mwlib.data.formats.humanml_encoding import features_of, placed, with_bones
+
+from tests.data.formats.sample_features import (  # isort: skip
+    about_y, joints_of_rotations, mirrored, published_rates, slow_features, wandering,
+)  # fmt: skip
 
 LAYOUTS = pytest.mark.parametrize("layout", [HUMANML3D, KIT], ids=["HumanML3D", "KIT"])
 HEADINGS = pytest.mark.parametrize("heading", ["correct", "humanml3d"])
@@ -116,12 +119,9 @@ def test_placed_clips_stand_on_the_floor_above_the_origin_and_face_z(layout):
 def test_features_of_the_mirror_image(layout, heading):
     positions = wandering(40, layout, seed=4)
     x = features_of(positions, layout, heading)
-    np.testing.assert_array_equal(mirrored(mirrored(x, layout), layout), x)
     image = positions[:, layout.skeleton.mirror] * [-1, 1, 1]
     expected = features_of(image, layout, heading)
     np.testing.assert_allclose(mirrored(x, layout), expected, atol=1e-6 * np.abs(positions).max() + 2e-5)
-    assert mirrored(x, layout).dtype == np.float32
-    np.testing.assert_array_equal(mirrored(torch.from_numpy(x)[None], layout)[0].numpy(), mirrored(x, layout))
 
 
 def test_contacts_are_joints_that_move_less_than_the_threshold():
@@ -147,21 +147,22 @@ def test_a_bone_opposite_to_its_rest_is_half_a_turn_away():
 
 def test_another_body_in_the_same_directions():
     positions = wandering(10)
-    twice = with_bones(positions, HUMANML3D, [2 * length for length in HUMANML3D.bone_lengths])
+    twice = with_bones(positions, replace(HUMANML3D, bone_lengths=tuple(2 * length for length in HUMANML3D.bone_lengths)))
     np.testing.assert_allclose(twice, 2 * positions, atol=1e-9)
     own = with_bones(2.5 * positions)
     np.testing.assert_allclose(own, positions, atol=1e-9)
     longer = [*HUMANML3D.bone_lengths]
     longer[20] += 0.1  # the left forearm alone
-    reach = with_bones(positions, HUMANML3D, longer) - positions
+    reach = with_bones(positions, replace(HUMANML3D, bone_lengths=tuple(longer))) - positions
     assert set(np.nonzero(np.abs(reach).max(axis=(0, 2)) > 1e-9)[0]) == {20}
     for chain in HUMANML3D.chains[:2]:
         longer = [*HUMANML3D.bone_lengths]
         longer[chain[2]] += 0.1
         legs = [joint for leg in HUMANML3D.chains[:2] for joint in leg[2:4]]
         grown = 1 + 0.1 / sum(HUMANML3D.bone_lengths[joint] for joint in legs)
-        np.testing.assert_allclose(with_bones(positions, HUMANML3D, longer)[:, 0], grown * positions[:, 0], atol=1e-9)
-    with pytest.raises(ValueError, match="lengths is None; expected 21 lengths, as KIT-ML knows of none"):
+        moved = with_bones(positions, replace(HUMANML3D, bone_lengths=tuple(longer)))
+        np.testing.assert_allclose(moved[:, 0], grown * positions[:, 0], atol=1e-9)
+    with pytest.raises(ValueError, match="bone_lengths of KIT-ML is None; expected 21 lengths"):
         with_bones(wandering(3, KIT), KIT)
 
 

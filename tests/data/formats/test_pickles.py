@@ -104,7 +104,7 @@ HEAD = b"\x80\x04"
         (HEAD + b"}\x94h\x00.", "dict twice"),
         (HEAD + b"]\x94h\x00.", "list twice"),
         (HEAD + b"]NaNa.", "list among"),
-        (HEAD + b"(" + b"N" * 10 + b"t.", "a tuple of 10"),
+        (HEAD + b"(" + b"N" * 10 + b"t.", "tuple among the dictionaries"),
         (HEAD + b"\x8b\x01\x00\x00\x00\x01.", "an instruction LONG4"),
         (HEAD + b"\x82\x01.", "an instruction EXT1"),
         (HEAD + b"cnumpy\ndtype\n}b.", "the state of something that has none"),
