@@ -133,14 +133,14 @@ def test_help_and_mistyped_words_wait_for_no_torch(words):
 @pytest.mark.parametrize(
     "words, near",
     [
-        (["trian"], "mwlib: there is no command 'trian', did you mean train?; mwlib --help lists all\n"),
-        (["exportbvh", "runs/1"], "did you mean export-bvh?"), (["xyz"], "there is no command 'xyz'; mwlib --help lists all"),
+        (["trian"], "mwlib: there is no command 'trian' (did you mean 'train'?); mwlib --help lists all\n"),
+        (["exportbvh", "runs/1"], "(did you mean 'export-bvh'?)"), (["xyz"], "there is no command 'xyz'; mwlib --help lists all"),
         (["--quiet", "train"], "'--quiet' comes before the command; expected mwlib COMMAND --quiet"),
-        (["--versoin"], "'--versoin' is not understood, did you mean --version?"),
+        (["--versoin"], "'--versoin' is not understood (did you mean '--version'?)"),
         (["predict", "runs/1", "synthetic", "--sample=3"], ""), (["predict", "runs/1"], "required: SOURCE"),
-        (["train", "--sets", "lr=1"], "'--sets' is not understood, did you mean --set?"),
-        (["train", "--preste=tiny"], "did you mean --preset?"),
-        (["grid-table", "main"], "required: --out"), (["ship", "cmuu"], "there is no 'cmuu', did you mean cmu?\n"),
+        (["train", "--sets", "lr=1"], "'--sets' is not understood (did you mean '--set'?)"),
+        (["train", "--preste=tiny"], "(did you mean '--preset'?)"),
+        (["grid-table", "main"], "required: --out"), (["ship", "cmuu"], "there is no 'cmuu' (did you mean 'cmu'?)\n"),
         (["predict", "runs/1", "synthetic", "--up", "q"], "argument --up: there is no 'q'; expected y, z\n"),
         (["train", "--system", "telepathy", "--help"], "expected one of prediction"),
         (["predict", "runs/1", "synthetic", "--samples", "many"], "invalid int value"),
@@ -289,9 +289,9 @@ def test_older_code_is_accepted_where_somebody_says_so(monkeypatch):
 
 def test_data_and_settings_of_a_grid_command_change_the_preset():
     _, given = parse(["grid-table", "table_4", "--data", "my/folder", "--set", "lr=0.5", "--set", "samples=3", "--out", "build"])
-    assert choice_of(**given).changes == {"data": "my/folder", "lr": 0.5, "samples": 3}
-    chosen = choice_of("table_4", out=Path("build"))
-    assert chosen.changes == {} and chosen.preset == "tiny" and chosen.cfg == system("prediction").Config.preset("tiny")
+    assert choice_of(**given)[2] == {"data": "my/folder", "lr": 0.5, "samples": 3}
+    grid, *others = choice_of("table_4", out=Path("build"))
+    assert grid.id == "table_4" and others == ["tiny", {}, Path("build")]
     with pytest.raises(ValueError, match=r"grid is 'table_40' \(did you mean 'table_4'\?\); .*grids.yaml has main"):
         choice_of("table_40", out=Path("build"))
 

@@ -6,16 +6,17 @@ command, those behind it the options, with their types and defaults; its docstri
 """
 
 import argparse
-import difflib
 import importlib
 import os
 import re
 import sys
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, nullcontext
+from functools import partial
 from typing import Any, NoReturn
 
-from mwlib.cli.source import MAINTAIN, Command, arguments, commands, names_of, settings_text
+from mwlib.cli.source import GROUPS, MAINTAIN, Command, arguments, commands, names_of, settings_text
+from mwlib.settings import near
 from mwlib.version import __version__
 
 ACCEPT = "take runs and results made by an older code of the library, and say so beside everything made with them"
@@ -26,21 +27,18 @@ INTERRUPTED = 130  # as shells have it
 class Parser(argparse.ArgumentParser):
     """The words of one command; a mistyped choice gets a near one in place of all there are."""
 
-    def add(self, name: str, **settings: Any) -> argparse.Action:
+    def add(self, name: str, **settings: Any) -> None:
         """As `add_argument`, which says of a choice that it is none."""
         if choices := settings.get("choices"):
-            settings |= {"type": _one_of(choices), "metavar": name.lstrip("-").upper()}
-        return self.add_argument(name, **settings)
+            settings |= {"type": partial(_one_of, choices), "metavar": name.lstrip("-").upper()}
+        self.add_argument(name, **settings)
 
 
-def _one_of(choices: Sequence[str]) -> Callable[[str], str]:
-    def checked(word: str) -> str:
-        """The word itself, if it is one of the choices."""
-        if word not in choices:
-            raise argparse.ArgumentTypeError(f"there is no {word!r}{_near(word, choices) or '; expected ' + ', '.join(choices)}")
-        return word
-
-    return checked
+def _one_of(choices: Sequence[str], word: str) -> str:
+    """The word itself, if it is one of the choices."""
+    if word not in choices:
+        raise argparse.ArgumentTypeError(f"there is no {word!r}{near(word, choices) or '; expected ' + ', '.join(choices)}")
+    return word
 
 
 def parse(words: Sequence[str]) -> tuple[Command, dict[str, Any]]:
@@ -59,8 +57,8 @@ def parse(words: Sequence[str]) -> tuple[Command, dict[str, Any]]:
         _help(parser, words[1:])
     given, unknown = parser.parse_known_args(words[1:])
     if unknown:
-        near = _near(unknown[0].partition("=")[0], [name for action in parser._actions for name in action.option_strings])
-        parser.error(f"{unknown[0]!r} is not understood{near}")
+        options = [name for action in parser._actions for name in action.option_strings]
+        parser.error(f"{unknown[0]!r} is not understood{near(unknown[0].partition('=')[0], options)}")
     return command, vars(given)
 
 
@@ -68,7 +66,7 @@ def _fill(parser: Parser, name: str, command: Command) -> None:
     """Words and options of a command."""
     for argument, settings in arguments(command.module, command.definition):
         parser.add(argument, **settings)
-    if name.startswith("run-") or command.module.endswith((".measure", ".benchmark", ".sample")):
+    if name.startswith("run-") or command.module.endswith((".measure", ".sample")):
         parser.add("--accept-older-code", action="store_true", help=ACCEPT)
     parser.add("--quiet", action="store_true", help=QUIET)
 
@@ -79,17 +77,16 @@ def _overview(words: Sequence[str], known: dict[str, Command]) -> NoReturn:
     usage = "mwlib COMMAND ...   (mwlib COMMAND --help says what it takes)"
     parser = Parser("mwlib", usage=usage, description=about)
     parser.add("--version", action="version", version=f"mwlib {__version__}")
-    titles = dict.fromkeys(command.group for command in known.values())
-    for title in sorted(titles, key=MAINTAIN[0].__eq__):  # last
+    for title in dict.fromkeys([*GROUPS.values(), MAINTAIN]):
         group = parser.add_argument_group(title)
         for name, command in known.items():
             if command.group == title:
                 group.add_argument(f"_{name}", metavar=name, nargs="?", help=command.summary)
     if words and not words[0].startswith("-"):
-        parser.exit(2, f"mwlib: there is no command {words[0]!r}{_near(words[0], known)}; mwlib --help lists all\n")
+        parser.exit(2, f"mwlib: there is no command {words[0]!r}{near(words[0], known)}; mwlib --help lists all\n")
     _, unknown = parser.parse_known_args(words)
     if unknown:
-        meant = _near(unknown[0], ["--help", "--version"], 0.7)
+        meant = near(unknown[0], ["--help", "--version"])
         expected = f" is not understood{meant}" if meant else f" comes before the command; expected mwlib COMMAND {unknown[0]}"
         parser.exit(2, f"mwlib: {unknown[0]!r}{expected}\n")
     parser.print_help()
@@ -108,11 +105,6 @@ def _help(parser: argparse.ArgumentParser, words: Sequence[str]) -> None:
             parser.error(str(error))
     print(parser.format_help() + more, end="")
     parser.exit()
-
-
-def _near(word: str, known: Iterable[str], cutoff: float = 0.5) -> str:
-    near = difflib.get_close_matches(word, [*known], n=1, cutoff=cutoff)
-    return f", did you mean {near[0]}?" if near else ""
 
 
 def _complete() -> None:

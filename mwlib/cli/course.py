@@ -177,9 +177,8 @@ def run_experiment(row: int, seed: int, *, timeout: float = chapters.TIMEOUT, **
 
     _prepare()
     try:
-        chosen = options.choice_of(**choice_of)
-        values = row_parameters(chosen.grid, row, seed, chosen.preset, chosen.changes)
-        print(run_notebook(chapters.EXPERIMENT, chosen.out, values, timeout))
+        grid, preset, changes, out = options.choice_of(**choice_of)
+        print(run_notebook(chapters.EXPERIMENT, out, row_parameters(grid, row, seed, preset, changes), timeout))
     except (NotDone, LookupError) as error:
         print(error, file=sys.stderr)
         return 1

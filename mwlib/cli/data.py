@@ -58,8 +58,8 @@ def check_data(
     check = checking.check_data(path, fps=fps, history=history, future=future, **meaning)
     ahead = outlook(path, [each.reading.motion for each in check.clips], fps) if check.clips or not check.is_whole else []
     if json:
-        told = {"ok": check.is_whole, "clips": [_about(each) for each in check.clips], "training": ahead}
-        print(dumps(told | {"report": check.report}, indent=1))
+        clips = [_about(each) for each in check.clips]
+        print(dumps({"ok": check.is_whole, "clips": clips, "training": ahead, "report": check.report}, indent=1))
     else:
         print(check.report)
         if ahead:

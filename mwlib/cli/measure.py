@@ -1,21 +1,32 @@
-"""Commands that train and measure: train, judge, grid-table, ship, storyboards, reproduction."""
+"""Commands that train and measure: train, judge, grid-table, ship, storyboards, reproduction, lafan1-benchmark."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from json import dumps
 from pathlib import Path
+from statistics import mean, stdev
 from typing import Any
+
+import torch
 
 from mwlib import plots
 from mwlib.cli import options
 from mwlib.cli.options import Repeated
+from mwlib.data.collections import acknowledgement
+from mwlib.data.load import load_motions
+from mwlib.data.sources import data_fingerprint
 from mwlib.experiments import claims as claiming
 from mwlib.experiments import judging, report, shipped
+from mwlib.experiments.grids import columns
 from mwlib.experiments.grids import system as system_named
+from mwlib.experiments.results import models_used, of_older_code
 from mwlib.experiments.runs import get_model, get_run
 from mwlib.experiments.sampling import SENTENCE_MODEL, model_of
-from mwlib.experiments.tables import details, differences, lines, measure, provenance
+from mwlib.experiments.tables import differences, lines, measure, provenance
 from mwlib.files import write_atomic, write_json
-from mwlib.paths import CONFIG, run_folder
+from mwlib.inbetweening import lafan1
+from mwlib.inbetweening.bridge import Bridge
+from mwlib.inbetweening.lafan1 import ALL_CLIPS, ALL_WINDOWS, LENGTHS, TOLERANCE, Benchmark
+from mwlib.paths import run_folder
 from mwlib.plots.lines import evidence
 from mwlib.prediction.config import Config
 from mwlib.prediction.predictor import Predictor
@@ -24,6 +35,7 @@ from mwlib.settings import parse_changes, whole
 from mwlib.text_to_motion.config import CLIP
 from mwlib.text_to_motion.judging import REAL, Protocol
 from mwlib.text_to_motion.system import METRICS
+from mwlib.version import __version__
 
 
 def train(*, system: str = "prediction", preset: str = "laptop", set: Repeated[str] = ()) -> None:
@@ -98,17 +110,18 @@ def judge(
         out: gets a folder for these settings.
     """
     whole("replicates", replicates, 1)
-    how = Protocol(**protocol)
-    model = model or SENTENCE_MODEL
+    model, how = model or SENTENCE_MODEL, Protocol(**protocol)
     opened = judging.open_all(model, data, evaluator, clip_folder)
     folder, found = judging.replicates(opened, how, replicates, seed, out, compare, progress=True)
-    absolute = {name: judging.with_intervals([row[name] for row in found]) for name in (REAL, "model")}
+    scores = {name: [row[name] for row in found] for name in found[0]}
+    absolute = {name: judging.with_intervals(scores.pop(name)) for name in (REAL, "model")}
     less = [row["model"] for row in found]
-    moved = {n: judging.with_intervals([row[n] for row in found], less) for n in found[0] if n not in absolute}
+    moved = {name: judging.with_intervals(rows, less) for name, rows in scores.items()}
     told = {"model": model, "replicates": replicates, "scores": absolute, "moved": moved, "folder": str(folder)}
     write_json(folder / "result.json", told)
-    tables = [_scores({REAL: absolute[REAL], model: absolute["model"]})] + ([_scores(moved)] if moved else [])
-    text = f"\n\nHow far each moves the scores of {model}:\n\n".join(map(repr, tables))
+    text = repr(_scores({REAL: absolute[REAL], model: absolute["model"]}))
+    if moved:
+        text += f"\n\nHow far each moves the scores of {model}:\n\n{_scores(moved)}"
     write_atomic(folder / "table.md", f"{text}\n")
     print(dumps(told, indent=1) if json else f"{text}\n\n{replicates} replicates, 95 % intervals over them: {folder}")
 
@@ -121,26 +134,27 @@ def _scores(rows: dict[str, dict[str, tuple[float, float]]]) -> plots.Table:
 
 def grid_table(**choice_of: Any) -> None:
     """Write the table of a grid, computing the rows that are missing."""
-    chosen = options.choice_of(**choice_of)
-    asked, given, kind = chosen.grid, [*chosen.changes], system_named(chosen.grid.system)
-    chosen.out.mkdir(parents=True, exist_ok=True)  # what cannot be written is told before hours of work
-    found = measure(asked, chosen.cfg, progress=True, given=given)
+    asked, preset, given, out = options.choice_of(**choice_of)
+    kind = system_named(asked.system)
+    cfg = kind.Config.preset(preset, **given)
+    out.mkdir(parents=True, exist_ok=True)  # what cannot be written is told before hours of work
+    found = measure(asked, cfg, progress=True, given=given)
     tables = {
         "": lines(found, kind.METRICS, errors=True),
-        "_details": lines(found, details(kind), errors=True) if details(kind) else [],
-        "_paired": differences(found, {**kind.METRICS, **details(kind)}, asked.reference),
+        "_details": lines(found, details, errors=True) if (details := getattr(kind, "DETAILS", {})) else [],
+        "_paired": differences(found, columns(kind), asked.reference),
         "_actions": [
             {"row": row["name"], "action": action, **means} for row in found for action, means in row["actions"].items()
         ],
     }
-    about = provenance(asked, chosen.cfg, found, given) | {"preset": chosen.preset}
+    about = provenance(asked, cfg, found, given) | {"preset": preset}
     for ending, rows in tables.items():
         if rows and len(rows[0]) > 1:
-            plots.save_table(rows, chosen.out, f"{asked.id}{ending}", provenance=about)
+            plots.save_table(rows, out, f"{asked.id}{ending}", provenance=about)
     shown = lines(found, kind.METRICS)
     best = {column.heading: column.better for column in kind.METRICS.values() if column.better and column.heading in shown[0]}
     table = plots.results_table(shown, better=best)
-    write_atomic(chosen.out / f"{asked.id}.md", f"{table}\n")
+    write_atomic(out / f"{asked.id}.md", f"{table}\n")
     print(table)
 
 
@@ -183,15 +197,11 @@ def storyboards(
     """
     if run and set:
         raise ValueError("both --run and --set are given; expected one of them: a finished run has its settings")
-    if run:
-        predictor, folder = model_of(run, Predictor, "prediction"), run_folder(run)
-        assert folder is not None  # the model came from there
-        cfg = Config.from_yaml(folder / CONFIG)
-        split = load_data(cfg)
-    else:
-        cfg = Config.preset(preset, **parse_changes(set))
-        split = load_data(cfg)
-        predictor = get_model(cfg, split, progress=True)
+    finished = model_of(run, Predictor, "prediction") if run else None
+    cfg = finished.cfg if finished else Config.preset(preset, **parse_changes(set))
+    split = load_data(cfg)
+    predictor = finished or get_model(cfg, split, progress=True)
+    if not finished:
         report.write_curves(cfg, split, out)
     report.write_storyboards(cfg, split, predictor, out, clips)
     report.write_ends(cfg, split, predictor, out, clips)
@@ -218,9 +228,141 @@ def reproduction(*, claims: Path | None = None, tables: Path | None = None, out:
     """
     measured = claiming.Tables(tables)
     write_atomic(out, claiming.reproduction(claims, measured))
-    if rows := claiming.scores(claiming.findings(claims, measured)):
-        strips = {row["theme"]: [each["errors"] for each in rows if each["theme"] == row["theme"]] for row in rows}
+    strips: dict[str, list[float]] = {}
+    for row in (rows := claiming.scores(claiming.findings(claims, measured))):
+        strips.setdefault(row["theme"], []).append(row["errors"])
+    if rows:
         figure, _ = evidence(strips, beyond=claiming.BEYOND)
         origin = {"command": "mwlib reproduction"}
         plots.save(figure, out.parent / "figures", "verdicts", data=rows, alt=EVIDENCE, provenance=origin)
     print(out)
+
+
+MEASURED = "measured here"
+DIGITS = {"L2Q": 3, "L2P": 4, "NPSS": 4}
+Models = Mapping[str, Mapping[str, Bridge]]  # by name and run
+
+
+def lafan1_benchmark(
+    *, data: str = "lafan1", out: Path | None = None, model: Repeated[str] = (), samples: int = 10, seed: int = 0
+) -> int:
+    """Measure the two baselines of the LaFAN1 benchmark of in-betweening, and trained models, on the files at hand.
+
+    Zero velocity and interpolation are measured on the windows of subject 5, normalised by the statistics of subjects 1 to 4, as
+    Harvey et al. (2020) do: L2Q, L2P and NPSS of transitions of 5, 15, 30 and 45 frames. Published numbers stand beside. With
+    all 77 files, which give 2232 windows, it says whether the published digits are met (exit status 1 if not); with fewer,
+    that numbers cannot be compared. A trained model (--model) is given up to ten frames of the past and the frame after the
+    transition. It gets three rows: the mean of the errors of single samples, the errors of the samples' average, and those of
+    what its network of the mean says, or of the curve that it departs from where it has none. The preset lafan1_official trains
+    one.
+
+    Args:
+        data: folder of the BVH files, here or under MWLIB_DATA.
+        out: folder that also gets benchmark.csv, with a model benchmark_model.csv.
+        model: [NAME=]RUN, folder of a finished run of in-betweening, or the name of a shipped one; may be repeated; runs of one
+            NAME are averaged.
+        samples: of the model, for each window.
+        seed: of the model's noise.
+    """
+    models = _models(model, samples)
+    benchmark = lafan1.lafan1_benchmark(load_motions(data), progress=True)
+    measured = lafan1.table(benchmark, progress=True)
+    for name, runs in models.items():
+        found = [lafan1.model_table(bridge, benchmark, name, samples, seed, progress=True) for bridge in runs.values()]
+        measured += [_averaged(rows) for rows in zip(*found, strict=True)]
+    rows = [row | {"source": MEASURED} for row in measured] + lafan1.published()
+    there = f"{len(benchmark)} windows of subject 5, statistics of {len(benchmark.statistics_clips)} clips"
+    print(f"Measured here: {there}. Published: all {ALL_WINDOWS} windows of the {ALL_CLIPS} files.")
+    for metric in TOLERANCE:
+        print(f"\n{metric} at N in-between frames (lower is better)\n{_beside(rows, metric)}")
+    missed = lafan1.misses(measured) if lafan1.is_complete(benchmark) else []
+    print(f"\n{_verdict(benchmark, missed)}")
+    if out:
+        command = f"mwlib lafan1-benchmark --data {data}"
+        provenance = _provenance(benchmark, data, missed) | {"command": command}
+        provenance |= _about_models(models, samples, seed, command) if models else {}
+        for path in plots.save_table(rows, out, "benchmark_model" if models else "benchmark", provenance=provenance):
+            print(path)
+    return 1 if missed else 0
+
+
+def _models(words: Sequence[str], samples: int) -> dict[str, dict[str, Bridge]]:
+    """The models that are asked for, by name and run, on a GPU where there is one; refused before anything is measured."""
+    whole("samples", samples, 1)
+    found: dict[str, dict[str, Bridge]] = {}
+    for word in words:
+        name, _, run = ("", "", word) if Path(word).exists() else word.rpartition("=")
+        bridge = model_of(run, Bridge, "in-betweening")
+        lafan1.check_model(bridge.cfg, bridge.space)
+        own = Path(run).name
+        found.setdefault(name or own, {})[own] = bridge.to("cuda" if torch.cuda.is_available() else "cpu")
+    return found
+
+
+def _averaged(rows: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+    """One line of several trainings: the means of the errors and, of more than one, their deviations."""
+    if len(rows) == 1:
+        return dict(rows[0])
+    out = rows[0] | {"trainings": len(rows)}
+    for metric in TOLERANCE:
+        values = [row[metric] for row in rows]
+        if None not in values:
+            out |= {metric: mean(values), f"{metric}, deviation": stdev(values)}
+    return out
+
+
+def _about_models(models: Models, samples: int, seed: int, command: str) -> dict[str, Any]:
+    """What the rows of models depend on."""
+    found = [
+        {
+            "name": name, "run": run, "file": models_used.get(run), "settings": cfg.hash(), "past": cfg.task.past,
+            "train_steps": cfg.training.train_steps, "training_seed": cfg.training.seed,
+            "people": {part: cfg.get(f"{part}_subjects") for part in ("train", "validation", "test")},
+            "samples": samples, "ddim_steps": cfg.sampling.ddim_steps, "temperature": cfg.sampling.temperature,
+        }
+        for name, runs in models.items() for run, bridge in runs.items() for cfg in [bridge.cfg]
+    ]  # fmt: skip
+    words = [command, *(f'--model "{each["name"]}={each["run"]}"' for each in found), f"--samples {samples} --seed {seed}"]
+    return {"models": found, "seeds": f"{seed}, of the models' noise", "command": " ".join(words)}
+
+
+def _verdict(benchmark: Benchmark, missed: Sequence[str]) -> str:
+    """What the numbers may be compared with; `missed`: where a complete benchmark's digits are not the published ones."""
+    if not lafan1.is_complete(benchmark):
+        found = f"{len(benchmark)} of {ALL_WINDOWS} windows, {benchmark.clips} of {ALL_CLIPS} files"
+        return f"NOT COMPARABLE with the published numbers: {found}. Rows measured here may be compared with each other."
+    if missed:
+        return "\n  ".join(["The published digits are NOT met:", *missed])
+    return "All published digits of the two baselines are met."
+
+
+def _beside(rows: Sequence[Mapping[str, Any]], metric: str) -> plots.Table:
+    """One metric of all methods, a column for each number of frames; what was measured and published of a method together."""
+    methods: dict[str, dict[str, list[float | None]]] = {}
+    for row in rows:
+        methods.setdefault(row["method"], {}).setdefault(row["source"], []).append(row[metric])
+    cells = []
+    for method, source, values in ((m, s, values) for m, sources in methods.items() for s, values in sources.items()):
+        if known := [value for value in values if value is not None]:
+            digits = DIGITS[metric] if source == MEASURED else max(len(str(value).partition(".")[2]) for value in known)
+            cells.append((method, source, *("–" if value is None else f"{value:.{digits}f}" for value in values)))
+    return plots.Table(("method", "source", *(f"N={n}" for n in LENGTHS)), tuple(cells), (False, False, *[True] * len(LENGTHS)))
+
+
+def _provenance(benchmark: Benchmark, data: str, missed: Sequence[str]) -> dict[str, Any]:
+    """What a reader must know to trust the table."""
+    return {
+        "data": data, "data_fingerprint": data_fingerprint(data), "clips": benchmark.clips, "clips_of_all": ALL_CLIPS,
+        "test_windows": {name: benchmark.clip.count(name) for name in dict.fromkeys(benchmark.clip)},
+        "test_windows_of_all": ALL_WINDOWS, "verdict": _verdict(benchmark, missed),
+        "protocol": {
+            "test_subject": lafan1.TEST_SUBJECT, "test_window": lafan1.WINDOW, "test_stride": lafan1.STRIDE,
+            "statistics_subjects": lafan1.TRAIN_SUBJECTS, "statistics_window": lafan1.TRAIN_WINDOW,
+            "statistics_stride": lafan1.TRAIN_STRIDE, "statistics_clips": list(benchmark.statistics_clips),
+            "frames_before": lafan1.PAST, "fps": lafan1.FPS,
+        },
+        "columns": "L2Q, L2P and NPSS have no unit; N is in frames; an empty cell was not published",
+        "sources": "quoted: from a thread of users of the code; other export: their data went through another tool, which "
+        "moves the baselines by about 1 %",
+        "seeds": "none: nothing is drawn", "mwlib": __version__
+    } | of_older_code() | acknowledgement("lafan1")  # fmt: skip

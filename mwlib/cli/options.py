@@ -2,10 +2,10 @@
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, Literal, NamedTuple
+from typing import Any, Literal
 
-from mwlib.experiments.grids import Grid, read_grid, system
-from mwlib.settings import Settings, parse_changes
+from mwlib.experiments.grids import Grid, read_grid
+from mwlib.settings import parse_changes
 
 Repeated = Sequence  # an option that may be given several times, one word each
 
@@ -21,7 +21,7 @@ def meaning(
         file_fps: frames per second of the files (default: as they say).
         skeleton: of arrays that state none: one of `mwlib.body.skeleton.named_tree`, `mwlib.data.collections.named_tree`.
     """
-    return {"unit": unit, "up": up, "file_fps": file_fps, "skeleton": skeleton}
+    return locals()
 
 
 def expect_ending(name: str, file: Path, *endings: str) -> None:
@@ -34,24 +34,10 @@ def expect_ending(name: str, file: Path, *endings: str) -> None:
         raise ValueError(f"{name} is {file}; expected a name that ends in {' or '.join(endings)}")
 
 
-class Chosen(NamedTuple):
-    """A grid, the preset that its rows change, what else is changed in it, and where results go."""
-
-    grid: Grid
-    preset: str
-    changes: dict[str, Any]
-    out: Path
-
-    @property
-    def cfg(self) -> Settings:
-        """The configuration that the rows change."""
-        return system(self.grid.system).Config.preset(self.preset, **self.changes)
-
-
 def choice_of(
     grid: str, *, out: Path, preset: str = "tiny", data: str = "", set: Repeated[str] = (), grids: Path | None = None
-) -> Chosen:
-    """What commands about one grid are told.
+) -> tuple[Grid, str, dict[str, Any], Path]:
+    """What commands about one grid are told: the grid, the preset, what is changed in it, and where results go.
 
     Args:
         grid: its id, e.g. table_4.
@@ -64,4 +50,4 @@ def choice_of(
     Raises:
         ValueError: there is no such grid; the message lists those there are.
     """
-    return Chosen(read_grid(grid, grids), preset, ({"data": data} if data else {}) | parse_changes(set), out)
+    return read_grid(grid, grids), preset, ({"data": data} if data else {}) | parse_changes(set), out

@@ -45,13 +45,10 @@ def predict(*, out: Path = Path("predictions.npz"), **continued: Any) -> None:
     expect_ending("out", out, ".npz")
     predictor, sampled = _continued(**continued)
     found = sampled(False)
-    bodies, history = predictor.bodies, predictor.representation.history
-    about = {"joints": bodies.skeleton.joints, "parents": bodies.skeleton.parents, "fps": bodies.fps, "up": bodies.up}
+    bodies, skeleton, buffer = predictor.bodies, predictor.bodies.skeleton, io.BytesIO()
+    about: dict[str, Any] = {"joints": skeleton.joints, "parents": skeleton.parents, "fps": bodies.fps, "up": bodies.up}
     arrays = {name: np.stack([motion.positions for motion in row]) for name, row in found.items()}
-    buffer = io.BytesIO()
-    np.savez_compressed(
-        buffer, allow_pickle=False, **{k: np.array(v) for k, v in about.items()}, history=np.array(history), **arrays
-    )
+    np.savez_compressed(buffer, allow_pickle=False, **about, history=predictor.representation.history, **arrays)
     write_atomic(out, buffer.getvalue())
     row = next(iter(found.values()))
     print(f"{out}: {len(row)} futures of {len(found)} clips, {row[0].duration:.2f} s each")
@@ -70,14 +67,15 @@ def export_bvh(*, format: Literal["bvh", "glb"] = "bvh", out: Path = Path("build
         out: folder.
     """
     _, sampled = _continued(**continued)
-    files = {f"{name}_sample{i}": motion for name, row in sampled(True).items() for i, motion in enumerate(row, 1)}
+    files = {out / f"{name}_sample{i}.{format}": motion for name, row in sampled(True).items() for i, motion in enumerate(row, 1)}
     shown = tqdm(files.items(), "writing", disable=not sys.stderr.isatty())
-    errors = [away for name, motion in shown if (away := _written(motion, out / f"{name}.{format}"))]
+    errors = [(away.mean, away.max) for file, motion in shown if (away := _written(motion, file))]
     if own := len(files) - len(errors):
         print(f"{out}: {own} files with the skeleton and rate of their clips")
     if errors:
-        mean, largest = 1000 * np.mean([e.mean for e in errors]), 1000 * max(e.max for e in errors)
-        print(f"{out}: {len(errors)} files; joints are {mean:.1f} mm from the predicted ones, {largest:.0f} mm at most")
+        means, most = 1000 * np.transpose(errors)
+        away = f"{means.mean():.1f} mm from the predicted ones, {most.max():.0f} mm at most"
+        print(f"{out}: {len(errors)} files; joints are {away}")
 
 
 def export_onnx(run: str, *, out: Path | None = None) -> None:
@@ -123,14 +121,14 @@ def loop(
     """
     whole("width", width, 16, 10_000)
     expect_ending("out", out, *FORMATS, FILM)
-    predictor, motions = _predictor(run, samples), load_motions(source, **meaning)
+    predictor, motions = sampling.model_of(run, Predictor, "prediction"), load_motions(source, **meaning)
     named = [motion for motion in motions if clip in ("", motion.name)]
     if not named:
         raise ValueError(f"clip is {clip!r}; {source} has {', '.join(_names(motions))}")
-    (shown,), cut = predictor.bodies.prepare(named[:1]), predictor.representation
-    if not 0 <= start <= len(shown) - cut.frames:
-        raise ValueError(f"start is {start}; {shown.name} has {len(shown)} frames, and {cut.frames} are shown")
-    truth, history = shown.cut(start, start + cut.frames), cut.history
+    (shown,), frames = predictor.bodies.prepare(named[:1]), predictor.representation.frames
+    if not 0 <= start <= len(shown) - frames:
+        raise ValueError(f"start is {start}; {shown.name} has {len(shown)} frames, and {frames} are shown")
+    truth, history = shown.cut(start, start + frames), predictor.representation.history
     (futures,), x = predictor.predict([truth.cut(0, history)], samples, seed), truth.root_relative()
     bodies = {f"sample {n}": np.concatenate([x[:history], future]) for n, future in enumerate(futures, 1)}
     alt = (
@@ -192,10 +190,10 @@ def inbetween(
         raise ValueError("expected either one file and --keyframes, or two files")
     if align and end is None:
         raise ValueError("--align brings a second file to where the first one ends; expected two files")
-    first, last = _one(start, meaning), _one(end, meaning) if end is not None else keyframes or []
-    is_rigged = first.rig is not None and (not isinstance(last, Motion) or last.rig is not None)
+    read = [_one(file, meaning) for file in (start, end) if file is not None]
+    is_rigged, last = all(motion.rig for motion in read), keyframes or read[-1]
     found = sampling.inbetween(
-        first, last, between, samples, seed, run, sys.stderr.isatty(), align=align, own_rig=is_rigged, join=join
+        read[0], last, between, samples, seed, run, sys.stderr.isatty(), align=align, own_rig=is_rigged, join=join
     )
     name = Path(start).name.split(".")[0]
     _write({f"{name}_between_{number}": motion for number, motion in enumerate(found, 1)}, out, format)
@@ -235,25 +233,16 @@ def generate(
         raise ValueError("expected either sentences or --words, which lists what the model knows")
     model = sampling.model_of(run, TextToMotion, "text_to_motion")
     if words:
-        print(_known(model, run), end="")
+        told = {"recipes": RECIPES, "examples": examples(), "forms": PERSONS | SYNONYMS, "words": model.net.text.vocabulary}
+        told |= {"run": run, "data": model.cfg.data.data, "text": model.cfg.model.text}
+        print(rendered("cli/known.txt.jinja", **told), end="")
         return
     found = sampling.generate(texts, seconds, samples, seed, model, progress=sys.stderr.isatty(), fused=not plain)
     for text, read in zip(texts, sampling.understood(model, texts), strict=True):
         if words_of(text) != words_of(read):
             print(f"{text!r} is read as {read!r}")
-    stems = ["_".join(re.findall(r"[a-z0-9]+", motion.name.lower()))[:60] or "motion" for motion in found]
-    _write({f"{n:02d}_{stem}": motion for n, (stem, motion) in enumerate(zip(stems, found, strict=True), 1)}, out, format)
-
-
-def _known(model: TextToMotion, run: str) -> str:
-    """Lines that say what a model understands."""
-    told = {"recipes": RECIPES, "examples": examples(), "forms": PERSONS | SYNONYMS, "words": model.net.text.vocabulary}
-    return rendered("cli/known.txt.jinja", run=run, data=model.cfg.data.data, text=model.cfg.model.text, **told)
-
-
-def _predictor(run: Path, samples: int) -> Predictor:
-    whole("samples", samples, 1)
-    return sampling.model_of(run, Predictor, "prediction")
+    stems = ("_".join(re.findall(r"[a-z0-9]+", motion.name.lower()))[:60] or "motion" for motion in found)
+    _write({f"{n:02d}_{stem}": found[n - 1] for n, stem in enumerate(stems, 1)}, out, format)
 
 
 def _continued(
@@ -268,10 +257,10 @@ def _continued(
         seed: of the sampling.
         clips: only the first so many clips; 0 stands for all.
     """
-    predictor, motions = _predictor(run, samples), load_motions(source, **meaning)[: whole("clips", clips) or None]
-    shown = sys.stderr.isatty()
+    predictor = sampling.model_of(run, Predictor, "prediction")
+    motions = load_motions(source, **meaning)[: whole("clips", clips) or None]
     return predictor, lambda own_rig: dict(
-        zip(_names(motions), predicted_motions(predictor, motions, samples, seed, shown, own_rig), strict=True)
+        zip(_names(motions), predicted_motions(predictor, motions, samples, seed, sys.stderr.isatty(), own_rig), strict=True)
     )
 
 
@@ -304,8 +293,6 @@ def _written(motion: Motion, file: Path) -> FitError | None:
     """Write a motion: as BVH one with a rig in its file's unit; else get it a rig in centimetres, and say how far that is off."""
     if file.suffix == ".glb":
         away = write_glb(motion, file)
-        return away if motion.rig is None else None
-    if motion.rig is None:
-        return write_bvh(motion, file)
-    write_bvh(motion, file, unit=motion.rig.metres, up=motion.up)
-    return None
+    else:
+        away = write_bvh(motion, file, **({"unit": motion.rig.metres, "up": motion.up} if motion.rig else {}))
+    return None if motion.rig else away

@@ -9,12 +9,11 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 ROOT = Path(__file__).parents[1]
-GROUPS = {  # of commands, by module of mwlib.cli, in the order of the overview
-    "data": "use", "sample": "use", "measure": "train and measure", "benchmark": "train and measure", "course": "course",
+GROUPS = {  # of commands, by module, in the order of the overview
+    "mwlib.cli.data": "use", "mwlib.cli.sample": "use", "mwlib.cli.measure": "train and measure", "mwlib.cli.course": "course",
 }  # fmt: skip
-MAINTAIN = "maintain", (
-    "ship", "reproduction", "execute-notebooks", "index-page", "site-sources", "run-experiment",
-)  # fmt: skip
+MAINTAIN = "maintain"  # the group of those that keep the course up
+MAINTAINING = ("ship", "reproduction", "execute_notebooks", "index_page", "site_sources", "run_experiment")
 SYSTEMS = "mwlib.experiments.grids"
 TYPES = {"int": int, "float": float, "str": str, "Path": Path}
 NAMED = re.compile(r"`(mwlib(?:\.\w+)*)\.([A-Za-z]\w+)`")  # in a text: stands for the names that `names_of` gives
@@ -31,8 +30,7 @@ class Command(NamedTuple):
     @property
     def group(self) -> str:
         """The heading that it stands under in the overview."""
-        title, names = MAINTAIN
-        return title if self.definition.name.replace("_", "-") in names else GROUPS[self.module.rpartition(".")[2]]
+        return MAINTAIN if self.definition.name in MAINTAINING else GROUPS[self.module]
 
     @property
     def summary(self) -> str:
@@ -43,7 +41,7 @@ class Command(NamedTuple):
 def commands() -> dict[str, Command]:
     """All commands by name: that of the function, with hyphens."""
     found = {}
-    for module in (f"mwlib.cli.{group}" for group in GROUPS):
+    for module in GROUPS:
         for node in _source(module)[1].body:
             if isinstance(node, ast.FunctionDef) and node.name[0] != "_":
                 found[node.name.replace("_", "-")] = Command(module, node, _docstring(node)[0])
@@ -58,8 +56,10 @@ def arguments(module: str, function: ast.FunctionDef) -> Iterator[tuple[str, dic
     """
     given, texts, shared = function.args, _docstring(function)[1], []
     if given.kwarg:
-        name, here = given.kwarg.arg, {getattr(node, "name", "") for node in _source(module)[1].body}
-        shared = [*arguments(*(_defined(module, f"_{name}") if f"_{name}" in here else _defined("mwlib.cli.options", name)))]
+        try:
+            shared = [*arguments(*_defined(module, f"_{given.kwarg.arg}"))]
+        except LookupError:
+            shared = [*arguments(*_defined("mwlib.cli.options", given.kwarg.arg))]
     yield from (each for each in shared if each[0][0] != "-")
     for argument, default in zip(given.args, [None] * (len(given.args) - len(given.defaults)) + given.defaults, strict=True):
         optional = {"nargs": "?", "default": None} if default else {}
@@ -106,25 +106,18 @@ def names_of(module: str, variable: str) -> list[str]:
     if not variable.isupper():
         text = "".join(file.read_text(encoding="utf-8") for file in sorted(_file(module).parent.glob("*.py")))
         return re.findall(rf'\b{variable}\(\s*(?:name=)?"([\w-]+)"', text)
-    return [ast.literal_eval(key) for key in _keys(module, variable)[1]]
+    return [*_entries(module, variable)]
 
 
-def _keys(module: str, variable: str) -> tuple[str, list[ast.expr]]:
-    """The module that defines a mapping, and the keys of it and of those joined to it."""
+def _entries(module: str, variable: str) -> dict[str, str]:
+    """Keys of a mapping that a module defines, and of those joined to it, each with the comment above it."""
     where, value = _defined(module, variable)
-    nodes = [node for node in _source(where)[1].body if isinstance(node, ast.AugAssign)]
-    joined = [node.value for node in nodes if ast.unparse(node.target) == variable]
-    return where, [key for mapping in (value, *joined) for key in getattr(mapping, "keys", ())]
-
-
-def _told(module: str, variable: str) -> list[str]:
-    """A line for each key of a mapping that has a comment above it."""
-    where, keys = _keys(module, variable)
-    lines, found = _source(where)[0], []
-    for key in keys:
+    lines, tree = _source(where)
+    joined = [node.value for node in tree.body if isinstance(node, ast.AugAssign) and ast.unparse(node.target) == variable]
+    found = {}
+    for key in (key for mapping in (value, *joined) for key in getattr(mapping, "keys", ())):
         above = takewhile(lambda line: line.startswith("# "), (line.strip() for line in reversed(lines[: key.lineno - 1])))
-        if text := " ".join(line[2:] for line in reversed([*above])):
-            found.append(f"  {ast.literal_eval(key)}  {text}")
+        found[ast.literal_eval(key)] = " ".join(line[2:] for line in reversed([*above]))
     return found
 
 
@@ -137,20 +130,20 @@ def settings_text(system: str) -> str:
     modules = ast.literal_eval(_defined(SYSTEMS, "MODULES")[1])
     if system not in modules:
         raise ValueError(f"system is {system!r}; expected one of {', '.join(modules)}")
-    presets, told, groups = [], [], {}
+    presets, groups = {}, {}
     for module, config in _bases(modules[system], "Config"):
         for node in config.body:
             match node:
                 case ast.Assign(targets=[ast.Name(id="presets")], value=ast.Name(id=variable)):
-                    presets, told = names_of(module, variable), _told(module, variable)
+                    presets = _entries(module, variable)
                 case ast.AnnAssign(target=ast.Name(id=group), annotation=ast.Name(id=kind)):
                     for advanced, line in _fields(*_defined(module, kind)):
                         groups.setdefault(ADVANCED if advanced else group, []).append(line)
-    ordered = sorted(groups, key=ADVANCED.__eq__)
-    lines = [line for group in ordered for line in (f"{group}:", *groups[group])]
-    return "\n".join(
-        [f"\nPresets of {system}: {', '.join(presets)}", *told, "\nIts settings, their defaults and meanings", *lines, ""]
-    )
+    lines = [f"\nPresets of {system}: {', '.join(presets)}", *(f"  {name}  {text}" for name, text in presets.items() if text)]
+    lines.append("\nIts settings, their defaults and meanings")
+    for group in sorted(groups, key=ADVANCED.__eq__):
+        lines += [f"{group}:", *groups[group]]
+    return "\n".join([*lines, ""])
 
 
 def _fields(module: str, kind: Any) -> Iterator[tuple[bool, str]]:

@@ -5,7 +5,7 @@ import math
 import re
 from collections import Counter
 from dataclasses import dataclass
-from functools import cached_property, lru_cache
+from functools import lru_cache
 from pathlib import Path
 from statistics import NormalDist
 from typing import Any
@@ -21,7 +21,7 @@ WITH_A_REASON = KINDS[3:]
 BEYOND = 2.0  # standard errors that decide a comparison
 
 REFERENCE = re.compile(r"\{([^{}|]+)\|([^{}|]+)\|([^{}|]+)\}")  # {table|row|column}
-COLUMN = re.compile(r"(?P<name>.*?)(?P<pair> ±)?(?: (?P<of>sd|se))?")
+SPREAD = re.compile(r" (sd|se)$")  # at the end of a column
 SPREADS = {"sd": ", deviation", "se": ", standard error"}
 MADE_WITH = re.compile(r"_(paired|details|actions)$")
 
@@ -41,13 +41,9 @@ class Tables:
         self.folder = folder or committed_folder()
         self._rows: dict[str, dict[str, dict[str, str]]] = {}
 
-    def file(self, name: str, suffix: str = ".csv") -> Path:
+    def file(self, name: str) -> Path:
         """Where a table lies."""
-        return (self.folder.parent if "/" in name else self.folder) / f"{name}{suffix}"
-
-    @cached_property
-    def _grids(self) -> set[str]:
-        return {*read_grids()}
+        return (self.folder.parent if "/" in name else self.folder) / f"{name}.csv"
 
     def rows(self, name: str) -> dict[str, dict[str, str]]:
         """The lines of a table by what stands in the first column.
@@ -59,7 +55,7 @@ class Tables:
         file = self.file(name)
         if name not in self._rows:
             if not file.is_file():
-                if MADE_WITH.sub("", file.stem) in self._grids:
+                if MADE_WITH.sub("", file.stem) in read_grids():
                     raise NotMeasured(f"`{file.name}` is not there yet")
                 others = ", ".join(sorted(file.stem for file in file.parent.glob("*.csv"))) or "no tables"
                 raise ValueError(f"{file} is not there, and no grid is called {name!r}; the folder has {others}")
@@ -73,28 +69,27 @@ class Tables:
             NotMeasured: as `rows`.
             ValueError: there is no such table, row or column, or the cell is empty.
         """
-        rows, file = self.rows(name), self.file(name)
-        if row not in rows:
-            raise ValueError(f"{file} has no row {row!r}; expected one of {', '.join(rows)}")
-        if column not in rows[row]:
-            raise ValueError(f"{file} has no column {column!r}; expected one of {', '.join(rows[row])}")
-        if not rows[row][column]:
-            raise ValueError(f"{file}, row {row!r}: {column!r} is empty; expected a number")
-        return rows[row][column]
+        found: Any = self.rows(name)
+        for what, key in (("row", row), ("column", column)):
+            if key not in found:
+                raise ValueError(f"{self.file(name)} has no {what} {key!r}; expected one of {', '.join(found)}")
+            found = found[key]
+        if not found:
+            raise ValueError(f"{self.file(name)}, row {row!r}: {column!r} is empty; expected a number")
+        return found
 
     def printed(self, name: str, row: str, column: str) -> str:
         """What a reference in a sentence becomes: three digits, with the spread if the column ends in "± sd" or "± se"."""
-        found = COLUMN.fullmatch(column)
-        assert found is not None  # .*? matches anything
-        names = [found["name"], *([found["name"] + SPREADS[found["of"]]] if found["of"] else [])]
-        texts = [self.text(name, row, each) for each in (names if found["pair"] else names[-1:])]
-        return " ± ".join(
-            text if text.isdigit() else significant(float(text), digits) for text, digits in zip(texts, (3, 2), strict=False)
-        )
+        mean, pair, spread = column.partition(" ± ")
+        said, asked = [], [(mean, 3), (f"{mean} {spread}", 2)] if pair else [(column, 3)]
+        for heading, digits in asked:
+            text = self.text(name, row, SPREAD.sub(lambda end: SPREADS[end[1]], heading))
+            said.append(text if text.isdigit() else significant(float(text), digits))
+        return " ± ".join(said)
 
     def about(self, name: str) -> dict[str, Any]:
         """What the JSON file beside a table says of it."""
-        return json.loads(self.file(name, ".json").read_text(encoding="utf-8"))
+        return json.loads(self.file(name).with_suffix(".json").read_text(encoding="utf-8"))
 
     def number(self, name: str, row: str, column: str, spread: str = "") -> float:
         """One cell, or its deviation over seeds ("sd") or standard error ("se"): 0 where the table has none."""
@@ -163,7 +158,7 @@ class Outcome:
     def score(self) -> float:
         """Difference in errors, positive if it has the claim's sign."""
         signed = self.comparison.sign * self.difference
-        return signed / self.error if self.error else math.copysign(math.inf, signed) if signed else 0.0
+        return signed / self.error if self.error else math.inf * signed if signed else 0.0
 
     def sentence(self, corrected: float) -> str:
         """What was compared and found; ‡ marks what lies beyond the errors that many comparisons ask for."""
@@ -204,11 +199,11 @@ def _over_trainings(comparison: Comparison, tables: Tables) -> float:
     seconds = [tables.about(MADE_WITH.sub("", table)).get("seconds_of_training", {}).get(row) for table, row in comparison.places]
     if None in seconds or seconds[0] == seconds[1]:
         return 0.0
-    found = []
-    for table, row in comparison.places:
-        seeds = int(tables.rows(table)[row].get("seeds") or 1)
-        found.append(tables.number(table, row, comparison.column, "sd") / math.sqrt(seeds))
-    return math.hypot(found[0], comparison.times * found[1])
+    one, other = (
+        tables.number(table, row, comparison.column, "sd") / math.sqrt(int(tables.rows(table)[row].get("seeds") or 1))
+        for table, row in comparison.places
+    )
+    return math.hypot(one, comparison.times * other)
 
 
 def verdict(outcomes: list[Outcome]) -> str:
@@ -298,9 +293,12 @@ class Finding:
 OWN = {"id", "theme", "title", "paper", "claim", "done", "because"}
 CLAIM = dict.fromkeys([*OWN, "verdict", "proxy"], WORDS) | {"id": HYPHENED, "measured": LIST, "shown": LIST}
 SHOWN = dict.fromkeys(["notebook", "section", "prints"], WORDS)
-ROW_OR_NUMBER = "a row or a number", lambda value: WORDS[1](value) or NUMBER[1](value)
-COMPARISON = {"lower": WORDS, "higher": WORDS, "than": ROW_OR_NUMBER, "times": NUMBER}
-COMPARISON["in"] = "a column, or several", lambda value: WORDS[1](value) or LIST[1](value)
+SIDES = {"lower": -1, "higher": 1}
+COMPARISON = dict.fromkeys(SIDES, WORDS) | {
+    "than": ("a row or a number", lambda value: WORDS[1](value) or NUMBER[1](value)),
+    "in": ("a column, or several", lambda value: WORDS[1](value) or LIST[1](value)),
+    "times": NUMBER,
+}
 
 
 def claims_file() -> Path:
@@ -318,14 +316,13 @@ def read_claims(path: Path | None = None) -> list[Claim]:
     """
     path = path or claims_file()
     tree = read_yaml(path)
-    if not isinstance(tree, dict) or not isinstance(tree.get("claims"), list):
-        raise ValueError(f"{path} holds {str(tree)[:40]!r}; expected a mapping with a list under 'claims'")
+    check_fields(Place(path, "the top"), tree, {"claims"}, {"claims": LIST, "conclusions": LIST})
     found = []
     for number, body in enumerate(tree["claims"], 1):
-        name = body.get("id", f"number {number}") if isinstance(body, dict) else f"number {number}"
+        name = (body if isinstance(body, dict) else {}).get("id", f"number {number}")
         found.append(_claim(Place(path, f"claim {name}").of(body), body))
-    if twice := [name for name, times in Counter(claim.id for claim in found).items() if times > 1]:
-        raise ValueError(f"{path}: two claims have the id {twice[0]!r}; expected different ones")
+        if name in [claim.id for claim in found[:-1]]:
+            raise ValueError(f"{path}: two claims have the id {name!r}; expected different ones")
     return found
 
 
@@ -335,13 +332,13 @@ def _claim(where: Place, body: Any) -> Claim:
     for place in shown:
         check_fields(where.of(body, words="shown"), place, {"notebook", "section"}, SHOWN)
     said = body.get("verdict", "")
-    kind, _, reason = said.partition(":")
-    if "verdict" in body and (kind.strip() not in KINDS or (kind.strip() in WITH_A_REASON and not reason.strip())):
+    kind, _, reason = map(str.strip, said.partition(":"))
+    if said and (kind not in KINDS or (kind in WITH_A_REASON and not reason)):
         raise ValueError(
             f"{where}: the verdict is {said!r}; expected one of {', '.join(KINDS)}, the last two with a reason after a colon"
         )
     measured = tuple(each for entry in body.get("measured", []) for each in _comparisons(where.of(body, words="measured"), entry))
-    if not measured and (not said or (kind.strip() != "not tested" and not shown)):
+    if not measured and (not said or (kind != "not tested" and not shown)):
         raise ValueError(
             f"{where} has no evidence; expected comparisons under 'measured', or a verdict and a place under 'shown'"
         )
@@ -352,12 +349,11 @@ def _claim(where: Place, body: Any) -> Claim:
 def _comparisons(where: Place, entry: Any) -> list[Comparison]:
     """Comparisons of one entry: `{lower: table|row, than: row, in: [columns], times: 1}`, or `higher`."""
     check_fields(where, entry, {"than", "in"}, COMPARISON)
-    sides = [name for name in ("lower", "higher") if name in entry]
+    sides = [name for name in SIDES if name in entry]
     if len(sides) != 1 or "|" not in entry[sides[0]]:
         raise ValueError(f"{where} has {entry}; expected one of lower and higher, with table|row")
-    columns = entry["in"] if isinstance(entry["in"], list) else [entry["in"]]
-    sign = 1 if sides[0] == "higher" else -1
-    return [Comparison(entry[sides[0]], entry["than"], column, sign, entry.get("times", 1.0)) for column in columns]
+    (side,), columns = sides, entry["in"] if isinstance(entry["in"], list) else [entry["in"]]
+    return [Comparison(entry[side], entry["than"], column, SIDES[side], entry.get("times", 1.0)) for column in columns]
 
 
 def decide(where: str, claim: Claim, tables: Tables) -> Finding:
@@ -408,9 +404,10 @@ def findings(file: Path | None = None, tables: Tables | None = None, notebooks: 
 
 def scores(found: list[Finding]) -> list[dict[str, Any]]:
     """Comparisons with an error, of claims whose verdict follows from tables: theme, claim, column, difference in errors."""
-    told = [(f.claim, outcome) for f in found if not f.claim.verdict for outcome in f.outcomes if outcome.error]
-    names = [{"theme": claim.theme, "claim": claim.id, "column": outcome.comparison.column} for claim, outcome in told]
-    return [name | {"errors": outcome.score} for name, (_, outcome) in zip(names, told, strict=True)]
+    return [
+        {"theme": f.claim.theme, "claim": f.claim.id, "column": outcome.comparison.column, "errors": outcome.score}
+        for f in found if not f.claim.verdict for outcome in f.outcomes if outcome.error
+    ]  # fmt: skip
 
 
 def reproduction(file: Path | None = None, tables: Tables | None = None, notebooks: Path | None = None) -> str:
@@ -451,15 +448,15 @@ def look(notebooks: Path, place: Shown, claim: str) -> None:
         raise ValueError(
             f"{path}: the claim {claim} points to the section {place.section!r}; the notebook has {', '.join(headings)}"
         )
-    if place.prints and not any(place.prints in text for text in printed):
+    if place.prints not in printed:
         raise ValueError(f"{path}: no output says {place.prints!r}; the claim {claim} quotes it: read the output again")
 
 
 @lru_cache(maxsize=16)
-def _said(notebook: str) -> tuple[list[str], list[str]]:
+def _said(notebook: str) -> tuple[list[str], str]:
     """Headings of a notebook, and what its outputs say."""
     cells = json.loads(notebook)["cells"]
-    lines = [line for cell in cells if cell["cell_type"] == "markdown" for line in "".join(cell["source"]).splitlines()]
+    text = "\n".join("".join(cell["source"]) for cell in cells if cell["cell_type"] == "markdown")
     outputs = [output for cell in cells for output in cell.get("outputs", ())]
-    texts = [output.get("text", output.get("data", {}).get("text/plain", "")) for output in outputs]
-    return [line.lstrip("#").strip() for line in lines if line.startswith("#")], ["".join(text) for text in texts]
+    printed = ["".join(output.get("text", output.get("data", {}).get("text/plain", ""))) for output in outputs]
+    return re.findall(r"^#+ *(.*)", text, re.MULTILINE), "\n\n".join(printed)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib
 import json
 import logging
 import warnings
@@ -23,14 +22,12 @@ from mwlib.inbetweening.space import PositionSpace
 from mwlib.networks.mdm import MDM
 from mwlib.networks.text import EncodedText, WordTransformer
 from mwlib.prediction.predictor import Predictor, temperatures
-from mwlib.settings import shown
+from mwlib.settings import of_kind
 from mwlib.synthetic.sentences_typed import tables
 from mwlib.text_to_motion.model import TextToMotion
 from mwlib.text_to_motion.motions import ARM_WEIGHT, CONTACT_WEIGHT, HEIGHT_WEIGHT, STEP_WEIGHT
 from mwlib.training import TrainedModel
 
-NEEDED = ("onnx", "onnxscript")
-INSTALL = "install both with: pip install onnx onnxscript"
 OPSET = 18
 FREE = torch.export.Dim.DYNAMIC
 DRAWN = 50  # futures at most, of which the file beside a network says how wide they are drawn
@@ -141,12 +138,10 @@ def export_onnx(model: TrainedModel, file: Path) -> list[Path]:
     """
     if file.suffix != ".onnx":
         raise ValueError(f"file is {str(file)!r}; expected a name that ends in .onnx")
-    kind = next((kind for kind in KINDS if isinstance(model, kind)), None)
-    if kind is None:
-        raise ValueError(f"model is {shown(model)}; expected one of prediction, inbetweening or text_to_motion")
-    network, about = KINDS[kind]
-    traced = network(model)
-    said = {"alpha_bar": getattr(model, "alpha_bar", torch.zeros(0)).tolist()} | about(model) | {"inputs": [*traced.inputs]}
+    opened: Any = of_kind("model", model, (*KINDS,), "one of prediction, inbetweening or text_to_motion")
+    network, about = next(parts for kind, parts in KINDS.items() if isinstance(model, kind))
+    traced = network(opened)
+    said = {"alpha_bar": opened.alpha_bar.tolist(), **about(opened), "inputs": [*traced.inputs]}
     files = {file: _halved(_exported(traced, model.device)), file.with_suffix(".json"): json.dumps(said, separators=(",", ":"))}
     write_together(files)
     return [*files]
@@ -154,17 +149,15 @@ def export_onnx(model: TrainedModel, file: Path) -> list[Path]:
 
 def _exported(module: _Traceable, device: torch.device) -> Any:
     """The module as an ONNX model: of torch's exporter, without its talk."""
-    for name in NEEDED:
-        try:
-            importlib.import_module(name)
-        except ModuleNotFoundError as error:
-            raise ImportError(f"the package {name} is missing, which writes ONNX; {INSTALL}") from error
-    talks = {name: logging.getLogger(name).level for name in ("torch.onnx", *NEEDED, "onnx_ir")}
-    for name in talks:
-        logging.getLogger(name).setLevel(logging.ERROR)
     try:
-        with warnings.catch_warnings(), torch.no_grad():
-            warnings.simplefilter("ignore")  # on torch's own future
+        import onnx  # noqa: F401
+        import onnxscript  # noqa: F401
+    except ModuleNotFoundError as error:
+        found = f"{error.name} is missing, which writes ONNX"
+        raise ImportError(f"{found}; install both with: pip install onnx onnxscript") from error
+    logging.disable(logging.WARNING)
+    try:
+        with warnings.catch_warnings(action="ignore"), torch.no_grad():  # on torch's own future
             given = tuple(tensor.to(device) for tensor in module.inputs.values())
             graph = torch.export.export(module.eval(), given, dynamic_shapes=module.free, strict=True)
             program = torch.onnx.export(
@@ -176,16 +169,16 @@ def _exported(module: _Traceable, device: torch.device) -> Any:
                 output_names=["output", "mean", "factor"][: len(graph.graph_signature.user_outputs)],
             )
     finally:
-        for name, level in talks.items():
-            logging.getLogger(name).setLevel(level)
+        logging.disable(logging.NOTSET)
     assert program is not None  # as dynamo is asked for
     return program.model_proto
 
 
 def _halved(network: Any) -> bytes:
     """The model with those weights in half precision that it holds exactly; they are cast when the model is opened."""
-    onnx, graph = importlib.import_module("onnx"), network.graph
-    casts = []
+    import onnx
+
+    graph, casts = network.graph, []
     for weight in graph.initializer:
         values = onnx.numpy_helper.to_array(weight)
         with np.errstate(over="ignore"):
@@ -210,8 +203,7 @@ def _halved(network: Any) -> bytes:
 def _of_prediction(model: Predictor) -> dict[str, Any]:
     """How histories become conditions and coefficients futures, if the transform is one matrix along time; else no matrices."""
     seen, bodies, s = model.representation, model.bodies, model.sampling
-    scales = {"mean": seen.motion.mean, "deviation": seen.motion.deviation}
-    scales |= {"condition_mean": seen.condition.mean, "condition_deviation": seen.condition.deviation}
+    scales = {"": seen.motion, "condition_": seen.condition}
     return {
         "system": "prediction", "prediction": model.cfg.diffusion.prediction, "shape": [*model.transform.shape],
         "history": seen.history, "frames": seen.frames, "fps": bodies.fps, "up": bodies.up, "relative": seen.relative,
@@ -221,7 +213,9 @@ def _of_prediction(model: Predictor) -> dict[str, Any]:
             "form": s.guidance_form, "decoding": s.decoding, "bones": s.bones,
             "spread": temperatures(DRAWN, 1.0, s.temperature_spread).tolist(),
         },
-        "matrices": _matrices(model), "scales": {name: _numbers(scale) for name, scale in scales.items()},
+        "matrices": _matrices(model), "scales": {
+            f"{of}{name}": _numbers(getattr(scale, name)) for of, scale in scales.items() for name in ("mean", "deviation")
+        },
     }  # fmt: skip
 
 
@@ -240,7 +234,7 @@ def _matrices(model: Predictor) -> dict[str, Any] | None:
 def _of_keyframes(model: Bridge) -> dict[str, Any]:
     """The statistics of its `Representation`."""
     seen, bodies, s, task = model.representation, model.space.bodies, model.cfg.sampling, model.cfg.task
-    learnt = {name: _numbers(tensor.numpy()) for name, tensor in seen.learnt().items() if name != "departure"}  # that is 1
+    learnt = {name: _numbers(tensor) for name, tensor in seen.learnt().items() if name != "departure"}  # that is 1
     return {
         "system": "inbetweening", "prediction": model.cfg.diffusion.prediction, "fps": bodies.fps, "up": bodies.up,
         "skeleton": of_skeleton(bodies.skeleton), "frames": task.gap, "between": [task.shortest, task.between],
@@ -260,7 +254,7 @@ def _of_text(model: TextToMotion) -> dict[str, Any]:
         "skeleton": of_skeleton(layout.skeleton), "contact_joints": [*layout.contact_joints],
         "arm_joints": [*layout.arm_joints], "blocks": {name: [block.start, block.stop] for name, block in layout.blocks.items()},
         "weights": {"step": STEP_WEIGHT, "contact": CONTACT_WEIGHT, "height": HEIGHT_WEIGHT, "arm": ARM_WEIGHT},
-        "mean": _numbers(model.statistics.mean.numpy()), "deviation": _numbers(model.statistics.deviation.numpy()),
+        "mean": _numbers(model.statistics.mean), "deviation": _numbers(model.statistics.deviation),
         "sampling": {
             "sampler": s.sampler, "steps": s.sampling_steps or model.cfg.forward.steps, "guidance": s.guidance,
             "guidance_above": s.guidance_above,
@@ -274,7 +268,7 @@ def of_skeleton(skeleton: Skeleton) -> dict[str, Any]:
     return {name: [*getattr(skeleton, name)] for name in ("joints", "parents", "left", "right")}
 
 
-def _numbers(array: np.ndarray) -> list[Any]:
+def _numbers(array: np.ndarray | Tensor) -> list[Any]:
     """An array as numbers that float32 tells apart, in as few digits."""
     return json.loads(json.dumps(np.asarray(array, np.float32).astype(str).tolist()).replace('"', ""))
 

@@ -86,6 +86,11 @@ def system(name: str) -> System:
     return found
 
 
+def columns(kind: System) -> dict[str, Column]:
+    """Columns of a system's table, and of its second one, if it has one."""
+    return {**kind.METRICS, **getattr(kind, "DETAILS", {})}
+
+
 def system_of(cfg: Settings) -> System:
     """The system that a configuration belongs to.
 
@@ -211,12 +216,9 @@ def read_grids(path: Path | None = None) -> dict[str, Grid]:
     """
     path = Path(path or grids_file())
     tree = read_yaml(path)
-    for name in tree if isinstance(tree, Written) else ():
-        if name != "grids" and not str(name).startswith("x-"):
-            place = Place(path, "the top").of(tree, name)
-            raise ValueError(f"{place} has {name!r}; expected grids, or x- and any name{near(name, ['grids'])}")
-    if not isinstance(tree, Written) or not isinstance(tree.get("grids"), Written):
-        raise ValueError(f"{path} holds {str(tree)[:40]!r}; expected a mapping with grids by id")
+    aside = [name for name in tree if str(name).startswith("x-")] if isinstance(tree, dict) else []
+    fields = dict.fromkeys(aside, ("anything", lambda _: True)) | {"grids": ("a mapping", _is(dict))}
+    check_fields(Place(path, "the top, but for x- and any name,"), tree, {"grids"}, fields)
     return {name: _grid(Place(path, str(name)).of(tree["grids"], name), name, body) for name, body in tree["grids"].items()}
 
 
@@ -249,21 +251,19 @@ class Place(NamedTuple):
         return Place(self.file, ", ".join(filter(None, (self.words, words))), line)
 
 
-def _is(*types: type) -> Callable[[Any], bool]:
+Fits = Callable[[Any], bool]  # whether a value may stand in a field
+
+
+def _is(*types: type) -> Fits:
     return lambda value: isinstance(value, types) and (bool in types or not isinstance(value, bool))
 
 
-def _within(low: float, *types: type) -> Callable[[Any], bool]:
+def _within(low: float, *types: type) -> Fits:
     """Of one of these types, more than low, and finite."""
     return lambda value: _is(*types)(value) and low < value < float("inf")
 
 
-def _is_line(text: str) -> bool:
-    """Whether a text can stand in a cell of a table, where nobody sees blanks around it."""
-    return text.isprintable() and text == text.strip() != ""
-
-
-def one_of(choices: Collection[str]) -> tuple[str, Callable[[Any], bool]]:
+def one_of(choices: Collection[str]) -> tuple[str, Fits]:
     """A field that holds one of some texts, as `check_fields` takes it."""
     return f"one of {', '.join(choices)}", lambda value: isinstance(value, str) and value in choices
 
@@ -276,32 +276,35 @@ HYPHENED = "lower-case words with hyphens", lambda value: bool(WORDS[1](value) a
 TRUTH, NUMBER = ("true or false", _is(bool)), ("a finite number", _within(float("-inf"), int, float))
 POSITIVE = ("a number above 0, finite", _within(0, int, float))
 COUNT = (f"a whole number from 1 to {MOST_SEEDS}", lambda value: _within(0, int)(value) and value <= MOST_SEEDS)
-GRID = {"title": TEXT, "rows": LIST, "system": TEXT, "paper": TEXT, "notebook": TEXT, "trains": TRUTH,
-        "unmeasured": LIST, "base": MAPPING, "budgets": LIST, "reference": TEXT}  # fmt: skip
-NAMES = "a name, in one line without blanks around it", lambda value: _is(str, int, float)(value) and _is_line(str(value))
-ROW = {"name": NAMES, "set": MAPPING, "paper": MAPPING,
-       "seeds": (COUNT[0], lambda value: value is None or COUNT[1](value))}  # fmt: skip
+GRID = dict.fromkeys(["title", "paper", "notebook", "reference"], TEXT) | {
+    "rows": ("a list of rows", lambda value: _is(list)(value) and value != []), "base": MAPPING, "trains": TRUTH,
+    "unmeasured": LIST, "budgets": LIST,
+}  # fmt: skip
+ROW = {
+    "name": ("a name, in one line without blanks around it",  # which nobody would see in a cell of a table
+             lambda value: _is(str, int, float)(value) and (text := str(value)).isprintable() and text == text.strip() != ""),
+    "set": MAPPING, "paper": MAPPING, "seeds": (COUNT[0], lambda value: value is None or COUNT[1](value)),
+}  # fmt: skip
 BUDGET = {"until": POSITIVE, "seeds": COUNT, "share": POSITIVE, "set": MAPPING, "trains": TRUTH}
 
 
 def _grid(where: Place, name: str, body: Any) -> Grid:
     if not isinstance(name, str) or not NAME.fullmatch(name):
         raise ValueError(f"{where}: the id is {name!r}; expected lower-case letters, digits and underscores")
-    check_fields(where, body, {"title", "rows"}, GRID)
-    try:
-        kind = system(body.get("system", "prediction"))
-    except ValueError as error:
-        raise ValueError(f"{where.of(body, 'system')}: {error}") from None
-    metrics = [*kind.METRICS, *getattr(kind, "DETAILS", {}), *map(str, body.get("unmeasured", ()))]
+    check_fields(where, body, {"title", "rows"}, GRID | {"system": one_of([*MODULES, *_REGISTERED])})
+    kind = system(body.get("system", "prediction"))
+    metrics = [*columns(kind), *map(str, body.get("unmeasured", ()))]
     plain, base, counted = kind.Config(), body.get("base") or {}, ("sampling_seed", "seed")[: 1 + bool(body.get("trains"))]
-    rows = [_row(where.of(body, "rows", f"row {n}"), row, metrics) for n, row in enumerate(body["rows"], 1)]
-    if not rows or len({row.name for row in rows}) < len(rows):
-        raise ValueError(f"{where}: {'two rows have the same name' if rows else 'there are no rows'}; expected different ones")
-    for n, (row, read) in enumerate(zip(rows, body["rows"], strict=True)):
+    rows: list[Row] = []
+    for number, read in enumerate(body["rows"], 1):
+        row = _row(where.of(body, "rows", f"row {number}"), read, metrics)
         place = where.of(read, words=f"row {row.name!r}")
         _fit(place, plain, counted, base, read.get("set") or {})
-        if twin := next((other.name for other in rows[:n] if other.changes == row.changes), None):
-            raise ValueError(f"{place}: the same settings as {twin!r}; expected rows that differ")
+        for other in rows:
+            if other.name == row.name or other.changes == row.changes:
+                same = "name" if other.name == row.name else "settings"
+                raise ValueError(f"{place}: the same {same} as {other.name!r}; expected rows that differ")
+        rows.append(row)
     budgets: list[Budget] = []
     for number, read in enumerate(body.get("budgets", ()), 1):
         place = where.of(body, "budgets").of(read, words=f"budget {number}")
@@ -321,13 +324,7 @@ def _grid(where: Place, name: str, body: Any) -> Grid:
 def _row(where: Place, row: Any, metrics: Collection[str]) -> Row:
     check_fields(where, row, {"name"}, ROW)
     paper = row.get("paper") or {}
-    for name, value in paper.items():
-        if name not in metrics:
-            raise ValueError(
-                f"{where.of(paper, name)}: paper has {name!r}; expected some of {', '.join(metrics)}{near(name, metrics)}"
-            )
-        if not NUMBER[1](value):
-            raise ValueError(f"{where.of(paper, name)}: {name} of the paper is {value!r}; expected {NUMBER[0]}")
+    check_fields(where.of(row, "paper", "paper"), paper, set(), dict.fromkeys(metrics, NUMBER))
     return Row(str(row["name"]), dict(row.get("set") or {}), dict(paper), row.get("seeds"))
 
 
@@ -342,22 +339,21 @@ def _budget(where: Place, body: Any, before: Sequence[Budget]) -> Budget:
 
 def _fit(where: Place, plain: Settings, counted: Collection[str], *parts: Mapping[str, Any]) -> None:
     """Refuse settings that the configuration does not take, the last of each name; the line is that of the one it names."""
-    for part in parts:
-        for name in part:
-            if name in counted or not isinstance(name, str):
-                expected = "seeds, which says how many are drawn" if name in counted else "names of settings"
-                raise ValueError(f"{where.of(part, name)}: set has {name!r}; expected {expected}")
+    every = [(part, name) for part in parts for name in part]
+    for part, name in every:
+        if name in counted or not isinstance(name, str):
+            expected = "seeds, which says how many are drawn" if name in counted else "names of settings"
+            raise ValueError(f"{where.of(part, name)}: set has {name!r}; expected {expected}")
     try:
-        plain.override(**{name: value for part in parts for name, value in part.items()})
+        plain.override(**{name: part[name] for part, name in every})
     except (TypeError, ValueError) as error:
-        for part in parts:
-            for name in part:
-                if str(error).startswith((f"{name} is ", f"unknown setting {name!r}", f"{name!r} is ")):
-                    where = where.of(part, name)
+        for part, name in every:
+            if str(error).startswith((f"{name} is ", f"unknown setting {name!r}", f"{name!r} is ")):
+                where = where.of(part, name)
         raise ValueError(f"{where}: {error}") from None
 
 
-def check_fields(where: Place, found: Any, needed: set[str], fields: Mapping[str, tuple[str, Callable[[Any], bool]]]) -> None:
+def check_fields(where: Place, found: Any, needed: set[str], fields: Mapping[str, tuple[str, Fits]]) -> None:
     """Refuse what was read from YAML if it is no mapping, lacks a field, has an unknown one, or one that holds what it must not.
 
     Args:

@@ -53,26 +53,20 @@ def open_all(name: str, data: str, evaluator: str, clip_folder: str) -> tuple[Te
             missing.append(f"{error}{where}")
             return None
 
-    is_released = Path(name).suffix in CODES
-    text = Config.preset("mdm", clip_folder=clip_folder).model
-    if is_released and tried(lambda: make_text(text, ())) is None:  # CLIP, told once
-        model = tried(lambda: open_released(name, data, clip_folder)) if not Path(name).is_file() else None
-    elif is_released:
+    if Path(name).suffix in CODES:
+        if not Path(name).is_file():  # which asks for CLIP as it is opened
+            tried(lambda: make_text(Config.preset("mdm", clip_folder=clip_folder).model, ()))
         model = tried(lambda: open_released(name, data, clip_folder))
     else:
         model = tried(lambda: model_of(name, TextToMotion, "text_to_motion"))
-    cfg = Config.preset("mdm") if model is None else model.cfg
-    chosen = replace(cfg.data, data=data or cfg.data.data)
+    cfg = model.cfg if model else Config.preset("mdm")
+    chosen, own = replace(cfg.data, data=data or cfg.data.data), evaluator or cfg.sampling.evaluator
     parts = tried(lambda: load_clips(chosen), "; `mwlib fetch humanml3d` says how people get HumanML3D")
-    own = evaluator or (
-        "" if (cfg.sampling.evaluator, chosen.data in WITH_PACKAGE) == ("evaluator", False) else cfg.sampling.evaluator
-    )
-    if own:
-        judge = tried(
-            lambda: open_matcher(own, parts.layout if parts else HUMANML3D), f"; the published one: {CHECKPOINTS}; {GLOVE}"
-        )
+    judge, published = None, f"; the published one: {CHECKPOINTS}; {GLOVE}"
+    if own and (evaluator or own != "evaluator" or chosen.data in WITH_PACKAGE):
+        judge = tried(lambda: open_matcher(own, parts.layout if parts else HUMANML3D), published)
     else:
-        judge, _ = None, missing.append(NO_JUDGE)
+        missing.append(NO_JUDGE)
     if model is None or parts is None or judge is None:
         raise FileNotFoundError("to judge this, some things are missing:\n  " + "\n  ".join(dict.fromkeys(missing)))
     device = "cuda" if torch.cuda.is_available() else "cpu"

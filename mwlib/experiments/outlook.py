@@ -76,8 +76,8 @@ def _carried(motions: Sequence[Motion], split: Split) -> str:
 
 
 def _and(numbers: Sequence[float]) -> str:
-    words = [f"{number:g}" for number in numbers]
-    return " and ".join([", ".join(words[:-1]), words[-1]] if len(words) > 1 else words)
+    *first, last = (f"{number:g}" for number in numbers)
+    return " and ".join([", ".join(first), last] if first else [last])
 
 
 def _captioned(source: str | Path) -> str:

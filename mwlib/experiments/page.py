@@ -99,15 +99,17 @@ class Page:
         self.provenance |= acknowledgement(source)
         self._folder = Path(out) if out else None
         self._hash = parameters_hash(parameters)
-        self._depends = self._told_now(cfg, source) if out else {}
+        self._depends: dict[str, Any] = {}
+        if out:  # as it is before anything is read: files that change meanwhile make the result out of date
+            data = {"source": source, "files": data_fingerprint(source)}
+            self._depends = {"parameters": self._hash, "settings": cfg.hash(), "data": data}
         self._stems: set[str] = set()
         self._claims: dict[str, Claim] = {}
         self._left_out: list[str] = []
         self._finished = False
         self._forget()
         self._default_hash = parameters_hash({**parameters, "data": source})
-        stored = _stored(notebook)
-        self._default = stored.get("parameters", self._default_hash) == self._default_hash
+        self._default = _stored(notebook).get("parameters", self._default_hash) == self._default_hash
         self._embedded = stored_claims(notebook)
         if not self._default:
             print(ELSEWHERE)
@@ -265,34 +267,34 @@ class Page:
         """
         self._open("a second result")
         json.dumps(metrics := existing(dict(metrics)))
-        claims = [claim._asdict() for claim in self._claims.values()]
-        if claims:
-            self._sum_up(claims)
+        if self._claims:
+            self._sum_up()
         if self._folder:
             used = {"models": dict(models_used), "modules": sorted(name for name in sys.modules if name.split(".")[0] == "mwlib")}
-            told = {"claims": claims, "left_out": self._left_out}
+            told = {"claims": [claim._asdict() for claim in self._claims.values()], "left_out": self._left_out}
             write_result(self._folder, metrics, self._hash, self._depends | used | of_older_code(), "finished", told)
             self._finished = True
 
-    def _sum_up(self, claims: list[dict[str, Any]]) -> None:
+    def _sum_up(self) -> None:
         """The chapter's claims as a table. Stored in the committed notebook, it says what holds on the embedded people."""
         from IPython.display import display
 
-        told = {name: claim.told() for name, claim in self._claims.items()}
-        if self._default:
-            kept = [claim | {"numbers": _rounded(claim["numbers"])} for claim in claims]
-            mark = {"claims": kept, "parameters": self._default_hash}
-            rows = [{"claim": name, "embedded people": words} for name, words in told.items()]
-            display(results_table(rows), metadata={"mwlib": mark})
+        claims = self._claims.values()
+        if self._default:  # numbers as they are shown, so that a notebook executed twice is the same file
+            shown = [{name: n if n is None else float(significant(n)) for name, n in claim.numbers.items()} for claim in claims]
+            kept = [claim._replace(numbers=numbers)._asdict() for claim, numbers in zip(claims, shown, strict=True)]
+            rows = [{"claim": claim.sentence, "embedded people": claim.told()} for claim in claims]
+            display(results_table(rows), metadata={"mwlib": {"claims": kept, "parameters": self._default_hash}})
             return
-        held = [claim.holds for claim in self._claims.values()]
+        held = [claim.holds for claim in claims]
         print(
             f"Of {len(held)} claims {held.count(True)} hold here, {held.count(False)} do not, {held.count(None)} cannot be said."
         )
         there = {sentence: claim.like(self._claims.get(sentence)).told() for sentence, claim in self._embedded.items()}
-        here = [f"{SIGNS[claim.holds]} {words}" for claim, words in zip(self._claims.values(), told.values(), strict=True)]
-        columns = zip(told, here, strict=True)
-        display(results_table([{"claim": n, "here": words, "embedded people": there.get(n)} for n, words in columns]))
+        display(results_table([
+            {"claim": name, "here": f"{SIGNS[claim.holds]} {claim.told()}", "embedded people": there.get(name)}
+            for name, claim in self._claims.items()
+        ]))  # fmt: skip
 
     def _open(self, what: str) -> None:
         """Refuse what comes after the end; then the end was none, and the result goes."""
@@ -310,11 +312,6 @@ class Page:
         self._stems.add(stem)
         return about
 
-    def _told_now(self, cfg: Any, source: str) -> dict[str, Any]:
-        """What the result depends on, as it is before anything is read: files that change meanwhile make it out of date."""
-        data = {"source": source, "files": data_fingerprint(source)}
-        return {"parameters": self._hash, "settings": cfg.hash(), "data": data}
-
     def _forget(self) -> None:
         if self._folder:
             (self._folder / RESULT).unlink(missing_ok=True)
@@ -330,8 +327,3 @@ def _stored(notebook: str) -> dict[str, Any]:
     cells = read_tree(course_folder() / "notebooks" / f"{notebook}.ipynb", cells=list).get("cells", [])
     marks = [output.get("metadata", {}).get("mwlib", {}) for cell in cells for output in cell.get("outputs", [])]
     return next((mark for mark in marks if "claims" in mark), {})
-
-
-def _rounded(numbers: Mapping[str, float | None]) -> dict[str, float | None]:
-    """Numbers as they are shown, so that a notebook executed twice is the same file."""
-    return {name: None if number is None else float(significant(number)) for name, number in numbers.items()}

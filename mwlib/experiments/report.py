@@ -62,7 +62,7 @@ def write_storyboards(
     Raises:
         ValueError: no test window is of a clip of that name; the message lists those there are.
     """
-    cut, about, every = cfg.windows, provenance(cfg, split), test_windows(split, cfg.windows)
+    about, every = provenance(cfg, split), test_windows(split, cfg.windows)
     looked_up, still = (baseline(cfg.override(method=name), split) for name in ("nearest_history", "zero_velocity"))
     for picture, i in _picked(every, clips, count).items():
         past, truth = every.x_history[i : i + 1], every.x_future[i]
@@ -71,7 +71,7 @@ def write_storyboards(
         ahead = {f"closest of {len(futures)}": _closest(futures, truth), "sample 1": futures[0], "sample 2": futures[1]}
         ahead |= {"looked up": _closest(found, truth), "held still": still(past, [i])[0, 0]}
         board = {"truth": every.x[i], **ahead}
-        fig, _ = plots.storyboard(board, split.test[0].skeleton, fps=cfg.data.fps, history=cut.history, frames=10)
+        fig, _ = plots.storyboard(board, split.test[0].skeleton, fps=cfg.data.fps, history=cfg.windows.history, frames=10)
         clip = every.motions[int(every.clip[i])]
         alt = (
             f"Storyboard of test clip {clip.name} ({clip.action}), subject {clip.subject}: the true motion on top, below it the "
@@ -79,7 +79,7 @@ def write_storyboards(
             f"{len(found)} looked up in the training set, and the last pose held still."
         )
         where = about | {"clip": clip.name, "start_frame": int(every.start[i]), "window": i}
-        data = {name.replace(" ", "_"): row.numpy() for name, row in board.items()}
+        data = {name.replace(" ", "_"): row for name, row in board.items()}
         plots.save(fig, out, f"storyboard_{picture}", data=data, alt=alt, provenance=where)
 
 
@@ -106,24 +106,23 @@ def write_ends(cfg: Config, split: Split, predictor: Predictor, out: Path, clips
     fig, _ = plots.end_poses(dict(zip(titles, zip(futures, truth, strict=True), strict=True)), skeleton)
     shown = f"the last pose of {futures.shape[1]} futures sampled by MotionWavelet"
     alt = f"One panel for each of {', '.join(titles)}: {shown}, laid over each other, and the true pose in black."
-    data = {f"truth_{n}": x[-1].numpy() for n, x in enumerate(truth, 1)}
-    data |= {f"samples_{n}": f[:, -1].T.numpy() for n, f in enumerate(futures, 1)}
+    data = {f"truth_{n}": x[-1] for n, x in enumerate(truth, 1)}
+    data |= {f"samples_{n}": f[:, -1].T for n, f in enumerate(futures, 1)}
     plots.save(fig, out, "end_poses", data=data, alt=alt, provenance=windows)
 
     fig, _ = plots.pose_grid({("", str(k)): future[None] for k, future in enumerate(ten, 1)}, skeleton, truth=truth[0])
     alt = f"{len(ten)} panels: the last pose of one future each of {titles[0]} by MotionWavelet, and the true pose in black."
-    data = {"truth": truth[0, -1].numpy(), "samples": ten[:, -1].T.numpy()}
+    data = {"truth": truth[0, -1], "samples": ten[:, -1].T}
     plots.save(fig, out, "ten", data=data, alt=alt, provenance=windows | {"clip": named[0].name})
 
 
 def write_curves(cfg: Config, split: Split, out: Path) -> None:
     """Training loss, and the loss of the averaged weights on people who are not trained on."""
     curves = json.loads((get_run(cfg, split) / CURVES).read_text(encoding="utf-8"))
-    named = {"people seen in training": curves["loss"]}
+    named, data = {"people seen in training": curves["loss"]}, {"loss": curves["loss"]}
     if curves["validation"]:
         named["people never seen"] = curves["validation"]
+        data["validation_step"], data["validation_loss"] = map(list, zip(*curves["validation"], strict=True))
     fig, _ = plots.loss_curves(named)
     alt = "Loss against training step, for the people trained on and, where some were held out for it, for people never seen."
-    data = {"loss": curves["loss"], "validation_step": [p[0] for p in curves["validation"]]}
-    data["validation_loss"] = [p[1] for p in curves["validation"]]
-    plots.save(fig, out, "curves", data={k: v for k, v in data.items() if v}, alt=alt, provenance=provenance(cfg, split))
+    plots.save(fig, out, "curves", data=data, alt=alt, provenance=provenance(cfg, split))

@@ -5,7 +5,7 @@ import json
 import logging
 import os
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from functools import cache
 from pathlib import Path
 from typing import Any, Literal
@@ -49,7 +49,7 @@ def write_result(
     depends: Mapping[str, Any],
     status: Status = "ok",
     told: Mapping[str, Any] | None = None,
-) -> Path:
+) -> None:
     """Write what a run found: the last thing it does, atomic.
 
     Args:
@@ -61,9 +61,7 @@ def write_result(
             "refused" and "failed" say that it is not done.
         told: what else it says, by name, such as a chapter's claims; JSON values.
     """
-    tree = {"status": status, "hash": key, "depends": dict(depends), "metrics": dict(metrics), **(told or {})}
-    write_json(folder / RESULT, tree)
-    return folder / RESULT
+    write_json(folder / RESULT, {"status": status, "hash": key, "depends": depends, "metrics": metrics, **(told or {})})
 
 
 def read_result(folder: Path, key: str, status: Status = "ok") -> dict[str, Any] | None:
@@ -149,12 +147,9 @@ def locked(file: Path, patience: float = -1) -> Iterator[bool]:
         lock.acquire(timeout=0)
     except Timeout:
         _say_waiting(file)
-        try:
+        with suppress(Timeout):
             lock.acquire(timeout=patience)
-        except Timeout:
-            yield False
-            return
     try:
-        yield True
+        yield lock.is_locked
     finally:
         lock.release()

@@ -16,12 +16,13 @@ from accelerate.state import PartialState
 from accelerate.utils import broadcast_object_list, parse_flag_from_env
 from tqdm import tqdm
 
+from mwlib.data.doubts import some
 from mwlib.experiments import results
 from mwlib.experiments.grids import Data, code_of, read_config, system_of
 from mwlib.files import sweep, write_atomic, write_json, write_together
 from mwlib.hashing import digest, file_hash
 from mwlib.paths import CONFIG, run_folder, shipped
-from mwlib.settings import Settings, near, shown
+from mwlib.settings import Settings, near, of_kind, shown
 from mwlib.training import CHECKPOINT, CURVES, MODEL, TrainingStep, read_model, read_outcome, train
 from mwlib.training.checkpoint import NOT_BY_EDITING, changes, check_trained, flat, read_curves
 
@@ -109,8 +110,7 @@ class Run:
         if not others:
             return own
         newest = max(others, key=lambda place: place.stat().st_mtime)
-        names = self.changed(others[newest])
-        told = ", ".join(names[:MOST_NAMES]) + f" and {len(names) - MOST_NAMES} more" * (len(names) > MOST_NAMES)
+        told = some(self.changed(others[newest]), MOST_NAMES)
         if results.accepts_older_code():
             log.warning("%s is taken although the code has changed since: %s", newest.name, told)
             return newest
@@ -133,14 +133,10 @@ class Run:
                     bar.set_postfix(loss=f"{last.loss:.4f}", lr=f"{last.lr:.2e}")
         if _rank() == 0:
             depends: dict[str, Any] = {"settings": self.key, "data": self.training, "model": file_hash(self.folder / MODEL)}
-            depends["sampling"] = read_config(self.folder / CONFIG).sampled()
-            depends |= self._marked(results.read_tree(self.folder / CODE))
+            depends |= {"sampling": read_config(self.folder / CONFIG).sampled(), "code": results.read_tree(self.folder / CODE)}
+            if changed := self.changed(depends):
+                depends["older_code"] = changed
             results.write_result(self.folder, read_outcome(self.folder) | {"machine": machine()}, self.key, depends)
-
-    def _marked(self, code: Mapping[str, str]) -> dict[str, Any]:
-        """The code that something was made with, and the modules that are others now."""
-        changed = self.changed({"code": code})
-        return {"code": dict(code), **({"older_code": changed} if changed else {})}
 
     def model(self, progress: bool = False) -> Any:
         """The trained model; it samples as the configuration says."""
@@ -149,12 +145,13 @@ class Run:
     def result(self, file: Path) -> dict[str, Any] | None:
         """What a file says, if it is a result that may be taken: made by today's code, or older code is accepted."""
         found = results.read_tree(file, mean=dict)
-        changed = self.changed(found.get("depends", {}))
+        depends = found.get("depends", {})
+        changed = self.changed(depends)
         if not found or changed and not results.accepts_older_code():
             return None
         if changed:
-            found["depends"]["older_code"] = changed
-        results.models_used.update(found.get("depends", {}).get("models", {}))
+            depends["older_code"] = changed
+        results.models_used.update(depends.get("models", {}))
         results.older_code.update(changed)
         return found
 
@@ -282,8 +279,7 @@ def load_run(folder: str | Path) -> Any:
     >>> mw.load_run("synthetic").predict(history[:1], samples=2).shape
     torch.Size([1, 2, 100, 48])
     """
-    if not isinstance(folder, str | Path):
-        raise ValueError(f"folder is {shown(folder)}; expected the folder of a run or one of {', '.join(shipped())}")
+    of_kind("folder", folder, (str, Path), f"the folder of a run or one of {', '.join(shipped())}")
     found = run_folder(folder)
     if found is None:
         known = f"; models that come with mwlib: {', '.join(shipped())}{near(folder, shipped())}"

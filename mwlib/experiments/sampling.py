@@ -8,10 +8,11 @@ from pathlib import Path
 from typing import TypeVar
 
 from mwlib.body.motion import Motion
+from mwlib.data.doubts import some
 from mwlib.experiments.runs import load_run
 from mwlib.inbetweening.bridge import Bridge, filled
 from mwlib.networks.matching import UNIT
-from mwlib.settings import real, several, shown, whole
+from mwlib.settings import of_kind, real, several, whole
 from mwlib.synthetic.sentences_typed import as_learnt
 from mwlib.text_to_motion.model import WHERE_WORDS, TextToMotion
 from mwlib.text_to_motion.motions import motion_of
@@ -38,15 +39,12 @@ def model_of(run: str | Path | Model, kind: type[Model], system: str) -> Model:
         FileNotFoundError: there is no such run.
         ValueError: it is one of another system.
     """
-    if isinstance(run, str | Path):
-        model = open_released(run) if Path(run).suffix in CODES else load_run(run)
-    else:
-        model = run
-    if isinstance(model, kind):
-        return model
-    if model is not run:
+    if not isinstance(run, str | Path):
+        return of_kind("run", run, kind, f"a run of {system}: its folder, its name or its model")
+    model = open_released(run) if Path(run).suffix in CODES else load_run(run)
+    if not isinstance(model, kind):
         raise ValueError(f"run is {run}, a run of another system; expected one of {system}")
-    raise ValueError(f"run is {shown(run)}; expected a run of {system}: its folder, its name or its model")
+    return model
 
 
 def inbetween(
@@ -99,23 +97,12 @@ def inbetween(
     ((32, 17, 3), 30.0, True)
     """
     model = model_of(run, Bridge, "in-betweening")
-    if model.cfg.model.hide and isinstance(start, Motion) and isinstance(end, Motion) and len(start) * len(end) == 1:
+    found = filled(model, start, end, frames, samples, seed, progress, align=align, own_rig=own_rig, join=join, feet=feet)
+    if model.cfg.model.hide and isinstance(end, Motion) and len(start) == len(end) == 1:
         log.warning("two poses say nothing of velocity, and samples are no nearer than a straight line; give two frames each")
-    elif model.cfg.model.hide and isinstance(frames, int) and frames > FORESEEN:
+    elif model.cfg.model.hide and (frames or 0) > FORESEEN:
         log.warning("more than %d frames apart samples are no nearer to what people did than a straight line", FORESEEN)
-    return filled(
-        model,
-        start,
-        end,
-        frames,
-        samples,
-        seed,
-        progress,
-        align=align,
-        own_rig=own_rig,
-        join=join,
-        feet=feet,
-    )
+    return found
 
 
 def generate(
@@ -166,10 +153,10 @@ def generate(
     model.check(texts, frames)
     read = understood(model, texts)
     _warn_of_words(model, read)
-    many = [(i, MOST * i + s) for i in range(len(texts)) for s in range(samples)]
-    asked = [read[i] for i, _ in many], [frames[i] for i, _ in many]
-    found = model.sample(*asked, seed, ids=[identity for _, identity in many], progress=progress)
-    return [motion_of(x, model.layout, texts[i], fused) for x, (i, _) in zip(found, many, strict=True)]
+    ids = [MOST * i + s for i in range(len(texts)) for s in range(samples)]
+    many = [number // MOST for number in ids]  # which sentence
+    found = model.sample([read[i] for i in many], [frames[i] for i in many], seed, ids=ids, progress=progress)
+    return [motion_of(x, model.layout, texts[i], fused) for x, i in zip(found, many, strict=True)]
 
 
 def understood(model: TextToMotion, texts: Sequence[str]) -> list[str]:
@@ -195,11 +182,10 @@ def _has_grammar(model: TextToMotion) -> bool:
 
 def _frames(model: TextToMotion, texts: Sequence[str], seconds: float | Sequence[float]) -> list[int]:
     """Lengths in whole movements, one for each sentence."""
-    is_one = isinstance(seconds, int | float) or getattr(seconds, "ndim", 1) == 0
-    each = [seconds] * len(texts) if is_one else several("seconds", seconds, "numbers, or one")
-    lasting = [real("seconds" if is_one else f"seconds[{i}]", one) for i, one in enumerate(each)]
-    if len(lasting) != len(texts):
-        raise ValueError(f"seconds has {len(lasting)} entries for {len(texts)} sentences; expected one each, or one for all")
+    if isinstance(seconds, int | float) or getattr(seconds, "ndim", 1) == 0:
+        lasting = [real("seconds", seconds)] * len(texts)
+    else:
+        lasting = [real(f"seconds[{i}]", one) for i, one in enumerate(several("seconds", seconds, "numbers, or one"))]
     fps, (shortest, longest) = model.layout.fps, model.lengths
     frames = [round(one * fps / UNIT) * UNIT for one in lasting]
     if wrong := [one for one, count in zip(lasting, frames, strict=True) if not shortest <= count <= longest]:
@@ -210,21 +196,14 @@ def _frames(model: TextToMotion, texts: Sequence[str], seconds: float | Sequence
 
 def _warn_of_words(model: TextToMotion, texts: Sequence[str]) -> None:
     """Tell of words that the model does not know, with near ones that begin alike, and of actions that it has not learnt."""
-    strange = model.check_words(texts)
+    strange, known, told = model.check_words(texts), model.net.text.vocabulary, []
     for i, found in enumerate(map(as_learnt, texts) if _has_grammar(model) else ()):
         if not found.is_learnt:
             asked = " and then ".join(found.actions) or "no action"
             warnings.warn(f"texts[{i}] asks for {asked}, which the model has not learnt; {EXPECTED_ACTIONS}", stacklevel=3)
-    if not strange:
-        return
-    told = []
-    for word in strange[:MOST_TOLD]:
-        alike = [known for known in model.net.text.vocabulary if known[0] == word[0]]
-        near = difflib.get_close_matches(word, alike, n=3, cutoff=0.7)
-        told.append(f"{word!r}" + (f" (near: {', '.join(near)})" if near else ""))
-    more = f" and {len(strange) - MOST_TOLD} more" if len(strange) > MOST_TOLD else ""
-    warnings.warn(
-        f"the model does not know {', '.join(told)}{more}: it takes each for one unknown word; expected its "
-        f"{len(model.net.text.vocabulary)} words, {WHERE_WORDS}",
-        stacklevel=3,
-    )
+    for word in strange:
+        near = difflib.get_close_matches(word, [other for other in known if other[0] == word[0]], n=3, cutoff=0.7)
+        told.append(f"{word!r}" + f" (near: {', '.join(near)})" * bool(near))
+    if told:
+        expected = f"it takes each for one unknown word; expected its {len(known)} words, {WHERE_WORDS}"
+        warnings.warn(f"the model does not know {some(told, MOST_TOLD)}: {expected}", stacklevel=3)

@@ -7,14 +7,13 @@ from pathlib import Path
 from typing import Any
 
 from mwlib.data.collections import acknowledgement
-from mwlib.experiments.grids import system, system_of
+from mwlib.experiments.grids import columns, system, system_of
 from mwlib.experiments.results import of_older_code, read_result, rendered
 from mwlib.experiments.runs import get_model, get_result, get_run
-from mwlib.experiments.tables import details
 from mwlib.files import sweep, write_together
 from mwlib.hashing import digest
 from mwlib.paths import CONFIG
-from mwlib.settings import Settings
+from mwlib.settings import Settings, choice
 from mwlib.training import MODEL
 from mwlib.training.checkpoint import load_tensors, packed
 from mwlib.version import __version__
@@ -78,8 +77,7 @@ def recipe(name: str) -> tuple[str, Settings]:
     Raises:
         ValueError: there is none of that name; the message lists those there are.
     """
-    if name not in RECIPES:
-        raise ValueError(f"name is {name!r}; expected one of {', '.join(RECIPES)}")
+    choice("name", name, RECIPES)
     title, kind, preset, changes = RECIPES[name]
     return title, system(kind).Config.preset(preset, **changes)
 
@@ -100,16 +98,17 @@ def ship(cfg: Settings, folder: Path, title: str, command: str, progress: bool =
         What metrics.json holds.
     """
     kind = system_of(cfg)
-    data = kind.load_data(cfg)
+    data: Any = kind.load_data(cfg)
     sweep(folder)
-    asked = {"model": cfg, **({"truth": cfg.override(method="truth")} if "method" in cfg.owners() else {})}
-    found = {name: get_result(c, data, progress) for name, c in asked.items()}
+    found = {"model": get_result(cfg, data, progress)}
+    if "method" in cfg.owners():
+        found["truth"] = get_result(cfg.override(method="truth"), data, progress)
     run = get_run(cfg, data)
     tensors, about = load_tensors(run / MODEL)
     tensors = {name: t.half() if name.startswith("net.") and t.is_floating_point() else t for name, t in tensors.items()}
     metrics: dict[str, Any] = {name: _kept(result) for name, result in found.items()}
     if more_rows := getattr(kind, "more_rows", None):
-        metrics["more"] = more_rows(get_model(cfg, data), getattr(data, "test"), found["model"])  # noqa: B009  (of a system with test people)
+        metrics["more"] = more_rows(get_model(cfg, data), data.test, found["model"])
     metrics["training"] = read_result(run, cfg.training_hash())
     metrics["about"] = {
         "settings": cfg.hash(), "data": list(data.fingerprints()), "mwlib": __version__, "measured on": found["model"]["machine"],
@@ -123,18 +122,18 @@ def ship(cfg: Settings, folder: Path, title: str, command: str, progress: bool =
 
 def card(title: str, command: str, cfg: Settings, metrics: Mapping[str, Any]) -> str:
     """What a reader must know of a model before using it, as Markdown."""
-    kind = system_of(cfg)
+    kind: Any = system_of(cfg)
     return rendered(
         "experiments/card.md.jinja",
         title=title,
         command=command,
         places=(CONFIG, METRICS),
         cfg={name: cfg.get(name) for name in cfg.owners()},
-        columns={**kind.METRICS, **details(kind)},
+        columns=columns(kind),
         found={name: metrics[name] for name in ("model", "truth") if name in metrics},
         training=metrics["training"],
         about=metrics["about"],
-        more=getattr(kind, "more_of_card")(metrics["more"]) if metrics.get("more") else [],  # noqa: B009
+        more=kind.more_of_card(metrics["more"]) if metrics.get("more") else [],
         owners=acknowledgement(cfg.get("data")).values(),
     )
 

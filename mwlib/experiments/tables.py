@@ -10,18 +10,20 @@ from typing import Any
 import numpy as np
 
 from mwlib.data.collections import acknowledgement
-from mwlib.experiments.grids import Data, Grid, System, changes, row_config, system
+from mwlib.experiments.grids import Data, Grid, changes, columns, row_config, system
 from mwlib.experiments.results import committed_folder, read_table
 from mwlib.experiments.runs import get_result
 from mwlib.hashing import digest
 from mwlib.metrics import Column, clustered_error
-from mwlib.settings import Settings
+from mwlib.settings import Settings, choice
 from mwlib.version import __version__
 
+Columns = Mapping[str, Column]
+Found = Sequence[dict[str, Any]]  # what `measure` gives: an entry for each row
+Lines = list[dict[str, object]]  # column -> value, as `plots.results_table` takes them
 
-def measure(
-    grid: Grid, cfg: Settings, progress: bool = False, data: Data | None = None, given: Collection[str] = ()
-) -> list[dict[str, Any]]:
+
+def measure(grid: Grid, cfg: Settings, progress: bool = False, data: Data | None = None, given: Collection[str] = ()) -> Found:
     """Results of all rows over their seeds; what is there already is read, what is missing is computed.
 
     Args:
@@ -50,18 +52,13 @@ def measure(
     for row in grid.rows:
         configs = [row_config(grid, row, cfg, seed, given) for seed in grid.seeds(row, cfg)]
         results = [get_result(changed, data, progress) for changed in configs]
-        found.append({"name": row.name, "paper": row.paper, **_over_seeds(results, {**kind.METRICS, **details(kind)})})
+        found.append({"name": row.name, "paper": row.paper, **_over_seeds(results, columns(kind))})
     return found
 
 
-def details(kind: System) -> dict[str, Column]:
-    """Columns of a system's second table, if it has one."""
-    return dict(getattr(kind, "DETAILS", {}))
-
-
-def _over_seeds(results: Sequence[dict[str, Any]], metrics: Mapping[str, Column]) -> dict[str, Any]:
+def _over_seeds(results: Sequence[dict[str, Any]], metrics: Columns) -> dict[str, Any]:
     values = {m: [r["mean"][m] for r in results] for m in metrics if isfinite(results[0]["mean"].get(m, nan))}
-    windows = [r.get("values", {}) for r in results]
+    windows, depends = ([r.get(entry, {}) for r in results] for entry in ("values", "depends"))
     return {
         "mean": {m: mean(v) for m, v in values.items()},
         "seed_deviation": {m: stdev(v) if len(v) > 1 else None for m, v in values.items()},
@@ -73,15 +70,13 @@ def _over_seeds(results: Sequence[dict[str, Any]], metrics: Mapping[str, Column]
         "seconds": sum(r["seconds"] for r in results),
         "training_seconds": sum((r.get("training") or {"seconds": 0.0})["seconds"] for r in results),
         "machines": sorted({" with torch ".join(r["machine"].values()) for r in results if "machine" in r}),
-        "code": sorted({digest(r["depends"]["code"]) for r in results if "code" in r.get("depends", {})}),
-        "older_code": sorted({name for r in results for name in r.get("depends", {}).get("older_code", ())}),
+        "code": sorted({digest(d["code"]) for d in depends if "code" in d}),
+        "older_code": sorted({name for d in depends for name in d.get("older_code", ())}),
         "actions": results[0].get("actions", {}),
     }
 
 
-def lines(
-    found: Sequence[dict[str, Any]], metrics: Mapping[str, Column], *, errors: bool = False, first: str = "row"
-) -> list[dict[str, object]]:
+def lines(found: Found, metrics: Columns, *, errors: bool = False, first: str = "row") -> Lines:
     """Rows for `plots.results_table` and `plots.save_table`: the paper's number (if any row has one) beside the measured.
 
     A measured value with several seeds is a pair (mean, deviation over seeds), in the unit of its column.
@@ -110,9 +105,7 @@ def lines(
     return out
 
 
-def differences(
-    found: Sequence[dict[str, Any]], metrics: Mapping[str, Column], reference: str, *, first: str = "row"
-) -> list[dict[str, object]]:
+def differences(found: Found, metrics: Columns, reference: str, *, first: str = "row") -> Lines:
     """How far each row is from one of them, window by window: mean differences and their standard errors over clips.
 
     Both rows see the same windows; what makes a window hard for both goes out of the difference.
@@ -130,8 +123,7 @@ def differences(
         ValueError: no row is called so.
     """
     rows = {row["name"]: row for row in found}
-    if reference not in rows:
-        raise ValueError(f"reference is {reference!r}; expected one of {', '.join(rows)}")
+    choice("reference", reference, rows)
     base, out = rows.pop(reference), []
     for name, row in rows.items():
         if not row["clips"] or row["clips"] != base["clips"]:
@@ -146,7 +138,7 @@ def differences(
     return out
 
 
-def committed(name: str, metrics: Mapping[str, Column], folder: Path | None = None) -> list[dict[str, object]]:
+def committed(name: str, metrics: Columns, folder: Path | None = None) -> Lines:
     """A grid as measured on real people, read from the table that `mwlib grid-table` wrote, in the form of `lines`.
 
     Args:
@@ -158,23 +150,24 @@ def committed(name: str, metrics: Mapping[str, Column], folder: Path | None = No
         FileNotFoundError: there is no such table in the folder.
     """
     out = []
-    for row in read_table((folder or committed_folder()) / f"{name}.csv"):
+    for row in _committed(name, folder):
         line: dict[str, object] = {"row": row["row"]}
         for heading in (column.heading for column in metrics.values() if column.heading in row):  # of places no L2Q
             if f"{heading}, paper" in row:
-                line[f"{heading}, paper"] = _number(row, f"{heading}, paper")
-            value, spread = _number(row, heading), _number(row, f"{heading}, deviation")
+                line[f"{heading}, paper"] = row[f"{heading}, paper"]
+            value, spread = row[heading], row.get(f"{heading}, deviation")
             line[heading] = value if spread is None else (value, spread)
         out.append(line)
     return out
 
 
-def _number(row: Mapping[str, str], heading: str) -> float | None:
-    """What a cell holds; None if it is empty, or there is no such column."""
-    return float(row[heading]) if row.get(heading) else None
+def _committed(stem: str, folder: Path | None) -> list[dict[str, Any]]:
+    """The lines of a committed table: their names under "row", numbers elsewhere, None where a cell is empty."""
+    lines = read_table((folder or committed_folder()) / f"{stem}.csv")
+    return [{name: cell if name == "row" else float(cell) if cell else None for name, cell in line.items()} for line in lines]
 
 
-def committed_pairs(name: str, metrics: Mapping[str, Column], folder: Path | None = None) -> list[dict[str, object]]:
+def committed_pairs(name: str, metrics: Columns, folder: Path | None = None) -> Lines:
     """A grid's differences of paired windows, read from the table that `mwlib grid-table` wrote.
 
     Args:
@@ -188,12 +181,12 @@ def committed_pairs(name: str, metrics: Mapping[str, Column], folder: Path | Non
         FileNotFoundError: there is no such table in the folder.
     """
     out = []
-    for row in read_table((folder or committed_folder()) / f"{name}_paired.csv"):
+    for row in _committed(f"{name}_paired", folder):
         first, _, against = row["row"].rpartition(" - ")
         line: dict[str, object] = {"row": first, "against": against}
         for heading in (column.heading for column in metrics.values() if column.heading in row):
-            apart = _number(row, heading)  # rounding leaves some 6e-19 of a difference that is none
-            line[heading] = (apart if apart is None else round(apart, 12), _number(row, f"{heading}, standard error"))
+            apart = row[heading]  # rounding leaves some 6e-19 of a difference that is none
+            line[heading] = (apart if apart is None else round(apart, 12), row.get(f"{heading}, standard error"))
         out.append(line)
     return out
 
@@ -213,21 +206,16 @@ def committed_motion(stem: str, name: str = "truth", folder: Path | None = None)
         FileNotFoundError: there is no such table in the folder.
         ValueError: it holds no motion of that name.
     """
-    rows = read_table((folder or committed_folder()) / f"{stem}.csv")
-    heads = [head for head in rows[0] if head.rpartition("_")[0] == name]
-    if not heads:
-        raise ValueError(f"name is {name!r}; expected one of {', '.join(dict.fromkeys(h.rpartition('_')[0] for h in rows[0]))}")
-    return np.array([[float(row[head]) for head in heads] for row in rows], dtype=np.float32)
+    rows = _committed(stem, folder)
+    heads = {head: head.rpartition("_")[0] for head in rows[0]}
+    choice("name", name, dict.fromkeys(heads.values()))
+    return np.array([[row[head] for head in heads if heads[head] == name] for row in rows], dtype=np.float32)
 
 
-def _union(found: Sequence[dict[str, Any]], entry: str) -> list[str]:
-    """What the rows have under an entry, each once."""
-    return sorted({name for row in found for name in row[entry]})
-
-
-def provenance(grid: Grid, cfg: Settings, found: Sequence[dict[str, Any]], given: Collection[str] = ()) -> dict[str, Any]:
+def provenance(grid: Grid, cfg: Settings, found: Found, given: Collection[str] = ()) -> dict[str, Any]:
     """What a reader must know to trust the numbers of a grid."""
     budget, data = grid.budget(cfg), cfg.get("data")
+    kinds = {kind: sorted({name for row in found for name in row[kind]}) for kind in ("machines", "code", "older_code")}
     first = row_config(grid, grid.rows[0], cfg, given=given)
     return {
         "data": data, "grid": grid.id, "paper": grid.paper or "not in the paper",
@@ -239,6 +227,6 @@ def provenance(grid: Grid, cfg: Settings, found: Sequence[dict[str, Any]], given
         "standard_error_over_clips": {row["name"]: row["standard_error"] for row in found},
         "seconds_of_sampling": {row["name"]: row["seconds"] for row in found},
         "seconds_of_training": {row["name"]: row["training_seconds"] for row in found},
-        "mwlib": __version__, **{name: _union(found, name) for name in ("machines", "code")},
-        **({"older_code": older} if (older := _union(found, "older_code")) else {}),
+        "mwlib": __version__,
+        **{kind: names for kind, names in kinds.items() if names},
     } | acknowledgement(data)  # fmt: skip

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 import mwlib as mw
-from mwlib.cli import benchmark, main
+from mwlib.cli import main, measure
 from mwlib.data.sources import Split
 from mwlib.experiments import get_run
 from mwlib.inbetweening import lafan1
@@ -104,7 +104,7 @@ def test_a_trained_model_gets_its_rows(folder, run, tmp_path, capsys):
     given = ["lafan1-benchmark", "--data", str(folder), "--model", str(run), "--samples", "2"]
     assert main([*given, "--out", str(tmp_path)]) == 0
     told = " ".join(capsys.readouterr().out.split())
-    rows = [row for row in rows_of(tmp_path / "benchmark_model.csv") if row["source"] == benchmark.MEASURED]
+    rows = [row for row in rows_of(tmp_path / "benchmark_model.csv") if row["source"] == measure.MEASURED]
     names = [
         "zero velocity",
         "interpolation",
@@ -158,7 +158,7 @@ def test_a_model_that_does_not_fit_is_refused_before_anything_is_measured(folder
 
 def test_the_committed_table_says_what_it_is():
     rows, about = rows_of(COMMITTED), json.loads(COMMITTED.with_suffix(".json").read_text(encoding="utf-8"))
-    measured = [row for row in rows if row["source"] == benchmark.MEASURED]
+    measured = [row for row in rows if row["source"] == measure.MEASURED]
     assert len(measured) == 8 and {row["windows"] for row in measured} == {str(sum(about["test_windows"].values()))}
     assert "CC BY-NC-ND 4.0" in about["acknowledgement"] and "Robust Motion In-Betweening" in about["acknowledgement"]
     assert about["verdict"].startswith("NOT COMPARABLE") and about["clips"] == 10

@@ -228,7 +228,11 @@ def test_a_claim_without_its_parts_is_refused(tmp_path, claim, message):
 
 @pytest.mark.parametrize(
     "text, message",
-    [("claims: {a: 1}", "expected a mapping with a list"), ("a: ]", "is not YAML"), ("a: 1\na: 2", "line 2: 'a' is already")],
+    [
+        ("claims: {a: 1}", "claims is {'a': 1}; expected a list"),
+        ("a: ]", "is not YAML"),
+        ("a: 1\na: 2", "line 2: 'a' is already"),
+    ],
 )
 def test_a_file_that_holds_no_claims_is_told(tmp_path, text, message):
     (tmp_path / "claims.yaml").write_text(text, encoding="utf-8")

@@ -99,8 +99,8 @@ OTHERS = [
     ({"texts": []}, "0 lengths for 0 sentences; expected one each, and at least one sentence"),
     ({"texts": TEXTS, "seconds": [1, "1"]}, r"seconds\[1\] is '1'; expected a finite number"),
     ({"texts": TEXTS, "seconds": [1, [1]]}, r"seconds\[1\] is \[1\] .list.; expected a finite number"),
-    ({"texts": TEXTS, "seconds": [0.6]}, "seconds has 1 entries for 2 sentences; expected one each, or one for all"),
-    ({"seconds": np.ones(2)}, "seconds has 2 entries for 1 sentences"),
+    ({"texts": TEXTS, "seconds": [0.6]}, "1 lengths for 2 sentences; expected one each"),
+    ({"seconds": np.ones(2)}, "2 lengths for 1 sentences"),
 ]  # fmt: skip
 OTHERS += [({name: value}, f"{name} is {found}; {expected}") for name, rows in SPOILT.items() for value, found, expected in rows]
 

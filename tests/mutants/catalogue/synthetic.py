@@ -51,7 +51,7 @@ MUTANTS = [
         "experiments/sampling.py", "synthetic/test_sentences_typed.py",
         ("words-of-others-are-changed", 'return model.cfg.data.data == "people" and bool(model.net.text.vocabulary)',
          "return bool(model.net.text.vocabulary)"),
-        ("what-was-typed-is-sampled", "asked = [read[i] for i, _ in many]", "asked = [texts[i] for i, _ in many]"),
+        ("what-was-typed-is-sampled", "[read[i] for i in many]", "[texts[i] for i in many]"),
         ("named-by-what-was-read", "motion_of(x, model.layout, texts[i], fused)", "motion_of(x, model.layout, read[i], fused)"),
     ),
 ]  # fmt: skip

@@ -27,8 +27,8 @@ MUTANTS = [
     ),
     *of(
         "experiments/sampling.py", "experiments/test_sentences.py",
-        ("unknown-words-untold", "    if not strange:\n", "    if strange is not None:\n"),
-        ("seconds-that-are-texts", 'real("seconds" if is_one else f"seconds[{i}]", one)', "float(one)"),
+        ("unknown-words-untold", "    if told:\n", "    if False:\n"),
+        ("seconds-that-are-texts", 'real("seconds", seconds)', "float(seconds)"),
     ),
     *of(
         "text_to_motion/system.py", "experiments/test_runs.py::test_another_model_behind_a_run_makes_it_another_run",
