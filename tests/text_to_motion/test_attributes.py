@@ -96,9 +96,9 @@ def test_what_is_no_body_is_measured_all_the_same(size):
 
 
 @pytest.mark.parametrize("positions, message", [
-    (np.full((20, 22, 3), np.nan), "not finite; expected metres"),
-    (np.zeros((40, 21, 3)), "expected .T, 22, 3. with at least 10 frames"),
-    (np.zeros((9, 22, 3)), "expected .T, 22, 3. with at least 10 frames"),
+    (np.full((20, 22, 3), np.nan), "1320 values that are not finite; expected metres"),
+    (np.zeros((40, 21, 3)), ".40, 21, 3.*; expected metres, .T, 22, 3. with at least 10 frames"),
+    (np.zeros((9, 22, 3)), ".9, 22, 3.*; expected metres, .T, 22, 3. with at least 10 frames"),
 ])  # fmt: skip
 def test_what_cannot_be_measured_is_refused(positions, message):
     with pytest.raises(ValueError, match=message):
