@@ -1,4 +1,4 @@
-"""Attributes of a motion read off its joints: actions and their order, speed, direction, hand, count; and its naturalness.
+"""Attributes of a motion read off its joints: actions and their order, speed, path, hand, count; and its naturalness.
 
 Own choice: rules with thresholds, fitted to synthetic people whose attributes are known, so that a motion made from a sentence
 can be held against the sentence without another network.
@@ -147,14 +147,9 @@ class BodySignals:
         return side, spells[side]
 
 
+CLAIMS = ("action", "then", "path", "speed", "hand", "foot", "turn", "count")  # of what a caption of synthetic people may say
 SPEEDS = {"walk": (0.81, 1.37), "run": (2.4, 3.18)}  # metres per second: slow below the first, fast above the second
-TURN_RATES = (104.0, 195.0)  # degrees per second in the middle of the turn
-WAVE_RATES = (1.6, 2.65)  # hertz
 SWING = 0.02  # metres: a hand that goes less far to and fro does not wave
-JUMP_HEIGHTS = (0.165, 0.355)  # metres over the floor
-KICK_HEIGHTS = (0.35, 0.92)  # of the ankle, in leg lengths
-HALF_TURN = 135.0  # degrees: from here on it is a half turn
-FORWARD = 0.65  # metres per second ahead in the air: a slower jump stays in place
 CIRCLE = 165.0  # degrees: a path that turns further is a circle, of less a turn
 STRAIGHT = 35.0  # degrees: a path that turns less is straight
 
@@ -164,11 +159,11 @@ class Event(NamedTuple):
 
     action: str
     spell: slice
-    attributes: dict[str, str | float]
+    attributes: dict[str, str | int]
 
 
-def measured_attributes(positions: Float[np.ndarray, "T J 3"], fps: float = 20.0) -> dict[str, str | float]:
-    """Attributes of a clip by the names of the synthetic people: "action", "then", "speed", "path", "hand", "count", ...
+def measured_attributes(positions: Float[np.ndarray, "T J 3"], fps: float = 20.0) -> dict[str, str | int]:
+    """Attributes of a clip by the names of the synthetic people, those of `CLAIMS`.
 
     Args:
         positions: (T, 22, 3) metres, y up, on the joints of HumanML3D.
@@ -205,35 +200,21 @@ def _events(body: BodySignals) -> list[Event]:
     return [*jumps, *travel, *kicks, *punches, *low, *hands, *_turns(body, going & busy)]
 
 
-def _class(value: float | np.floating, thresholds: tuple[float, float], names: str = "slow normal fast") -> str:
-    return names.split()[np.searchsorted(thresholds, value)]
-
-
 def _whole(spells: list[slice]) -> slice:
     return slice(spells[0].start, spells[-1].stop)
 
 
-def _of(spells: list[slice], action: str, **attributes: str | float) -> list[Event]:
+def _of(spells: list[slice], action: str, **attributes: str | int) -> list[Event]:
     """The event of all these spells together, if there are any."""
     return [Event(action, _whole(spells), attributes)] if spells else []
 
 
-_HEIGHTS = "low normal high"
-
-
 def _jumps(body: BodySignals) -> list[Event]:
     """Both feet off the floor, side by side."""
-    lower, feet = body.ankles.min(axis=0), body.both("ankle").mean(axis=0)
     level = np.abs(np.subtract(*body.ankles)) < 0.1
     beside = np.abs(np.subtract(*body.ahead("ankle"))) < 0.3 * body.leg
-    spells = body.spells((lower > 0.035) & level & beside, 0.1)
-    if not spells:
-        return []
-    height = _class(np.median([lower[spell].max() for spell in spells]), JUMP_HEIGHTS, _HEIGHTS)
-    far = sum((feet[spell.stop - 1] - feet[spell.start]) @ body.forward[spell.start] for spell in spells)
-    seconds = sum(spell.stop - spell.start for spell in spells) / body.fps
-    along = "forward" if far / seconds > FORWARD else "in_place"
-    return _of(spells, "jump", count=len(spells), height=height, direction=along)
+    spells = body.spells((body.ankles.min(axis=0) > 0.035) & level & beside, 0.1)
+    return _of(spells, "jump", count=len(spells))
 
 
 def _travels(body: BodySignals, flying: Frames) -> list[Event]:
@@ -242,13 +223,13 @@ def _travels(body: BodySignals, flying: Frames) -> list[Event]:
     for spell in body.spells(body.moving & ~flying, 0.8, gap=0.8):
         margin = int(0.35 * body.fps)
         inner = slice(spell.start + margin * (spell.start > 0), spell.stop - margin * (spell.stop < len(body.positions)))
-        velocity, heading = body.velocity[inner], body.heading[inner]
-        speed, change = np.linalg.norm(velocity, axis=-1).mean(), heading[-1] - heading[0]
+        heading, speed = body.heading[inner], np.linalg.norm(body.velocity[inner], axis=-1).mean()
+        change = heading[-1] - heading[0]
         action = "run" if speed > 1.88 else "walk"
         side, kind = "left" if change > 0 else "right", "circle" if abs(change) > CIRCLE else "turn"
         path = "straight" if abs(change) < STRAIGHT else f"{side}_{kind}"
-        direction = {"direction": "backward"} if np.sum(velocity * body.forward[inner]) < 0 else {}
-        found += _of([spell], action, speed=_class(speed, SPEEDS[action]), path=path, **direction)
+        pace = ("slow", "normal", "fast")[np.searchsorted(SPEEDS[action], speed)]
+        found += _of([spell], action, speed=pace, path=path)
     return found
 
 
@@ -256,10 +237,7 @@ def _kicks(body: BodySignals, busy: Frames) -> list[Event]:
     """A foot far ahead and above the floor while the other stands."""
     out = (body.ahead("ankle") > 0.42 * body.leg) & (body.ankles > 0.06 * body.leg) & (body.ankles[::-1] < 0.12 * body.leg)
     foot, spells = body.by_side(out & ~busy, 0.1, gap=0.1)
-    if not spells:
-        return []
-    height = _class(np.median([body.ankles[foot, spell].max() for spell in spells]) / body.leg, KICK_HEIGHTS, _HEIGHTS)
-    return _of(spells, "kick", foot=SIDES[foot], count=len(spells), height=height)
+    return _of(spells, "kick", foot=SIDES[foot], count=len(spells))
 
 
 def _punches(body: BodySignals, busy: Frames) -> list[Event]:
@@ -280,7 +258,7 @@ def _lows(body: BodySignals, busy: Frames) -> list[Event]:
     if wrists.min() - body.both("ankle")[..., 1].min() < 0.35 * body.leg:
         return _of(spells, "pick_up", hand=SIDES[wrists.argmin()])
     if max(spell.stop - spell.start for spell in spells) > 1.15 * body.fps or spells[-1].stop == len(hips):
-        return _of(spells, "sit", ends="seated" if hips[-1] < 0.78 else "standing")
+        return _of(spells, "sit")
     return _of(spells, "squat", count=len(spells))
 
 
@@ -290,21 +268,17 @@ def _hands(body: BodySignals, busy: Frames) -> list[Event]:
     if up:
         side = min(up)
         hand = "both" if len(up) == 2 else SIDES[side]
-        if rate := _rate(body, side, _whole(up[side])):
-            return _of(up[side], "wave", hand=hand, pace=_class(rate, WAVE_RATES))
-        return _of(up[side], "reach", hand=hand, target="up")
+        return _of(up[side], "wave" if _waves(body, side, _whole(up[side])) else "reach", hand=hand)
     out = (body.extension > 0.88) & (body.wrists > -0.25) & (body.ahead("wrist") > 0.5 * body.leg)
     left, right = (body.spells(own & ~busy, 0.2, gap=0.1) for own in out)
-    return _of(left or right, "reach", hand="left" if left else "right", target="forward")
+    return _of(left or right, "reach", hand="left" if left else "right")
 
 
-def _rate(body: BodySignals, side: int, spell: slice) -> float:
-    """How often a second the raised hand goes to and fro; 0 if hardly."""
+def _waves(body: BodySignals, side: int, spell: slice) -> bool:
+    """Whether the raised hand goes to and fro."""
     elbow = body.limb("shoulder", "wrist")[side]
     swing = (elbow - body.smooth(elbow, 0.5))[spell]
-    frames = np.flatnonzero(np.abs(swing) > SWING)
-    turns = frames[:-1][np.diff(np.sign(swing[frames])) != 0]
-    return (len(turns) - 1) / 2 * body.fps / (turns[-1] - turns[0]) if len(turns) > 2 else 0.0
+    return np.count_nonzero(np.diff(np.sign(swing[np.abs(swing) > SWING]))) > 2
 
 
 def _turns(body: BodySignals, going: Frames) -> list[Event]:
@@ -315,16 +289,7 @@ def _turns(body: BodySignals, going: Frames) -> list[Event]:
     if not spells:
         return []
     spell = max(spells, key=lambda spell: spell.stop - spell.start)
-    first, *_, last = body.heading[spell]
-    change = last - first
-    share = (body.smooth(body.facing, 0.05)[spell] - first) / change
-    seconds = (np.argmax(share > 0.9) - np.argmax(share > 0.1)) / body.fps
-    pace = _class(0.8 * abs(change) / max(seconds, 1 / body.fps), TURN_RATES)
-    degrees = 180.0 if abs(change) > HALF_TURN else 90.0
-    return _of([spell], "turn", turn="left" if change > 0 else "right", degrees=degrees, pace=pace)
-
-
-CLAIMS = ("action", "then", "path", "speed", "hand", "foot", "turn", "count")  # of what a caption of synthetic people may say
+    return _of([spell], "turn", turn="left" if body.heading[spell][-1] > body.heading[spell][0] else "right")
 
 
 def movement(features: Float[Tensor, "T D"], layout: FeatureLayout) -> dict[str, float]:
