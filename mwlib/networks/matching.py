@@ -22,7 +22,7 @@ CONTACTS = 4  # last features of a frame, which no movement encoder sees
 WINDOW = 196  # frames to which Guo et al. pad every clip, of HumanML3D and of KIT-ML, before it is embedded
 SLOPE = 0.2  # of the leaky rectifiers below zero
 
-Codes = Float[Tensor, "B U E"]  # of U movements
+Codes = Float[Tensor, "B U C"]  # of U movements
 Embeddings = Float[Tensor, "B E"]
 
 

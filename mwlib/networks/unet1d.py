@@ -209,7 +209,7 @@ class ConditionalUNet(nn.Module):
             x = _through(blocks, x, time, valid[level], conditioning)
         return self.leave(x)[..., :frames].transpose(1, 2)
 
-    def _valid(self, mask: Valid, x: Frames) -> list[Kept]:
+    def _valid(self, mask: Valid, x: Float[Tensor, "B C T2"]) -> list[Kept]:
         """On each level, 1 where at least one frame below is valid."""
         padded = F.pad(mask, (0, x.shape[-1] - mask.shape[-1]))[:, None].to(x)
         return [padded[..., :: 2**level] if self.mask_frames else x.new_ones(()) for level in range(len(self.downs) + 1)]
@@ -223,7 +223,7 @@ class ConditionalUNet(nn.Module):
         return _Conditioning(rows, self.text_norm(self.text_encoder(self.text(text.tokens[rows]), mask)), mask)
 
 
-def _through(blocks: nn.Module, x: Frames, *given: object) -> Frames:
+def _through(blocks: nn.Module, x: Tensor, *given: object) -> Tensor:
     for block in blocks.children():
         x = block(x, *given)
     return x

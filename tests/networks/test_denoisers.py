@@ -85,7 +85,8 @@ def test_parameters_of_the_unet(base, expected):
 
 def mdm_by_hand(net: MDM, y, t, length: int, sentence):
     """The published network for one item of `length` frames, masked or not, with explicit attention and norms."""
-    speed = [10_000 ** (-2 * (i // 2) / net.width) for i in range(net.width)]
+    width = SMALL_MDM["width"]
+    speed = [10_000 ** (-2 * (i // 2) / width) for i in range(width)]
     table = lambda n: torch.tensor([(math.cos if i % 2 else math.sin)(n * s) for i, s in enumerate(speed)])  # noqa: E731
 
     def norm(h, layer):
