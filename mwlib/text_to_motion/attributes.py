@@ -278,7 +278,7 @@ def _waves(body: BodySignals, side: int, spell: slice) -> bool:
     """Whether the raised hand goes to and fro."""
     elbow = body.limb("shoulder", "wrist")[side]
     swing = (elbow - body.smooth(elbow, 0.5))[spell]
-    return np.count_nonzero(np.diff(np.sign(swing[np.abs(swing) > SWING]))) > 2
+    return bool(np.count_nonzero(np.diff(np.sign(swing[np.abs(swing) > SWING]))) > 2)
 
 
 def _turns(body: BodySignals, going: Frames) -> list[Event]:
