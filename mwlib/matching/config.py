@@ -1,7 +1,5 @@
 """Settings of evaluators and critics: networks that put sentences and motions into one space."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 from typing import Any, ClassVar, Literal
 
@@ -56,7 +54,7 @@ class JudgingConfig:
 
 
 _SMALL: dict[str, Any] = dict(
-    lr=1e-3, lr_schedule="cosine", weight_decay=0.01, warmup=50, ema=0.99, ema_start=100, clip_gradient=1.0, loss="infonce",
+    lr=1e-3, lr_schedule="cosine", warmup=50, ema=0.99, ema_start=100, clip_gradient=1.0, loss="infonce",
     movement_batch=32,
 )  # fmt: skip
 PRESETS: dict[str, dict[str, Any]] = {
@@ -66,7 +64,7 @@ PRESETS: dict[str, dict[str, Any]] = {
         movement_steps=200, train_steps=300, batch=32, lr=2e-3, checkpoint_every=100,
     ),
     # Three minutes on one core; synthetic people.
-    "laptop": _SMALL | dict(movement_steps=800, train_steps=800, batch=64, checkpoint_every=200),
+    "laptop": _SMALL | dict(movement_steps=800, train_steps=800, checkpoint_every=200),
     # As published, for a folder of HumanML3D under MWLIB_DATA; for a GPU.
     "humanml3d": dict(
         data="HumanML3D", code_width=512, word_width=300, motion_width=1024, text_width=512, embedding=512, half="all",

@@ -1,7 +1,5 @@
 """Layers that several networks are built of: dropout, sinusoids, a transformer encoder; and the precision of their products."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator
 from contextlib import contextmanager, nullcontext
@@ -12,6 +10,10 @@ from jaxtyping import Bool, Float, Int
 from torch import Tensor, nn
 from torch.nn import functional as F
 
+Features = Float[Tensor, "B T D"]  # of T frames
+Valid = Bool[Tensor, "B T"]  # which of them a motion has
+PerItem = Int[Tensor, " B"]  # lengths, or diffusion indices
+Dropped = Bool[Tensor, " B"]  # which motions are not told their sentence
 Tokens = Float[Tensor, "B L width"]
 Layer = TypeVar("Layer", bound=nn.Module)
 
@@ -53,14 +55,14 @@ def zero_linear(inputs: int, outputs: int) -> nn.Linear:
     return zeroed(nn.Linear(inputs, outputs))
 
 
-def check_width(width: int, heads: int) -> None:
+def check_width(width: int, heads: int, name: str = "width") -> None:
     """Refuse tokens of a width that cannot be shared among heads, or halved.
 
     Raises:
         ValueError: `width` is not an even multiple of `heads`.
     """
     if width % heads or width % 2:
-        raise ValueError(f"width is {width}; expected an even multiple of heads ({heads})")
+        raise ValueError(f"{name} is {width}; expected an even multiple of heads ({heads})")
 
 
 def attend(
@@ -121,6 +123,11 @@ def sinusoids(index: Int[Tensor, " n"], width: int) -> Float[Tensor, "n width"]:
     speed = torch.exp(torch.arange(0, width, 2, device=index.device) * (-math.log(10_000) / width))
     angle = index[:, None].float() * speed
     return torch.stack([angle.sin(), angle.cos()], dim=-1).flatten(-2)
+
+
+def placed(x: Tokens) -> Tokens:
+    """Tokens plus the sinusoids of their places."""
+    return x + sinusoids(torch.arange(x.shape[1], device=x.device), x.shape[2]).to(x)
 
 
 class _Layer(nn.TransformerEncoderLayer):

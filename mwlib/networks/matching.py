@@ -4,27 +4,25 @@ A movement encoder makes one code of every 4 frames; a motion encoder reads the 
 embeddings are not normalised. Modules and parameters are named as in the published code, so that its weights fit.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 from pickle import UnpicklingError
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import torch
-from jaxtyping import Float, Int
-from safetensors.torch import load_file
+from jaxtyping import Float
 from torch import Tensor, nn
 from torch.nn import functional as F
 from torch.nn.utils.rnn import pack_padded_sequence
+
+from mwlib.networks.layers import Features, PerItem
+from mwlib.settings import shown
 
 UNIT = 4  # frames of a movement
 CONTACTS = 4  # last features of a frame, which no movement encoder sees
 WINDOW = 196  # frames to which Guo et al. pad every clip, of HumanML3D and of KIT-ML, before it is embedded
 SLOPE = 0.2  # of the leaky rectifiers below zero
 
-Lengths = Int[Tensor, " B"]
-Features = Float[Tensor, "B T D"]  # of T frames
-Codes = Float[Tensor, "B U E"]  # of U movements
+Codes = Float[Tensor, "B U C"]  # of U movements
 Embeddings = Float[Tensor, "B E"]
 
 
@@ -54,7 +52,7 @@ class MovementEncoder(nn.Module):
         """Codes of T // 4 movements, all frames taken as they are; see `codes` for clips of unequal length."""
         return self.out_net(self.main(x[..., :-CONTACTS].transpose(1, 2)).transpose(1, 2))
 
-    def codes(self, x: Features, lengths: Lengths, window: int = 0) -> tuple[Codes, Lengths]:
+    def codes(self, x: Features, lengths: PerItem, window: int = 0) -> tuple[Codes, PerItem]:
         """Codes of clips of unequal length, and how many each has: lengths // 4.
 
         What stands after a clip's last whole movement is taken as zeros, the mean pose. Its last movement sees two such frames.
@@ -110,41 +108,13 @@ class _GRU(nn.GRU):
     cuDNN refuses to go backwards through one in evaluation mode, and a frozen critic must pass gradients to the motion.
     """
 
-    def train(self, mode: bool = True) -> _GRU:
+    def train(self, mode: bool = True) -> "_GRU":
         """The net, in training mode whatever is asked: see the class."""
         return super().train(True)
 
 
-class _Reader(nn.Module):
-    """The part that motion and sentence encoder share: a GRU in both directions from a learned state, and two linear layers."""
-
-    def __init__(self, inputs: int, hidden: int, embedding: int) -> None:
-        super().__init__()
-        self.input_emb = nn.Linear(inputs, hidden)
-        self.gru = _GRU(hidden, hidden, batch_first=True, bidirectional=True)
-        self.output_net = nn.Sequential(
-            nn.Linear(2 * hidden, hidden), nn.LayerNorm(hidden), nn.LeakyReLU(SLOPE), nn.Linear(hidden, embedding)
-        )
-        self.hidden = nn.Parameter(torch.randn(2, 1, hidden))
-        self.input_emb.apply(_xavier)
-        self.output_net.apply(_xavier)
-
-    def forward(self, x: Float[Tensor, "B L inputs"], lengths: Lengths) -> Embeddings:
-        """Embeddings in the order given: the last states of both directions, each at its own end of a sequence's own length.
-
-        Raises:
-            ValueError: a row has nothing to read, or more than there is.
-        """
-        if len(x) == 0 or int(lengths.min()) < 1 or int(lengths.max()) > x.shape[1]:
-            raise ValueError(f"lengths are {lengths.tolist()[:8]} of {x.shape[1]}; expected 1 to that, and at least one sequence")
-        packed = pack_padded_sequence(self.input_emb(x), lengths.cpu(), batch_first=True, enforce_sorted=False)
-        self.gru.flatten_parameters()
-        _, last = self.gru(packed, self.hidden.expand(-1, len(x), -1).contiguous())
-        return self.output_net(torch.cat([last[0], last[1]], dim=-1))
-
-
-class MotionEncoder(_Reader):
-    """An embedding of a row of movement codes.
+class MotionEncoder(nn.Module):
+    """An embedding of a row of movement codes: a GRU in both directions from a learned state, and two linear layers.
 
     Source: Guo et al. 2022 and its code (`MotionEncoderBiGRUCo`).
 
@@ -155,11 +125,29 @@ class MotionEncoder(_Reader):
     """
 
     def __init__(self, codes: int = 512, hidden: int = 1024, embedding: int = 512) -> None:
-        super().__init__(codes, hidden, embedding)
+        super().__init__()
+        self.input_emb = nn.Linear(codes, hidden)
+        self.gru = _GRU(hidden, hidden, batch_first=True, bidirectional=True)
+        self.output_net = nn.Sequential(
+            nn.Linear(2 * hidden, hidden), nn.LayerNorm(hidden), nn.LeakyReLU(SLOPE), nn.Linear(hidden, embedding)
+        )
+        self.hidden = nn.Parameter(torch.randn(2, 1, hidden))
+        self.input_emb.apply(_xavier)
+        self.output_net.apply(_xavier)
+
+    def forward(self, x: Codes, lengths: PerItem) -> Embeddings:
+        """Embeddings in the order given: the last states of both directions, each at its own end of a sequence's own length.
+
+        Lengths are from 1 to L.
+        """
+        packed = pack_padded_sequence(self.input_emb(x), lengths.cpu(), batch_first=True, enforce_sorted=False)
+        self.gru.flatten_parameters()
+        _, last = self.gru(packed, self.hidden.expand(-1, len(x), -1).contiguous())
+        return self.output_net(torch.cat([last[0], last[1]], dim=-1))
 
 
-class SentenceEncoder(_Reader):
-    """An embedding of a row of word vectors.
+class SentenceEncoder(MotionEncoder):
+    """An embedding of a row of word vectors, read as `MotionEncoder` reads codes.
 
     Source: Guo et al. 2022 and its code (`TextEncoderBiGRUCo`).
 
@@ -175,7 +163,7 @@ class SentenceEncoder(_Reader):
         self.parts_of_speech = parts_of_speech
         self.pos_emb = nn.Linear(parts_of_speech, words).apply(_xavier) if parts_of_speech else None
 
-    def forward(self, words: Float[Tensor, "B L W"], lengths: Lengths, parts: Float[Tensor, "B L P"] | None = None) -> Embeddings:
+    def forward(self, words: Float[Tensor, "B L W"], lengths: PerItem, parts: Float[Tensor, "B L P"] | None = None) -> Embeddings:
         """Embeddings in the order given; words after a sentence's own length do not matter.
 
         A published evaluation took the padded length for all, and scored real motions .1 too low in R-precision
@@ -187,7 +175,7 @@ class SentenceEncoder(_Reader):
             parts: one 1 among zeros for each word, where the encoder reads them.
 
         Raises:
-            ValueError: a sentence has no word, or more than there are; or parts of speech are missing, or not asked for.
+            ValueError: parts of speech are missing, or not asked for.
         """
         if (parts is None) != (self.pos_emb is None):
             raise ValueError(f"parts of speech {'missing' if parts is None else 'given'}; expected the opposite of this encoder")
@@ -206,9 +194,9 @@ class PublishedEvaluator(NamedTuple):
 def published_weights(file: str | Path) -> PublishedEvaluator:
     """The networks of a published evaluator (``text_mot_match/model/finest.tar``), whatever their width.
 
-    The file is a checkpoint with the state dictionaries "text_encoder", "motion_encoder" and "movement_encoder", or a
-    safetensors file with these names before a dot. It is read without running code in it. Words are 300 numbers of GloVe and
-    one of 15 parts of speech; motions are normalised by the evaluator's own mean and deviation, which come beside it.
+    The file is a checkpoint with the state dictionaries "text_encoder", "motion_encoder" and "movement_encoder". It is read
+    without running code in it. Words are 300 numbers of GloVe and one of 15 parts of speech; motions are normalised by the
+    evaluator's own mean and deviation, which come beside it.
 
     Args:
         file: on this machine.
@@ -217,32 +205,25 @@ def published_weights(file: str | Path) -> PublishedEvaluator:
         FileNotFoundError: there is no such file.
         ValueError: it does not hold these three networks.
     """
-    file = Path(file)
-    if file.suffix == ".safetensors":
-        flat = load_file(file)
-    else:
-        tree = checkpoint(file)
-        found = {part: state for part, state in tree.items() if isinstance(state, dict)} if isinstance(tree, dict) else {}
-        flat = {f"{part}.{name}": value for part, state in found.items() for name, value in state.items()}
-    states = {part: _below(flat, f"{part}_encoder.") for part in ("text", "motion", "movement")}
+    tree = checkpoint(Path(file))
     try:
-        text, motion, movement = states.values()
+        text, motion, movement = states = [tree[f"{part}_encoder"] for part in PublishedEvaluator._fields]
         codes, features, _ = movement["main.0.weight"].shape
         made = PublishedEvaluator(
             SentenceEncoder(*_sizes(text), parts_of_speech=text["pos_emb.weight"].shape[1]),
             MotionEncoder(*_sizes(motion)),
             MovementEncoder(features + CONTACTS, codes, len(movement["out_net.weight"])),
         )
-        for part, network in made._asdict().items():
-            network.load_state_dict(states[part])
+        for network, state in zip(made, states, strict=True):
+            network.load_state_dict(state)
             network.eval().requires_grad_(False)
-    except (KeyError, RuntimeError) as error:
+    except (AttributeError, LookupError, RuntimeError, TypeError, ValueError) as error:  # whatever stands there instead
         wanted = "text_encoder, motion_encoder and movement_encoder of Guo et al."
-        raise ValueError(f"{file} has {sorted(flat)[:3]} and more, but {error}; expected {wanted}") from None
+        raise ValueError(f"{file} holds {shown(tree)}, where {error} is amiss; expected {wanted}") from None
     return made
 
 
-def checkpoint(file: Path) -> object:
+def checkpoint(file: Path) -> Any:
     """What torch's checkpoint holds, if that is tensors, numbers and texts alone; nothing in it is run.
 
     Raises:
@@ -259,10 +240,6 @@ def _sizes(state: dict[str, Tensor]) -> tuple[int, int, int]:
     """Inputs, width and embedding of a reader."""
     hidden, inputs = state["input_emb.weight"].shape
     return inputs, hidden, len(state["output_net.3.weight"])
-
-
-def _below(flat: dict[str, Tensor], prefix: str) -> dict[str, Tensor]:
-    return {name.removeprefix(prefix): value for name, value in flat.items() if name.startswith(prefix)}
 
 
 def _xavier(module: nn.Module) -> None:

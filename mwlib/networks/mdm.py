@@ -1,13 +1,11 @@
 """MDM: the transformer encoder of the Motion Diffusion Model, which estimates the clean motion from a sentence."""
 
-from __future__ import annotations
-
 import torch
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Float
 from torch import Tensor, nn
 from torch.nn import functional as F
 
-from mwlib.networks.layers import Dropout, Encoder, sinusoids, zero_linear, zeroed
+from mwlib.networks.layers import Dropout, Dropped, Encoder, Features, PerItem, Valid, placed, sinusoids, zero_linear, zeroed
 from mwlib.networks.text import EncodedText
 
 
@@ -29,9 +27,7 @@ class FrameDetail(nn.Module):
         self.around = nn.Conv1d(width, width, 7, padding=3, groups=width)
         self.mix, self.leave = nn.Linear(width, width), zero_linear(width, features)
 
-    def forward(
-        self, y_t: Float[Tensor, "B T D"], y0_hat: Float[Tensor, "B T D"], t: Int[Tensor, " B"], seen: Bool[Tensor, "B T"]
-    ) -> Float[Tensor, "B T D"]:
+    def forward(self, y_t: Features, y0_hat: Features, t: PerItem, seen: Valid) -> Features:
         """The estimate and its correction; `seen` says which frames neighbours look at."""
         h = F.silu(self.enter(torch.cat([y_t, y0_hat], -1)) + self.time(t)[:, None]) * seen[..., None]
         h = h + F.silu(self.mix(self.around(h.mT).mT))
@@ -62,7 +58,7 @@ class MDM(nn.Module):
         detail: channels of a `FrameDetail` behind it all; 0 = none, as published.
 
     Raises:
-        ValueError: `width` is not an even multiple of `heads`, or `frames_per_token` or `steps` is below 1.
+        ValueError: `width` is not an even multiple of `heads`.
     """
 
     def __init__(
@@ -81,9 +77,7 @@ class MDM(nn.Module):
         detail: int = 0,
     ) -> None:
         super().__init__()
-        if frames_per_token < 1 or steps < 1:
-            raise ValueError(f"frames_per_token is {frames_per_token} and steps {steps}; expected at least 1 of each")
-        self.features, self.width, self.frames_per_token, self.mask_frames = features, width, frames_per_token, mask_frames
+        self.frames_per_token, self.mask_frames = frames_per_token, mask_frames
         self.enter = nn.Linear(frames_per_token * features, width)
         self.time = nn.Sequential(nn.Linear(width, width), nn.SiLU(), nn.Linear(width, width))
         self.text = nn.Linear(text_width, width)
@@ -94,14 +88,7 @@ class MDM(nn.Module):
         self.times: Tensor
         self.register_buffer("times", sinusoids(torch.arange(steps), width), persistent=False)
 
-    def forward(
-        self,
-        y_t: Float[Tensor, "B T D"],
-        t: Int[Tensor, " B"],
-        mask: Bool[Tensor, "B T"],
-        text: EncodedText,
-        drop: Bool[Tensor, " B"] | None = None,
-    ) -> Float[Tensor, "B T D"]:
+    def forward(self, y_t: Features, t: PerItem, mask: Valid, text: EncodedText, drop: Dropped | None = None) -> Features:
         """Clean estimate; what it says of frames that are not valid means nothing.
 
         Args:
@@ -115,19 +102,16 @@ class MDM(nn.Module):
         if self.mask_frames:
             y_t = y_t.masked_fill(~mask[..., None], 0.0)
         missing = -frames % size
-        tokens = nn.functional.pad(y_t, (0, 0, 0, missing)).unflatten(1, (-1, size)).flatten(-2)
-        valid = nn.functional.pad(mask, (0, missing)).unflatten(1, (-1, size)).any(-1)
+        tokens = F.pad(y_t, (0, 0, 0, missing)).unflatten(1, (-1, size)).flatten(-2)
+        valid = F.pad(mask, (0, missing)).unflatten(1, (-1, size)).any(-1)
         condition = self.condition(t, text, drop)[:, None]
         x = torch.cat([condition, self.enter(tokens)], dim=1)
-        x = self.dropout(x + sinusoids(torch.arange(x.shape[1], device=x.device), self.width).to(x))
-        seen = nn.functional.pad(valid, (1, 0), value=True) if self.mask_frames else None  # the condition is always seen
-        out = self.leave(self.encoder(x, seen)[:, 1:])
-        y0_hat = out.unflatten(-1, (size, self.features)).flatten(1, 2)[:, :frames]
+        x = self.dropout(placed(x))
+        seen = F.pad(valid, (1, 0), value=True) if self.mask_frames else None  # the condition is always seen
+        y0_hat = self.leave(self.encoder(x, seen)[:, 1:]).unflatten(-1, (size, -1)).flatten(1, 2)[:, :frames]
         return y0_hat if self.detail is None else self.detail(y_t, y0_hat, t, mask | (not self.mask_frames))
 
-    def condition(
-        self, t: Int[Tensor, " B"], text: EncodedText, drop: Bool[Tensor, " B"] | None = None
-    ) -> Float[Tensor, "B width"]:
+    def condition(self, t: PerItem, text: EncodedText, drop: Dropped | None = None) -> Float[Tensor, "B width"]:
         """The token in front of the frames: time plus sentence."""
         pooled = text.pooled if drop is None else text.pooled.masked_fill(drop[:, None], 0.0)
         return self.time(self.times[t]) + self.text(pooled)

@@ -9,17 +9,15 @@ import importlib
 import re
 import zlib
 from abc import ABC, abstractmethod
-from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import Any, Literal, NamedTuple
+from typing import Any, NamedTuple
 
 import torch
 from jaxtyping import Bool, Float, Int
 from torch import Tensor, nn
 
-from mwlib.networks.layers import Dropout, Encoder, sinusoids
-from mwlib.settings import choice, whole
+from mwlib.networks.layers import Dropout, Encoder, placed
 
 PADDING, START, UNKNOWN = "<padding>", "<start>", "<unknown>"  # no word looks like these
 LONGEST = 76  # words of a sentence that are read, those after them are not; with the start as many tokens as CLIP's
@@ -50,17 +48,21 @@ def words_of(sentence: str) -> list[str]:
     return _WORD.findall(sentence.lower().replace("’", "'"))
 
 
-def vocabulary_of(sentences: Iterable[str], at_least: int = 1) -> tuple[str, ...]:
-    """Words that occur `at_least` so often, in alphabetical order.
+def vocabulary_of(sentences: Iterable[str]) -> tuple[str, ...]:
+    """All words, in alphabetical order.
 
-    >>> vocabulary_of(["a man walks", "a woman walks"], at_least=2)
-    ('a', 'walks')
+    >>> vocabulary_of(["a man walks", "a woman walks"])
+    ('a', 'man', 'walks', 'woman')
     """
-    found = Counter(word for sentence in sentences for word in words_of(sentence))
-    return tuple(sorted(word for word, times in found.items() if times >= at_least))
+    return tuple(sorted({word for sentence in sentences for word in words_of(sentence)}))
 
 
-def _check_several(texts: Sequence[str]) -> None:
+def check_sentences(texts: Sequence[str]) -> None:
+    """Refuse what is no sequence of sentences.
+
+    Raises:
+        ValueError: a single string instead of several, or none.
+    """
     if isinstance(texts, str) or not texts:
         raise ValueError(f"texts is {texts!r}; expected a sequence of at least one sentence")
 
@@ -80,31 +82,17 @@ class TextEncoder(nn.Module, ABC):
         return "".join(letter if letter.isprintable() else " " for letter in text).split()
 
     @abstractmethod
-    def encode(self, texts: Sequence[str]) -> EncodedText:
-        """Vectors of sentences, on the device of the encoder."""
-
     def forward(self, texts: Sequence[str]) -> EncodedText:
-        """The same."""
-        return self.encode(texts)
+        """Vectors of sentences, on the device of the encoder."""
 
 
 class _WordEncoder(TextEncoder):
     """A start token and one token per word, each a vector that a subclass gives it, through a transformer."""
 
-    def __init__(
-        self,
-        width: int,
-        layers: int = 2,
-        heads: int = 4,
-        dropout: float = 0.1,
-        feedforward: int | None = None,
-        pooling: Literal["mean", "first"] = "mean",
-    ) -> None:
+    def __init__(self, width: int, layers: int = 2, heads: int = 4, dropout: float = 0.1) -> None:
         super().__init__()
-        choice("pooling", pooling, ("mean", "first"))
-        self.width, self.pooling = width, pooling
-        self.dropout = Dropout(dropout)
-        self.encoder = Encoder(width, layers, heads, feedforward or 2 * width, dropout)
+        self.width, self.dropout = width, Dropout(dropout)
+        self.encoder = Encoder(width, layers, heads, 2 * width, dropout)
 
     def read(self, text: str) -> list[str]:
         """The words of a sentence that it looks at: those behind the first 76 are not read."""
@@ -124,13 +112,10 @@ class _WordEncoder(TextEncoder):
         Raises:
             ValueError: a single string instead of several, or none.
         """
-        _check_several(texts)
-        number = self._number
-        rows = [[number(START), *map(number, self.read(text))] for text in texts]
-        length = max(map(len, rows))
-        return torch.tensor([row + [0] * (length - len(row)) for row in rows])
+        check_sentences(texts)
+        return _filled([[self._number(word) for word in (START, *self.read(text))] for text in texts])
 
-    def encode(self, texts: Sequence[str]) -> EncodedText:
+    def forward(self, texts: Sequence[str]) -> EncodedText:
         """Vectors of sentences, on the device of the encoder. An empty sentence has its start token alone.
 
         Raises:
@@ -141,11 +126,9 @@ class _WordEncoder(TextEncoder):
     def encode_numbers(self, numbers: Numbers) -> EncodedText:
         """The same of sentences whose words have been looked up, as `numbers` gives them."""
         mask, x = numbers != 0, self._embed(numbers)
-        x = self.dropout(x + sinusoids(torch.arange(x.shape[1], device=x.device), self.width).to(x))
-        tokens = self.encoder(x, mask)
+        tokens = self.encoder(self.dropout(placed(x)), mask)
         weight = mask[..., None].to(tokens)
-        pooled = tokens[:, 0] if self.pooling == "first" else (tokens * weight).sum(1) / weight.sum(1)
-        return EncodedText(tokens, mask, pooled)
+        return EncodedText(tokens, mask, (tokens * weight).sum(1) / weight.sum(1))
 
 
 class WordTransformer(_WordEncoder):
@@ -159,8 +142,6 @@ class WordTransformer(_WordEncoder):
         width: E, an even multiple of `heads`.
         layers: of the transformer; with 0 a sentence is a bag of words with their places.
         heads, dropout: of the transformer.
-        feedforward: hidden width; None = 2 width.
-        pooling: a sentence is the mean of its tokens, or the start token.
         forget: share of the words that training replaces by the shared token, which otherwise learns nothing.
 
     Raises:
@@ -174,15 +155,15 @@ class WordTransformer(_WordEncoder):
         layers: int = 2,
         heads: int = 4,
         dropout: float = 0.1,
-        feedforward: int | None = None,
-        pooling: Literal["mean", "first"] = "mean",
         forget: float = 0.0,
     ) -> None:
-        super().__init__(width, layers, heads, dropout, feedforward, pooling)
-        if wrong := [word for word in vocabulary if words_of(word) != [word]]:
-            raise ValueError(f"vocabulary has {wrong[0]!r}; expected words in lower case, without spaces or punctuation")
-        if not 0 < len(set(vocabulary)) == len(vocabulary):
-            raise ValueError(f"vocabulary has {len(vocabulary)} words, {len(set(vocabulary))} different; expected each once")
+        super().__init__(width, layers, heads, dropout)
+        plain = {word for word in vocabulary if words_of(word) == [word]}
+        if not 0 < len(plain) == len(vocabulary):
+            found = (
+                f"{len(vocabulary)} words, {len(plain)} of them plain and different, others are {[*{*vocabulary} - plain][:3]}"
+            )
+            raise ValueError(f"vocabulary has {found}; expected each once, in lower case, without spaces or punctuation")
         self.forget = forget
         self.spelling: Tensor
         self.register_buffer("spelling", torch.frombuffer(bytearray("\n".join(vocabulary).encode()), dtype=torch.uint8).clone())
@@ -230,15 +211,12 @@ class HashedNgrams(_WordEncoder):
     Args:
         buckets: number of learned vectors; groups that share one are not told apart.
         width: E, an even multiple of `heads`.
-        transformer: layers, heads, dropout, feedforward and pooling, as in `WordTransformer`.
-
-    Raises:
-        ValueError: no bucket.
+        transformer: layers, heads and dropout, as in `WordTransformer`.
     """
 
     def __init__(self, buckets: int = 4096, width: int = 128, **transformer: Any) -> None:
         super().__init__(width, **transformer)
-        self.buckets = whole("buckets", buckets, 1)
+        self.buckets = buckets
         self.groups = nn.EmbeddingBag(buckets, width, mode="mean")
         self._numbers: dict[str, int] = {}  # of all words met
         self._hashes: list[list[int]] = []
@@ -260,12 +238,10 @@ class HashedNgrams(_WordEncoder):
         return self._numbers[word]
 
     def _embed(self, numbers: Numbers) -> Float[Tensor, "B L E"]:
-        different, place = numbers.unique(return_inverse=True)  # each word is averaged once
-        hashes = [self._hashes[number] for number in different.tolist()]
-        order = sorted(range(len(hashes)), key=hashes.__getitem__)  # sums must not depend on which words were met earlier
-        starts = torch.tensor([0, *(len(hashes[i]) for i in order[:-1])]).cumsum(0).to(numbers.device)
-        together = torch.tensor([h for i in order for h in hashes[i]]).to(numbers.device)
-        return self.groups(together, starts)[torch.tensor(order).argsort().to(numbers.device)[place]]
+        hashes = [self._hashes[number] for number in numbers.flatten().tolist()]
+        starts = torch.tensor([0, *map(len, hashes[:-1])]).cumsum(0)
+        together = self.groups(torch.tensor([h for own in hashes for h in own]).to(numbers.device), starts.to(numbers.device))
+        return together.unflatten(0, numbers.shape)
 
 
 CLIP_CONTEXT = 77  # tokens of CLIP, start and end included
@@ -295,22 +271,20 @@ class ClipText(TextEncoder):
 
     Args:
         folder: holds the files of https://huggingface.co/openai/clip-vit-base-patch32.
-        longest: tokens between start and end that are kept; 20 as MDM, 75 as StableMoFusion.
+        longest: tokens between start and end that are kept, at most 75; 20 as MDM, 75 as StableMoFusion.
         padded: give all 77 places as tokens, padding as CLIP encodes it, as StableMoFusion does.
         keep: sentences whose vectors are held, as the tower is slow on a CPU (12 layers) and never changes.
 
     Raises:
         ImportError: the library is missing; the message says how to install it.
         FileNotFoundError: a file is missing; the message says where to get it and where to put it.
-        ValueError: `longest` is not 1 to 75, or the folder holds another tower or lacks weights.
+        ValueError: the folder holds another tower or lacks weights.
     """
 
     def __init__(self, folder: str | Path, longest: int = 20, padded: bool = False, keep: int = 10_000) -> None:
         super().__init__()
-        if not 1 <= longest <= CLIP_CONTEXT - 2:
-            raise ValueError(f"longest is {longest}; expected 1 to {CLIP_CONTEXT - 2} tokens between start and end")
         self.longest, self.padded, self.keep = longest, padded, keep
-        self._tower = _opened(_library(), _complete(Path(folder)))
+        self._tower = _opened(Path(folder))
         config = self._tower.network.config
         self.width = int(config.hidden_size)
         if config.projection_dim != self.width:
@@ -325,48 +299,50 @@ class ClipText(TextEncoder):
         """Numbers of CLIP's tokens: start, at most `longest` others, end."""
         return self._tower.tokenizer(list(texts), truncation=True, max_length=self.longest + 2)["input_ids"]
 
-    def encode(self, texts: Sequence[str]) -> EncodedText:
+    def forward(self, texts: Sequence[str]) -> EncodedText:
         """Vectors of sentences, on the device of the tower.
 
         Raises:
             ValueError: a single string instead of several, or none.
         """
-        _check_several(texts)
-        known = self._tower.known
-        found = {text: known[text] for text in texts if text in known}
-        if new := list(dict.fromkeys(text for text in texts if text not in found)):
-            found |= (encoded := self._encode_new(new))
-            known |= encoded
+        check_sentences(texts)
+        known, device = self._tower.known, next(self._tower.network.parameters()).device
+        if new := [text for text in dict.fromkeys(texts) if text not in known]:
+            known |= self._encode_new(new)
+        rows, pooled = zip(*(known[text] for text in texts), strict=True)
         for text in [*known][: max(len(known) - self.keep, 0)]:  # those that came first
             del known[text]
-        tokens = nn.utils.rnn.pad_sequence([found[text][0] for text in texts], batch_first=True)
-        lengths = torch.tensor([len(found[text][0]) for text in texts])
-        mask = torch.arange(tokens.shape[1]) < lengths[:, None]
-        device = next(self._tower.network.parameters()).device
-        return EncodedText(tokens.to(device), mask.to(device), torch.stack([found[text][1] for text in texts]).to(device))
+        tokens = nn.utils.rnn.pad_sequence(rows, batch_first=True)
+        mask = torch.arange(tokens.shape[1]) < torch.tensor([*map(len, rows)])[:, None]
+        return EncodedText(*(part.to(device) for part in (tokens, mask, torch.stack(pooled))))
 
     @torch.no_grad()
     def _encode_new(self, texts: Sequence[str]) -> dict[str, tuple[Tensor, Tensor]]:
         rows = self.ids(texts)
-        length = CLIP_CONTEXT if self.padded else max(map(len, rows))
-        numbers: Numbers = torch.tensor([row + [0] * (length - len(row)) for row in rows])  # padded as by OpenAI
+        numbers = _filled(rows, CLIP_CONTEXT if self.padded else 0)  # as by OpenAI
         out = self._tower.network(input_ids=numbers.to(next(self._tower.network.parameters()).device))
-        tokens, pooled = out.last_hidden_state.cpu(), out.text_embeds.cpu()
-        kept = [length if self.padded else len(row) for row in rows]
-        return {text: (tokens[i, :n].clone(), pooled[i].clone()) for i, (text, n) in enumerate(zip(texts, kept, strict=True))}
+        told = zip(texts, rows, out.last_hidden_state.cpu(), out.text_embeds.cpu(), strict=True)
+        return {text: (x[: None if self.padded else len(row)].clone(), pooled.clone()) for text, row, x, pooled in told}
 
 
-def _library() -> Any:
-    try:
-        return importlib.import_module("transformers")
-    except ImportError as error:
-        raise ImportError(
-            "CLIP's text tower needs the library transformers, which is not installed: pip install 'transformers>=4.50,<6'"
-        ) from error
+def _filled(rows: Sequence[Sequence[int]], length: int = 0) -> Numbers:
+    """Rows of one length, that of the longest or more, which end in zeros."""
+    length = max(length, *map(len, rows))
+    return torch.tensor([[*row, *[0] * (length - len(row))] for row in rows])
 
 
-def _opened(library: Any, folder: Path) -> _Tower:
+def _opened(folder: Path) -> _Tower:
     """Tower and tokenizer, from files alone, without the library's bar and its list of weights that are CLIP's other half."""
+    try:
+        library: Any = importlib.import_module("transformers")
+    except ImportError as error:
+        wanted = "which is not installed: pip install 'transformers>=4.50,<6'"
+        raise ImportError(f"CLIP's text tower needs the library transformers, {wanted}") from error
+    if missing := [" or ".join(names) for names in CLIP_FILES if not any((folder / name).is_file() for name in names)]:
+        raise FileNotFoundError(
+            f"{folder} has no {', no '.join(missing)}; expected CLIP ViT-B/32: fetch config.json, model.safetensors (or "
+            f"pytorch_model.bin), vocab.json, merges.txt and tokenizer.json from {CLIP_SOURCE} into that folder"
+        )
     logging = library.utils.logging
     level, had_bar = logging.get_verbosity(), logging.is_progress_bar_enabled()
     logging.set_verbosity_error()
@@ -385,14 +361,3 @@ def _opened(library: Any, folder: Path) -> _Tower:
             f"{folder} has no weights for {missing[0]}, one of {len(missing)}; expected CLIP ViT-B/32 from {CLIP_SOURCE}"
         )
     return _Tower(network.float().eval().requires_grad_(False), tokenizer)
-
-
-def _complete(folder: Path) -> Path:
-    """The folder, which has all files."""
-    missing = [" or ".join(names) for names in CLIP_FILES if not any((folder / name).is_file() for name in names)]
-    if missing:
-        raise FileNotFoundError(
-            f"{folder} has no {', no '.join(missing)}; expected CLIP ViT-B/32: fetch config.json, model.safetensors (or "
-            f"pytorch_model.bin), vocab.json, merges.txt and tokenizer.json from {CLIP_SOURCE} into that folder"
-        )
-    return folder

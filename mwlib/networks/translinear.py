@@ -125,19 +125,13 @@ class TransLinear(nn.Module):
         Returns:
             eps, shape of y_t; with `return_attention` also attention (..., 2, heads, rows, rows), each row summing to 1.
         """
-        lead = y_t.shape[:-2]
         items = y_t.reshape(-1, *y_t.shape[-2:])
-        t = t.reshape(-1) if isinstance(t, Tensor) else t
         added = None if condition is None else self.embed_condition(condition.reshape(items.shape))
         if added is not None and keep is not None:
             added = added * keep.reshape(-1, 1)
         out, attention = self.evaluate(items, t, added, attention_rows=len(items) if return_attention else 0)
         out = out.reshape(y_t.shape)
-        if not return_attention:
-            return out
-        if attention is None:
-            raise ValueError(f"y_t has shape {tuple(y_t.shape)}; expected at least one item to return the attention of")
-        return out, attention.reshape(*lead, *attention.shape[1:])
+        return out if attention is None else (out, attention.reshape(*y_t.shape[:-2], *attention.shape[1:]))
 
     def embed_condition(self, condition: Float[Tensor, "B rows columns"]) -> Embedding:
         """The condition's share of the embedding; samples of one window can share it."""
@@ -151,11 +145,7 @@ class TransLinear(nn.Module):
         return self.time(torch.cat([waves[:, 1::2], waves[:, ::2]], dim=-1))
 
     def evaluate(
-        self,
-        y_t: Float[Tensor, "B rows entering"],
-        t: Int[Tensor, " B"] | int,
-        added: Embedding | None,
-        attention_rows: int = 0,
+        self, y_t: Float[Tensor, "B rows entering"], t: Int[Tensor, " B"] | int, added: Embedding | None, attention_rows: int = 0
     ) -> tuple[Float[Tensor, "B rows columns"], Tensor | None]:
         """Forward pass with the condition embedded already (zeros = unconditional), and extra columns beside the coefficients.
 

@@ -1,21 +1,20 @@
 """StableMoFusion's conditional U-Net: convolutions over time with cross-attention to the words of a sentence."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
-from typing import Literal, NamedTuple
+from typing import NamedTuple
 
 import torch
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Bool, Float
 from torch import Tensor, nn
 from torch.nn import functional as F
 
-from mwlib.networks.layers import Dropout, Encoder, sinusoids, zeroed
+from mwlib.networks.layers import Dropout, Dropped, Encoder, Features, PerItem, Valid, sinusoids, zeroed
 from mwlib.networks.text import EncodedText
-from mwlib.settings import choice
 
 GROUPS = 8  # of the group norms
 Frames = Float[Tensor, "B C T"]
+Time = Float[Tensor, "B E"]  # embedded
+Kept = Float[Tensor, "*valid"]  # (B, 1, T): 1 where the frame, or one of those that it stands for, is valid; or a 1 for all
 
 
 class FrameNorm(nn.GroupNorm):
@@ -48,31 +47,29 @@ class ResBlock(nn.Module):
         self.dropout = Dropout(dropout)
         self.shortcut = nn.Conv1d(inputs, outputs, 1) if inputs != outputs else nn.Identity()
 
-    def forward(self, x: Frames, time: Float[Tensor, "B E"], valid: Float[Tensor, "B 1 T"] | None) -> Float[Tensor, "B C2 T"]:
+    def forward(self, x: Frames, time: Time, valid: Kept) -> Float[Tensor, "B C2 T"]:
         """Frames after the block; where `valid` is 0 the second convolution sees zeros."""
         scale, shift = self.film(F.mish(time))[..., None].chunk(2, dim=1)
-        h = F.mish(torch.addcmul(shift, self.first_norm(self.first(x)), 1 + scale))
-        h = _kept(h, valid)
+        h = F.mish(torch.addcmul(shift, self.first_norm(self.first(x)), 1 + scale)) * valid
         return self.shortcut(x) + self.dropout(F.mish(self.second_norm(self.second(h))))
 
 
 class CrossAttention(nn.Module):
-    """Attention of frames to the tokens of a sentence.
+    """Linear attention of frames to the tokens of a sentence.
 
-    "linear": softmax of each query over its own numbers and of the keys over the tokens, then q (k^T v): one matrix per head,
-    whatever the number of frames (Shen et al. 2021, Efficient Attention). "ordinary": softmax(q k^T / sqrt(width of a head)) v.
+    Softmax of each query over its own numbers and of the keys over the tokens, then q (k^T v): one matrix per head, whatever the
+    number of frames. Source: Shen et al. 2021, Efficient Attention.
 
     Args:
         width: channels of a frame.
         text_width: numbers of a token.
         heads: attention heads.
-        dropout: on what the tokens say ("linear") or on the weights ("ordinary").
-        attention: which of the two.
+        dropout: on what the tokens say.
     """
 
-    def __init__(self, width: int, text_width: int, heads: int, dropout: float, attention: Literal["linear", "ordinary"]) -> None:
+    def __init__(self, width: int, text_width: int, heads: int, dropout: float) -> None:
         super().__init__()
-        self.heads, self.linear, self.p, self.dropout = heads, attention == "linear", dropout, Dropout(dropout)
+        self.heads, self.dropout = heads, Dropout(dropout)
         self.norm, self.text_norm = nn.LayerNorm(width), nn.LayerNorm(text_width)
         self.query, self.key, self.value = nn.Linear(width, width), nn.Linear(text_width, width), nn.Linear(text_width, width)
 
@@ -81,19 +78,15 @@ class CrossAttention(nn.Module):
         said = self.text_norm(tokens)
         projected = self.query(self.norm(x.transpose(1, 2))), self.key(said), self.value(said)
         q, k, v = (p.unflatten(-1, (self.heads, -1)).transpose(1, 2) for p in projected)  # (B, heads, T or L, C/heads)
-        if self.linear:
-            k = k.masked_fill(~mask[:, None, :, None], float("-inf")).softmax(dim=2)
-            y = q.softmax(dim=-1) @ self.dropout(k.transpose(-1, -2) @ v)
-        else:
-            p = self.p if self.training else 0.0
-            y = F.scaled_dot_product_attention(q, k, v, attn_mask=mask[:, None, None], dropout_p=p)
+        k = k.masked_fill(~mask[:, None, :, None], float("-inf")).softmax(dim=2)
+        y = q.softmax(dim=-1) @ self.dropout(k.transpose(-1, -2) @ v)
         return y.transpose(1, 2).flatten(-2).transpose(1, 2)
 
 
 class _Conditioning(NamedTuple):
-    """Tokens of the samples that have a sentence; rows = which samples of the batch those are, None = all."""
+    """Tokens of the samples that have a sentence; rows = which samples of the batch those are."""
 
-    rows: Tensor | None
+    rows: Tensor
     tokens: Tensor
     mask: Tensor
 
@@ -103,31 +96,21 @@ class ConditionalBlock(nn.Module):
 
     Args:
         inputs, outputs, time_width, dropout: as in `ResBlock`.
-        text_width, heads, attention: as in `CrossAttention`.
+        text_width, heads: as in `CrossAttention`.
     """
 
-    def __init__(
-        self, inputs: int, outputs: int, time_width: int, text_width: int, heads: int, dropout: float,
-        attention: Literal["linear", "ordinary"],
-    ) -> None:  # fmt: skip
+    def __init__(self, inputs: int, outputs: int, time_width: int, text_width: int, heads: int, dropout: float) -> None:
         super().__init__()
         self.convolutions = ResBlock(inputs, outputs, time_width, dropout)
-        self.attention = CrossAttention(outputs, text_width, heads, dropout, attention)
+        self.attention = CrossAttention(outputs, text_width, heads, dropout)
 
-    def forward(
-        self,
-        x: Frames,
-        time: Float[Tensor, "B E"],
-        valid: Float[Tensor, "B 1 T"] | None,
-        conditioning: _Conditioning | None,
-    ) -> Float[Tensor, "B C2 T"]:
+    def forward(self, x: Frames, time: Time, valid: Kept, said: _Conditioning | None) -> Float[Tensor, "B C2 T"]:
         """Frames after the block, zero where `valid` is."""
         x = self.convolutions(x, time, valid)
-        if conditioning is not None:
-            rows = conditioning.rows
-            added = self.attention(x if rows is None else x[rows], conditioning.tokens, conditioning.mask)
-            x = x + added if rows is None else x.index_add(0, rows, added.to(x.dtype))
-        return _kept(x, valid)
+        if said is not None:
+            added = self.attention(x[said.rows], said.tokens, said.mask)
+            x = x.index_add(0, said.rows, added.to(x.dtype))
+        return x * valid
 
 
 class ConditionalUNet(nn.Module):
@@ -154,12 +137,10 @@ class ConditionalUNet(nn.Module):
         text_features, text_layers, text_heads, text_feedforward: of the transformer of the tokens.
         heads: of cross-attention.
         dropout: everywhere.
-        attention: "linear" or "ordinary", see `CrossAttention`.
         mask_frames: keep frames that are not valid at zero. Own choice; False is as published.
 
     Raises:
-        ValueError: channels that are no multiple of 8 and of `heads` or below 16, an odd `time_width`, no level, an unknown
-            attention, or `steps` below 1.
+        ValueError: channels that are no multiple of 8 and of `heads` or below 16, or no level.
     """
 
     def __init__(
@@ -176,15 +157,11 @@ class ConditionalUNet(nn.Module):
         text_feedforward: int = 2048,
         heads: int = 8,
         dropout: float = 0.1,
-        attention: Literal["linear", "ordinary"] = "linear",
         mask_frames: bool = True,
     ) -> None:
         super().__init__()
         widths = [base * m for m in multipliers]
         check_channels(base, multipliers, heads)
-        if time_width % 2 or steps < 1:
-            raise ValueError(f"time_width is {time_width} and steps {steps}; expected an even number, and at least 1 step")
-        choice("attention", attention, ("linear", "ordinary"))
         self.mask_frames, self.multiple = mask_frames, 2 ** len(widths)
         self.time = nn.Sequential(nn.Linear(time_width, 4 * time_width), nn.Mish(), nn.Linear(4 * time_width, time_width))
         self.times: Tensor
@@ -195,7 +172,7 @@ class ConditionalUNet(nn.Module):
 
         def two(inputs: int, outputs: int) -> nn.ModuleList:
             """The two blocks of one level."""
-            sizes = (time_width, text_features, heads, dropout, attention)
+            sizes = (time_width, text_features, heads, dropout)
             return nn.ModuleList(ConditionalBlock(i, outputs, *sizes) for i in (inputs, outputs))
 
         self.downs = nn.ModuleList(two(i, o) for i, o in zip([features, *widths], widths, strict=False))
@@ -206,14 +183,7 @@ class ConditionalUNet(nn.Module):
         self.ups = nn.ModuleList(two(2 * w, w) for w in reversed(widths))
         self.leave = zeroed(nn.Conv1d(widths[0], features, 1))
 
-    def forward(
-        self,
-        y_t: Float[Tensor, "B T D"],
-        t: Int[Tensor, " B"],
-        mask: Bool[Tensor, "B T"],
-        text: EncodedText,
-        drop: Bool[Tensor, " B"] | None = None,
-    ) -> Float[Tensor, "B T D"]:
+    def forward(self, y_t: Features, t: PerItem, mask: Valid, text: EncodedText, drop: Dropped | None = None) -> Features:
         """Clean estimate; what it says of frames that are not valid means nothing.
 
         Args:
@@ -232,34 +202,31 @@ class ConditionalUNet(nn.Module):
         for level, (blocks, shrink) in enumerate(zip(self.downs, self.shrink, strict=True)):
             x = _through(blocks, x, time, valid[level], conditioning)
             held.append(x)
-            x = _kept(shrink(x), valid[level + 1])
+            x = shrink(x) * valid[level + 1]
         x = _through(self.middle, x, time, valid[-1], conditioning)
-        for level, (grow, blocks) in zip(reversed(range(len(held))), zip(self.grow, self.ups, strict=True), strict=True):
-            x = torch.cat([_kept(grow(x), valid[level]), held[level]], dim=1)
+        for level, grow, blocks in zip(reversed(range(len(held))), self.grow, self.ups, strict=True):
+            x = torch.cat([grow(x) * valid[level], held[level]], dim=1)
             x = _through(blocks, x, time, valid[level], conditioning)
         return self.leave(x)[..., :frames].transpose(1, 2)
 
-    def _valid(self, mask: Bool[Tensor, "B T"], x: Float[Tensor, "B D T2"]) -> list[Tensor | None]:
-        """On each level, 1 where at least one frame below is valid; None where nothing is masked."""
+    def _valid(self, mask: Valid, x: Float[Tensor, "B C T2"]) -> list[Kept]:
+        """On each level, 1 where at least one frame below is valid."""
         padded = F.pad(mask, (0, x.shape[-1] - mask.shape[-1]))[:, None].to(x)
-        return [padded[..., :: 2**level] if self.mask_frames else None for level in range(len(self.downs) + 1)]
+        return [padded[..., :: 2**level] if self.mask_frames else x.new_ones(()) for level in range(len(self.downs) + 1)]
 
-    def _conditioning(self, text: EncodedText, drop: Bool[Tensor, " B"] | None) -> _Conditioning | None:
-        rows = None if drop is None else (~drop).nonzero()[:, 0]
-        if rows is not None and len(rows) == 0:
+    def _conditioning(self, text: EncodedText, drop: Dropped | None) -> _Conditioning | None:
+        told = torch.ones_like(text.mask[:, 0]) if drop is None else ~drop
+        rows = told.nonzero()[:, 0]
+        if len(rows) == 0:
             return None
-        tokens, mask = (text.tokens, text.mask) if rows is None else (text.tokens[rows], text.mask[rows])
-        return _Conditioning(rows, self.text_norm(self.text_encoder(self.text(tokens), mask)), mask)
+        mask = text.mask[rows]
+        return _Conditioning(rows, self.text_norm(self.text_encoder(self.text(text.tokens[rows]), mask)), mask)
 
 
-def _through(blocks: nn.Module, x: Tensor, time: Tensor, valid: Tensor | None, conditioning: _Conditioning | None) -> Tensor:
+def _through(blocks: nn.Module, x: Tensor, *given: object) -> Tensor:
     for block in blocks.children():
-        x = block(x, time, valid, conditioning)
+        x = block(x, *given)
     return x
-
-
-def _kept(x: Tensor, valid: Tensor | None) -> Tensor:
-    return x if valid is None else x * valid
 
 
 def check_channels(base: int, multipliers: Sequence[int], heads: int = 8) -> None:

@@ -1,4 +1,4 @@
-"""Attributes of a motion read off its joints: actions and their order, speed, direction, hand, count; and its naturalness.
+"""Attributes of a motion read off its joints: actions and their order, speed, path, hand, count; and its naturalness.
 
 Own choice: rules with thresholds, fitted to synthetic people whose attributes are known, so that a motion made from a sentence
 can be held against the sentence without another network.
@@ -6,6 +6,7 @@ can be held against the sentence without another network.
 
 from __future__ import annotations
 
+from collections import ChainMap
 from collections.abc import Iterable
 from functools import cached_property
 from typing import NamedTuple
@@ -40,10 +41,10 @@ class BodySignals:
     """
 
     def __init__(self, positions: Float[np.ndarray, "T J 3"], fps: float) -> None:
-        if positions.shape[1:] != (len(HUMANML22), 3) or len(positions) < fps / 2:
-            raise ValueError(f"positions have shape {positions.shape}; expected (T, 22, 3) with at least {fps / 2:g} frames")
-        if not np.isfinite(positions).all():
-            raise ValueError("positions hold values that are not finite; expected metres")
+        strange = np.size(positions) - np.isfinite(positions).sum()
+        if positions.shape[1:] != (len(HUMANML22), 3) or len(positions) < fps / 2 or strange:
+            found = f"positions have shape {positions.shape}, and {strange} values that are not finite"
+            raise ValueError(f"{found}; expected metres, (T, 22, 3) with at least {fps / 2:g} frames")
         self.positions, self.fps = np.asarray(positions, float), fps
 
     def joint(self, name: str) -> Places:
@@ -58,16 +59,19 @@ class BodySignals:
         """Gaussian average over time (the first axis) of this standard deviation."""
         return gaussian_filter1d(values, seconds * self.fps, axis=0, mode="nearest")
 
+    def limb(self, *joints: str) -> PerSide:
+        """Length of a chain of joints, metres."""
+        return np.linalg.norm(np.diff([self.both(joint) for joint in joints], axis=0), axis=-1).sum(axis=0)
+
     @cached_property
     def leg(self) -> float:
         """Metres from hip to ankle with the knee straight."""
-        hip, knee, ankle = (self.both(joint) for joint in ("hip", "knee", "ankle"))
-        return float(np.median(np.linalg.norm(hip - knee, axis=-1) + np.linalg.norm(knee - ankle, axis=-1)))
+        return float(np.median(self.limb("hip", "knee", "ankle")))
 
     @cached_property
     def forward(self) -> Places:
         """Unit vector along the floor to where hips and shoulders face."""
-        left = sum((np.subtract(*self.both(joint)) for joint in ("hip", "shoulder")), np.zeros(3))
+        left = 0.0 + np.subtract(*self.both("hip")) + np.subtract(*self.both("shoulder"))
         ahead = np.cross(left, [0.0, 1.0, 0.0])
         return ahead / np.maximum(np.linalg.norm(ahead, axis=-1, keepdims=True), 1e-9)
 
@@ -101,9 +105,7 @@ class BodySignals:
     @cached_property
     def extension(self) -> PerSide:
         """Distance of the wrist from its shoulder as a share of the arm's length."""
-        shoulder, elbow, wrist = (self.both(joint) for joint in ("shoulder", "elbow", "wrist"))
-        arm = np.linalg.norm(shoulder - elbow, axis=-1) + np.linalg.norm(elbow - wrist, axis=-1)
-        return np.linalg.norm(wrist - shoulder, axis=-1) / np.maximum(arm, 1e-9)
+        return self.limb("shoulder", "wrist") / np.maximum(self.limb("shoulder", "elbow", "wrist"), 1e-9)
 
     def ahead(self, joint: str) -> PerSide:
         """How far a joint of either side is ahead of the root, metres."""
@@ -126,16 +128,16 @@ class BodySignals:
 
     def spells(self, happens: Frames, shortest: float, gap: float = 0.0) -> list[slice]:
         """Runs of frames in which something happens for at least so many seconds; interruptions up to `gap` seconds count."""
-        starts, stops = np.flatnonzero(np.diff(happens, prepend=False, append=False)).reshape(-1, 2).T
-        apart = starts[1:] - stops[:-1] > gap * self.fps
-        joined = zip(starts[np.r_[True, apart]].tolist(), stops[np.r_[apart, True]].tolist(), strict=True) if len(starts) else ()
-        return [slice(start, stop) for start, stop in joined if stop - start >= shortest * self.fps]
+        edges = np.flatnonzero(np.diff(happens, prepend=False, append=False))
+        short = 2 * np.flatnonzero(np.diff(edges)[1::2] <= gap * self.fps)
+        joined = np.delete(edges, [short + 1, short + 2]).reshape(-1, 2)  # without both ends of short interruptions
+        return [slice(*spell) for spell in joined.tolist() if spell[1] - spell[0] >= shortest * self.fps]
 
     def around(self, events: Iterable[Event], seconds: float) -> Frames:
         """Frames within so many seconds of any of these events."""
-        near = np.zeros(len(self.positions), bool)
+        near, more = np.zeros(len(self.positions), bool), seconds * self.fps
         for _, spell, _ in events:
-            near[max(0, int(spell.start - seconds * self.fps)) : int(spell.stop + seconds * self.fps)] = True
+            near[max(0, int(spell.start - more)) : int(spell.stop + more)] = True
         return near
 
     def by_side(self, happens: Bool[np.ndarray, "2 T"], shortest: float, gap: float = 0.0) -> tuple[int, list[slice]]:
@@ -145,14 +147,9 @@ class BodySignals:
         return side, spells[side]
 
 
+CLAIMS = ("action", "then", "path", "speed", "hand", "foot", "turn", "count")  # of what a caption of synthetic people may say
 SPEEDS = {"walk": (0.81, 1.37), "run": (2.4, 3.18)}  # metres per second: slow below the first, fast above the second
-TURN_RATES = (104.0, 195.0)  # degrees per second in the middle of the turn
-WAVE_RATES = (1.6, 2.65)  # hertz
 SWING = 0.02  # metres: a hand that goes less far to and fro does not wave
-JUMP_HEIGHTS = (0.165, 0.355)  # metres over the floor
-KICK_HEIGHTS = (0.35, 0.92)  # of the ankle, in leg lengths
-HALF_TURN = 135.0  # degrees: from here on it is a half turn
-FORWARD = 0.65  # metres per second ahead in the air: a slower jump stays in place
 CIRCLE = 165.0  # degrees: a path that turns further is a circle, of less a turn
 STRAIGHT = 35.0  # degrees: a path that turns less is straight
 
@@ -162,11 +159,11 @@ class Event(NamedTuple):
 
     action: str
     spell: slice
-    attributes: dict[str, str | float]
+    attributes: dict[str, str | int]
 
 
-def measured_attributes(positions: Float[np.ndarray, "T J 3"], fps: float = 20.0) -> dict[str, str | float]:
-    """Attributes of a clip by the names of the synthetic people: "action", "then", "speed", "path", "hand", "count", ...
+def measured_attributes(positions: Float[np.ndarray, "T J 3"], fps: float = 20.0) -> dict[str, str | int]:
+    """Attributes of a clip by the names of the synthetic people, those of `CLAIMS`.
 
     Args:
         positions: (T, 22, 3) metres, y up, on the joints of HumanML3D.
@@ -180,17 +177,12 @@ def measured_attributes(positions: Float[np.ndarray, "T J 3"], fps: float = 20.0
     """
     body = BodySignals(positions, fps)
     events = sorted(_events(body), key=lambda event: event.spell.start + event.spell.stop)
-    end = max((event.spell.stop for event in events), default=0)
-    if not events or (len(events) == 1 and events[0].action in ("walk", "run") and len(positions) - end > 0.75 * fps):
-        # standing is what is left when nothing happens at all, or for long after the last that does
-        events.append(Event("stand", slice(end, len(positions)), {}))
-    found: dict[str, str | float] = {}
-    for event in reversed(events):
-        found |= event.attributes
-    found["action"] = events[0].action
-    if len(events) > 1:
-        found["then"] = events[1].action
-    return found
+    actions = [event.action for event in events]
+    end = max((event.spell.stop for event in events), default=-np.inf)
+    if actions in ([], ["walk"], ["run"]) and len(positions) - end > 0.75 * fps:
+        actions.append("stand")  # what is left when nothing happens at all, or for long after the way
+    first_wins = ChainMap(*(event.attributes for event in events))
+    return {**first_wins, **dict(zip(("action", "then"), actions, strict=False))}
 
 
 def _events(body: BodySignals) -> list[Event]:
@@ -208,15 +200,13 @@ def _events(body: BodySignals) -> list[Event]:
     return [*jumps, *travel, *kicks, *punches, *low, *hands, *_turns(body, going & busy)]
 
 
-def _class(value: float, thresholds: tuple[float, float], names: str = "slow normal fast") -> str:
-    return names.split()[int(np.searchsorted(thresholds, value))]
-
-
 def _whole(spells: list[slice]) -> slice:
     return slice(spells[0].start, spells[-1].stop)
 
 
-_HEIGHTS = "low normal high"
+def _of(spells: list[slice], action: str, **attributes: str | int) -> list[Event]:
+    """The event of all these spells together, if there are any."""
+    return [Event(action, _whole(spells), attributes)] if spells else []
 
 
 def _jumps(body: BodySignals) -> list[Event]:
@@ -224,15 +214,7 @@ def _jumps(body: BodySignals) -> list[Event]:
     level = np.abs(np.subtract(*body.ankles)) < 0.1
     beside = np.abs(np.subtract(*body.ahead("ankle"))) < 0.3 * body.leg
     spells = body.spells((body.ankles.min(axis=0) > 0.035) & level & beside, 0.1)
-    if not spells:
-        return []
-    height = np.median([body.ankles.min(axis=0)[spell].max() for spell in spells])
-    feet = body.both("ankle").mean(axis=0)
-    far = sum(float((feet[spell.stop - 1] - feet[spell.start]) @ body.forward[spell.start]) for spell in spells)
-    seconds = sum(spell.stop - spell.start for spell in spells) / body.fps
-    along = "forward" if far / seconds > FORWARD else "in_place"
-    found = {"count": len(spells), "height": _class(float(height), JUMP_HEIGHTS, _HEIGHTS), "direction": along}
-    return [Event("jump", _whole(spells), found)]
+    return _of(spells, "jump", count=len(spells))
 
 
 def _travels(body: BodySignals, flying: Frames) -> list[Event]:
@@ -241,15 +223,13 @@ def _travels(body: BodySignals, flying: Frames) -> list[Event]:
     for spell in body.spells(body.moving & ~flying, 0.8, gap=0.8):
         margin = int(0.35 * body.fps)
         inner = slice(spell.start + margin * (spell.start > 0), spell.stop - margin * (spell.stop < len(body.positions)))
-        velocity = body.velocity[inner]
-        speed = float(np.linalg.norm(velocity, axis=-1).mean())
-        backward = np.sum(velocity * body.forward[inner]) < 0
+        heading, speed = body.heading[inner], np.linalg.norm(body.velocity[inner], axis=-1).mean()
+        change = heading[-1] - heading[0]
         action = "run" if speed > 1.88 else "walk"
-        change = float(body.heading[inner][-1] - body.heading[inner][0])
         side, kind = "left" if change > 0 else "right", "circle" if abs(change) > CIRCLE else "turn"
         path = "straight" if abs(change) < STRAIGHT else f"{side}_{kind}"
-        direction = {"direction": "backward"} if backward else {}
-        found.append(Event(action, spell, {"speed": _class(speed, SPEEDS[action]), "path": path, **direction}))
+        pace = ("slow", "normal", "fast")[np.searchsorted(SPEEDS[action], speed)]
+        found += _of([spell], action, speed=pace, path=path)
     return found
 
 
@@ -257,11 +237,7 @@ def _kicks(body: BodySignals, busy: Frames) -> list[Event]:
     """A foot far ahead and above the floor while the other stands."""
     out = (body.ahead("ankle") > 0.42 * body.leg) & (body.ankles > 0.06 * body.leg) & (body.ankles[::-1] < 0.12 * body.leg)
     foot, spells = body.by_side(out & ~busy, 0.1, gap=0.1)
-    if not spells:
-        return []
-    height = np.median([body.ankles[foot, spell].max() for spell in spells]) / body.leg
-    attributes = {"foot": SIDES[foot], "count": len(spells), "height": _class(float(height), KICK_HEIGHTS, _HEIGHTS)}
-    return [Event("kick", _whole(spells), attributes)]
+    return _of(spells, "kick", foot=SIDES[foot], count=len(spells))
 
 
 def _punches(body: BodySignals, busy: Frames) -> list[Event]:
@@ -269,7 +245,7 @@ def _punches(body: BodySignals, busy: Frames) -> list[Event]:
     level = np.abs(body.wrists) < 0.2
     out = (body.extension > 0.88) & level & (body.extension[::-1] < 0.62) & (body.wrists[::-1] > -0.2)
     hand, spells = body.by_side(out & ~busy, 0.0, gap=0.1)
-    return [Event("box", _whole(spells), {"hand": SIDES[hand], "count": len(spells)})] if spells else []
+    return _of(spells, "box", hand=SIDES[hand], count=len(spells))
 
 
 def _lows(body: BodySignals, busy: Frames) -> list[Event]:
@@ -277,46 +253,32 @@ def _lows(body: BodySignals, busy: Frames) -> list[Event]:
     hips, head = body.upright("pelvis"), body.upright("head")
     spells = body.spells((hips < 0.78) & ~busy, 0.2)
     if not spells:
-        bows = body.spells((head < 0.85) & (hips > 0.85) & ~busy, 0.4)
-        return [Event("bow", _whole(bows), {})] if bows else []
-    whole = _whole(spells)
-    floor = body.both("ankle")[..., 1].min()
-    wrists = body.both("wrist")[..., whole, 1].min(axis=1) - floor
-    if wrists.min() < 0.35 * body.leg:
-        return [Event("pick_up", whole, {"hand": SIDES[int(wrists.argmin())]})]
+        return _of(body.spells((head < 0.85) & (hips > 0.85) & ~busy, 0.4), "bow")
+    wrists = body.both("wrist")[:, _whole(spells), 1].min(axis=1)
+    if wrists.min() - body.both("ankle")[..., 1].min() < 0.35 * body.leg:
+        return _of(spells, "pick_up", hand=SIDES[wrists.argmin()])
     if max(spell.stop - spell.start for spell in spells) > 1.15 * body.fps or spells[-1].stop == len(hips):
-        return [Event("sit", whole, {"ends": "seated" if hips[-1] < 0.78 else "standing"})]
-    return [Event("squat", whole, {"count": len(spells)})]
+        return _of(spells, "sit")
+    return _of(spells, "squat", count=len(spells))
 
 
 def _hands(body: BodySignals, busy: Frames) -> list[Event]:
     """A hand held up: waving if it goes to and fro, else reaching; or an arm stretched forward."""
-    up = [body.spells((wrist > 0.12) & ~busy, 0.3, gap=0.3) for wrist in body.wrists]
-    raised = [side for side in (0, 1) if up[side]]
-    if raised:
-        hand = "both" if len(raised) == 2 else SIDES[raised[0]]
-        spell = _whole(up[raised[0]])
-        rate = _rate(body, raised[0], spell)
-        if rate is not None:
-            return [Event("wave", spell, {"hand": hand, "pace": _class(rate, WAVE_RATES)})]
-        return [Event("reach", spell, {"hand": hand, "target": "up"})]
+    up = {side: spells for side in (0, 1) if (spells := body.spells((body.wrists[side] > 0.12) & ~busy, 0.3, gap=0.3))}
+    if up:
+        side = min(up)
+        hand = "both" if len(up) == 2 else SIDES[side]
+        return _of(up[side], "wave" if _waves(body, side, _whole(up[side])) else "reach", hand=hand)
     out = (body.extension > 0.88) & (body.wrists > -0.25) & (body.ahead("wrist") > 0.5 * body.leg)
-    for side, reach in zip(SIDES, out, strict=True):
-        if spells := body.spells(reach & ~busy, 0.2, gap=0.1):
-            return [Event("reach", _whole(spells), {"hand": side, "target": "forward"})]
-    return []
+    left, right = (body.spells(own & ~busy, 0.2, gap=0.1) for own in out)
+    return _of(left or right, "reach", hand="left" if left else "right")
 
 
-def _rate(body: BodySignals, side: int, spell: slice) -> float | None:
-    """How often a second the raised hand goes to and fro; None if hardly."""
-    elbow = np.linalg.norm((body.both("wrist") - body.both("shoulder"))[side], axis=-1)
-    swing = elbow[spell] - body.smooth(elbow, 0.5)[spell]
-    frames = np.flatnonzero(np.abs(swing) > SWING)
-    signs = np.sign(swing[frames])
-    turns = np.flatnonzero(np.diff(signs))
-    if len(turns) < 3:
-        return None
-    return (len(turns) - 1) / 2 * body.fps / float(frames[turns[-1]] - frames[turns[0]])
+def _waves(body: BodySignals, side: int, spell: slice) -> bool:
+    """Whether the raised hand goes to and fro."""
+    elbow = body.limb("shoulder", "wrist")[side]
+    swing = (elbow - body.smooth(elbow, 0.5))[spell]
+    return bool(np.count_nonzero(np.diff(np.sign(swing[np.abs(swing) > SWING]))) > 2)
 
 
 def _turns(body: BodySignals, going: Frames) -> list[Event]:
@@ -326,18 +288,8 @@ def _turns(body: BodySignals, going: Frames) -> list[Event]:
     spells = [spell for spell in spells if np.ptp(body.heading[spell][[0, -1]]) > 45.0]
     if not spells:
         return []
-    spell = max(spells, key=lambda s: s.stop - s.start)
-    path = body.heading[spell]
-    change = float(path[-1] - path[0])
-    sharp = body.smooth(body.facing, 0.05)[spell]
-    share = (sharp - path[0]) / change
-    seconds = float(np.argmax(share > 0.9) - np.argmax(share > 0.1)) / body.fps
-    pace = _class(0.8 * abs(change) / max(seconds, 1 / body.fps), TURN_RATES)
-    degrees = 180.0 if abs(change) > HALF_TURN else 90.0
-    return [Event("turn", spell, {"turn": "left" if change > 0 else "right", "degrees": degrees, "pace": pace})]
-
-
-CLAIMS = ("action", "then", "path", "speed", "hand", "foot", "turn", "count")  # of what a caption of synthetic people may say
+    spell = max(spells, key=lambda spell: spell.stop - spell.start)
+    return _of([spell], "turn", turn="left" if body.heading[spell][-1] > body.heading[spell][0] else "right")
 
 
 def movement(features: Float[Tensor, "T D"], layout: FeatureLayout) -> dict[str, float]:
@@ -356,14 +308,14 @@ def movement(features: Float[Tensor, "T D"], layout: FeatureLayout) -> dict[str,
     toes = layout.contact_joints[1::2]
     floor = float(joints[:, toes, 1].amin())
     lengths = bones_of((joints[:, 1:] - joints[:, :1]).flatten(-2), layout.skeleton).norm(dim=-1)
-    found = {
+    values = {
         "joint_speed": speed(flat, layout.fps),
         "way": path_length(joints[:, 0, [0, 2]]),
         "jerk": jerk(flat, layout.fps),
         "bone_jitter": lengths.diff(dim=0).abs().mean(),
         "skate": foot_skate(joints.flatten(-2), toes, layout.fps, up="y", floor=floor),
     }
-    return {name: float(value) for name, value in found.items()}
+    return {name: float(value) for name, value in values.items()}
 
 
 def claims_met(features: Float[Tensor, "T D"], clip: CaptionedClip, layout: FeatureLayout) -> dict[str, float]:

@@ -8,6 +8,7 @@ from annotated_types import Ge
 from mwlib.data.captioned import CaptionsConfig
 from mwlib.diffusion.config import Steps
 from mwlib.diffusion.process import check_indices
+from mwlib.networks.layers import check_width
 from mwlib.networks.matching import UNIT
 from mwlib.networks.unet1d import check_channels
 from mwlib.settings import Advanced, BelowOne, Count, Natural, NotNegative, Settings, Share
@@ -31,10 +32,9 @@ _STABLEMOFUSION: dict[str, Any] = _PUBLISHED | dict(
 # as in StableMoFusion: of 263 numbers four say where a body goes. So weighed, they show through a hundred times their power of
 # noise: under the cosine schedule steps and ways are settled within five of 50 levels, under the linear one within twenty.
 _TEACHING: dict[str, Any] = dict(
-    data="people", longest=120, normalisation="stablemofusion", schedule="linear", width=192, layers=4, heads=4,
-    feedforward=512, text_width=128, text_layers=1, dropout=0.0, attention_dropout=0.0, frames_per_token=4, lr=1e-3,
-    lr_schedule="cosine", warmup=100, weight_decay=0.01,
-    ema=0.995, ema_start=200,
+    longest=120, normalisation="stablemofusion", schedule="linear", width=192, layers=4, feedforward=512, text_width=128,
+    text_layers=1, dropout=0.0, attention_dropout=0.0, frames_per_token=4, lr=1e-3, lr_schedule="cosine", warmup=100,
+    ema_start=200,
 )  # fmt: skip
 
 PRESETS: dict[str, dict[str, Any]] = {
@@ -44,10 +44,10 @@ PRESETS: dict[str, dict[str, Any]] = {
         checkpoint_every=200, test_clips=96, repeated=8, repeats=4, pool=16,
     ),
     # Half an hour on one core; synthetic people.
-    "laptop": _TEACHING | dict(train_steps=8000, batch=64, checkpoint_every=500),
+    "laptop": _TEACHING | dict(train_steps=8000, checkpoint_every=500),
     # The CMU clips at hand with their captions: far too few for more than a demonstration.
     "cmu": _TEACHING | dict(
-        data="cmu", longest=196, dropout=0.1, train_steps=4000, batch=64, checkpoint_every=500, pool=16,
+        data="cmu", longest=196, dropout=0.1, train_steps=4000, checkpoint_every=500, pool=16,
         evaluator="cmu_evaluator", critic="cmu_critic",
     ),
     # MDM as first published, of 50 noising steps, for a folder of HumanML3D or KIT-ML and a GPU. It reads sentences by CLIP from
@@ -173,25 +173,24 @@ class Config(Settings):
 
     def check(self) -> None:
         """Refuse values that do not fit each other."""
-        m, s, steps = self.model, self.sampling, self.forward.steps
+        m, s, steps, data = self.model, self.sampling, self.forward.steps, self.data
         rules = (
-            (m.text != "clip" and (m.text_width % m.heads or m.text_width % 2),
-             f"text_width is {m.text_width}; expected an even multiple of heads ({m.heads})"),
-            (m.network == "mdm" and (m.width % m.heads or m.width % 2),
-             f"width is {m.width}; expected an even multiple of heads ({m.heads})"),
             (m.text == "clip" and not m.clip_folder, "text is clip, clip_folder empty; expected the folder of CLIP ViT-B/32"),
-            (self.forward.statistics == "files" and self.data.data in ("people", "cmu"),
-             f"statistics is files, data {self.data.data}; expected a folder with Mean.npy and Std.npy, or clips"),
+            (self.forward.statistics == "files" and data.data in ("people", "cmu"),
+             f"statistics is files, data {data.data}; expected a folder with Mean.npy and Std.npy, or clips"),
             (s.sampling_steps > steps, f"sampling_steps is {s.sampling_steps}; expected at most steps ({steps})"),
             (s.pool < RANKS or 0 < s.test_clips < RANKS,
              f"pool is {s.pool} and test_clips {s.test_clips}; expected at least {RANKS}, or test_clips=0 for all"),
-            (self.data.shortest < UNIT, f"shortest is {self.data.shortest}; expected at least {UNIT} frames"),
-            (self.data.longest < self.data.shortest,
-             f"longest is {self.data.longest}; expected at least shortest ({self.data.shortest})"),
+            (data.shortest < UNIT, f"shortest is {data.shortest}; expected at least {UNIT} frames"),
+            (data.longest < data.shortest, f"longest is {data.longest}; expected at least shortest ({data.shortest})"),
         )  # fmt: skip
         for is_wrong, message in rules:
             if is_wrong:
                 raise ValueError(message)
+        if m.text != "clip":
+            check_width(m.text_width, m.heads, "text_width")
         if m.network == "unet":
             check_channels(m.width, m.multipliers)
+        else:
+            check_width(m.width, m.heads)
         check_indices("sampling_steps", self.forward.schedule, steps, s.sampling_steps or steps, "trailing", 0)

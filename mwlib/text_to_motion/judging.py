@@ -1,23 +1,23 @@
 """Scores of motions made from sentences by the papers' protocol, and the known ways in which such scores go wrong or differ."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
+from copy import copy
 from dataclasses import dataclass
+from itertools import chain
 from typing import Any
 
 import numpy as np
 import torch
 from jaxtyping import Float
 from torch import Tensor, nn
-from torch.nn import functional as F
 
 from mwlib.data.captioned import one_caption_each, piece, thinned
 from mwlib.data.formats.humanml import CaptionedClip
 from mwlib.data.normalisation import Statistics
 from mwlib.hashing import sha256
-from mwlib.matching.clips import LONGEST, OTHER, PARTS, UNKNOWN, UNKNOWN_WORD, TaggedVocabulary, Vocabulary
 from mwlib.matching.evaluators import Matcher
 from mwlib.metrics import mm_dist, multimodality
-from mwlib.networks.matching import UNIT
+from mwlib.networks.matching import UNIT, Embeddings
 from mwlib.settings import whole as whole_number
 from mwlib.text_to_motion.config import RANKS
 from mwlib.text_to_motion.model import TextToMotion
@@ -87,32 +87,6 @@ def deviations(how: Protocol, longest: int, clips: int) -> dict[str, dict[str, A
     }
 
 
-class PaddedWords(Vocabulary):
-    """A vocabulary that reads the padding behind a sentence as unknown words, up to the longest sentence that there can be.
-
-    Args:
-        vocabulary: of an evaluator.
-
-    >>> PaddedWords(Vocabulary(["a", "man", "walks"], longest=5)).ids(["a man walks"])
-    (tensor([[1, 3, 4, 5, 2, 0, 0]]), tensor([7]))
-    """
-
-    def __init__(self, vocabulary: Vocabulary | TaggedVocabulary) -> None:
-        is_tagged = isinstance(vocabulary, TaggedVocabulary)
-        super().__init__(vocabulary.words, 2 + (LONGEST if is_tagged else vocabulary.longest))
-        self.vocabulary = vocabulary
-        self.unknown = vocabulary.words.index(UNKNOWN_WORD) if is_tagged else UNKNOWN
-
-    def ids(self, sentences: Sequence[str]) -> tuple[Tensor, ...]:  # pyright: ignore[reportIncompatibleMethodOverride]
-        """As `Vocabulary.ids` or `TaggedVocabulary.ids`, all sentences being equally long."""
-        words, counts, *parts = self.vocabulary.ids(sentences)
-        after = torch.arange(self.longest) >= counts[:, None]
-        words = F.pad(words, (0, self.longest - words.shape[1])).masked_fill(after, self.unknown)
-        other = F.one_hot(torch.tensor(PARTS.index(OTHER)), len(PARTS)).float()
-        parts = [torch.where(after[..., None], other, F.pad(one, (0, 0, 0, self.longest - one.shape[1]))) for one in parts]
-        return words, torch.full_like(counts, self.longest), *parts
-
-
 class Once:
     """A model whose motions of one seed are made once, however often they are asked for.
 
@@ -155,18 +129,15 @@ def scores(make: Once, judge: Matcher, test: Sequence[CaptionedClip], how: Proto
     real, again = (_pieces(test, how, seed + n) for n in (0, 1))
     known = judge.embed_motions(real)
 
-    def of_sets(text: Float[Tensor, "N E"], motion: Float[Tensor, "N E"]) -> Scores:
+    def of_sets(text: Embeddings, motion: Embeddings) -> Scores:
         """Scores of motions made from sentences beside the real ones."""
         return set_scores(text, motion, known, how.pool, seed) | {"mm_dist": mm_dist(text, motion)}
 
     found = {REAL: of_sets(judge.embed_text(texts).cpu(), judge.embed_motions(again))}
-    seen = Matcher(
-        judge.network,
-        judge.movement,
-        model.statistics if how.own_statistics else judge.statistics,
-        PaddedWords(judge.vocabulary) if how.padded_words else judge.vocabulary,
-        judge.window,
-    )
+    seen = copy(judge)
+    seen.statistics = model.statistics if how.own_statistics else judge.statistics
+    seen.vocabulary = copy(judge.vocabulary)
+    seen.vocabulary.padded = how.padded_words
     picked = thinned(range(len(test)), how.clips)
     frames = [how.frames or min(max(len(x), model.lengths[0]), model.lengths[1]) for x in again]
 
@@ -197,6 +168,5 @@ def _pieces(test: Sequence[CaptionedClip], how: Protocol, seed: int) -> list[Flo
 
 def fingerprint(networks: Sequence[nn.Module], statistics: Statistics) -> str:
     """SHA-256 over the weights of networks and the statistics that they go with."""
-    states: list[Mapping[str, Tensor]] = [*(network.state_dict() for network in networks), statistics.tensors()]
-    tensors = [(name, x) for state in states for name, x in state.items()]
+    tensors = chain(*(network.state_dict().items() for network in networks), statistics.tensors().items())
     return sha256(part for name, x in tensors for part in (name, np.ascontiguousarray(x.cpu()).tobytes()))

@@ -3,9 +3,12 @@
 from typing import Literal
 
 import torch
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Float
 from torch import Tensor
 
+from mwlib.networks.layers import Features, PerItem, Valid
+from mwlib.networks.matching import Embeddings
+from mwlib.settings import choice
 from mwlib.transforms.linear import DCTTransform
 
 Norm = Literal["l1", "mse"]
@@ -17,12 +20,10 @@ HIGH, MDM_LOW, EQ16 = 0.6, 0.4, 0.3  # shares of the diffusion's steps: see stag
 REASONABLE = 0.5  # S_th of Eq. 15: own choice, the paper never gives it
 
 
-Frames = Float[Tensor, "B T D"]
-Lengths = Int[Tensor, " B"]
 PerSample = Float[Tensor, " B"]
 
 
-def masked_error(error: Frames, mask: Bool[Tensor, "B T"]) -> PerSample:
+def masked_error(error: Features, mask: Valid) -> PerSample:
     """Mean square of an error over the frames that a sample has.
 
     Source: MDM (Tevet et al., 2023), its code; the paper's Eq. 5.
@@ -55,20 +56,20 @@ class LowPass:
             bank[n, :kept, :n] = torch.from_numpy(DCTTransform(n, 1, kept).analysis_time).float()
         self.bank = bank
 
-    def coefficients(self, x: Frames, lengths: Lengths) -> Float[Tensor, "B K D"]:
-        """The cosines that are kept; zeros where a short sample has fewer."""
-        return self._of(x, lengths) @ x
-
-    def __call__(self, x: Frames, lengths: Lengths) -> Frames:
-        """What these cosines make of the sample; zeros beyond its length."""
-        rows = self._of(x, lengths)
-        return rows.mT @ (rows @ x)
-
-    def _of(self, x: Tensor, lengths: Tensor) -> Float[Tensor, "B K T"]:
+    def cosines(self, x: Features, lengths: PerItem) -> Float[Tensor, "B K T"]:
+        """Those that are kept of each sample; zeros beyond its length, and where a short one has fewer."""
         return self.bank[lengths.cpu(), :, : x.shape[1]].to(x)
 
+    def coefficients(self, x: Features, lengths: PerItem) -> Float[Tensor, "B K D"]:
+        """Of the cosines that are kept."""
+        return self.cosines(x, lengths) @ x
 
-def low_frequency_loss(error: Frames, lengths: Lengths, low_pass: LowPass, norm: Norm = "l1", band: Band = "low") -> PerSample:
+    def __call__(self, x: Features, lengths: PerItem) -> Features:
+        """What these cosines make of the sample; zeros beyond its length."""
+        return self.cosines(x, lengths).mT @ self.coefficients(x, lengths)
+
+
+def low_frequency_loss(error: Features, lengths: PerItem, low_pass: LowPass, norm: Norm = "l1", band: Band = "low") -> PerSample:
     """How far the slow part of an estimate is from that of the truth.
 
     Source: Free-T2M Eq. 13, mean |difference| over frames and features ("l1"); its code takes squares ("mse") and K = 1. With
@@ -95,11 +96,7 @@ def low_frequency_loss(error: Frames, lengths: Lengths, low_pass: LowPass, norm:
 
 
 def semantic_loss(
-    motion: Float[Tensor, "B E"],
-    truth: Float[Tensor, "B E"],
-    text: Float[Tensor, "B E"],
-    kind: str = "cos_gt",
-    threshold: float = REASONABLE,
+    motion: Embeddings, truth: Embeddings, text: Embeddings, kind: str = "cos_gt", threshold: float = REASONABLE
 ) -> PerSample:
     """How far an estimate is from what its sentence means, as a critic embeds both.
 
@@ -115,22 +112,17 @@ def semantic_loss(
     Raises:
         ValueError: another kind.
     """
-    if kind == "detached":
-        motion = motion.detach()
-    if kind in ("cos_gt", "detached"):
-        return 1 - torch.cosine_similarity(motion, truth, dim=-1)
-    close = torch.cosine_similarity(motion, text, dim=-1)
-    if kind == "cos_text":
-        return 1 - close
-    if kind == "reward":
-        return -(close - threshold).clamp_min(0)
-    if kind == "hinge":
-        return (threshold - close).clamp_min(0)
-    raise ValueError(f"kind is {kind!r}; expected cos_gt, cos_text, reward, hinge or detached")
+    to_truth, close = (1 - torch.cosine_similarity(motion, truth, dim=-1)), torch.cosine_similarity(motion, text, dim=-1)
+    losses = {
+        "cos_gt": to_truth, "cos_text": 1 - close, "reward": -(close - threshold).clamp_min(0),
+        "hinge": (threshold - close).clamp_min(0), "detached": to_truth.detach(),
+    }  # fmt: skip
+    choice("kind", kind, losses)
+    return losses[kind]
 
 
 def stage_weights(
-    stage: str, t: Int[Tensor, " B"], alpha_bar: Float[Tensor, " M"], power: Float[Tensor, " K"] | None = None
+    stage: str, t: PerItem, alpha_bar: Float[Tensor, " M"], power: Float[Tensor, " K"] | None = None
 ) -> tuple[PerSample, PerSample]:
     """How much each loss counts at each sample's noise level; t = 0 is almost clean, t = M - 1 is noise.
 
@@ -158,9 +150,7 @@ def stage_weights(
     [[0.0, 0.0, 1.0], [1.0, 0.0, 0.0]]
     """
     steps = len(alpha_bar)
-    if stage == "snr":
-        if power is None:
-            raise ValueError("stage is snr without the power of the low cosines; expected it with the training data")
+    if stage == "snr" and power is not None:
         a = alpha_bar[t].float()[:, None]
         low = (a * power < 1 - a).float().mean(-1)
         return low, 1 - low
@@ -169,8 +159,7 @@ def stage_weights(
         "prose": (late, ~late), "mdm_code": (late, t <= MDM_LOW * steps), "eq16": (early, ~early), "smf_code": (early, ~early),
         "none": (t >= 0, t >= 0),
     }  # fmt: skip
-    if stage not in readings:
-        raise ValueError(f"stage is {stage!r}; expected {', '.join(readings)} or snr")
+    choice("stage", stage, readings)
     low, semantic = (part.float() for part in readings[stage])
     if stage == "smf_code":
         low, semantic = (part / part.mean().clamp_min(1 / len(t)) for part in (low, semantic))

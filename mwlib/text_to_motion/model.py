@@ -1,12 +1,10 @@
 """The denoiser with its text encoder, and the trained model: sentences in, features of motions out."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
 import torch
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Bool, Float
 from torch import Tensor, nn
 
 from mwlib.data.formats.humanml import FeatureLayout
@@ -14,13 +12,13 @@ from mwlib.data.load import data_folder
 from mwlib.data.normalisation import Statistics
 from mwlib.diffusion import Denoise, Step, WindowNoise, alpha_bar, classifier_free, ddim, ddim_indices, posterior_mean, to_eps
 from mwlib.diffusion.samplers import sde_dpm_solver
+from mwlib.networks.layers import Dropped, Features, PerItem, Valid
 from mwlib.networks.matching import UNIT
 from mwlib.networks.mdm import MDM
 from mwlib.networks.text import ClipText, EncodedText, HashedNgrams, TextEncoder, WordTransformer
 from mwlib.networks.unet1d import ConditionalUNet
 from mwlib.settings import several, shown, whole, wholes
 from mwlib.text_to_motion.config import Config, ModelConfig
-from mwlib.text_to_motion.losses import Frames
 from mwlib.training import TrainedModel, chunks, identities, with_weights
 
 WHERE_WORDS = "which `mwlib generate --words` lists"
@@ -53,15 +51,10 @@ class TextDenoiser(nn.Module):
             )
 
     def forward(
-        self,
-        y_t: Frames,
-        t: Int[Tensor, " B"],
-        mask: Bool[Tensor, "B T"],
-        text: EncodedText | Sequence[str],
-        drop: Bool[Tensor, " B"] | None = None,
-    ) -> Frames:
+        self, y_t: Features, t: PerItem, mask: Valid, text: EncodedText | Sequence[str], drop: Dropped | None = None
+    ) -> Features:
         """The clean motion, normalised; samples with `drop` do not see their sentence."""
-        encoded = text if isinstance(text, EncodedText) else self.text.encode(text)
+        encoded = text if isinstance(text, EncodedText) else self.text(text)
         return self.body(y_t, t, mask, encoded, drop)
 
 
@@ -82,9 +75,9 @@ def make_text(cfg: ModelConfig, vocabulary: Sequence[str]) -> TextEncoder:
     return WordTransformer(vocabulary, cfg.text_width, cfg.text_layers, cfg.heads, cfg.dropout, forget=FORGET)
 
 
-def noisy(mask: Bool[Tensor, "B T"], cfg: ModelConfig) -> Bool[Tensor, "B T 1"]:
-    """Frames that take part in the diffusion: all where the network sees the padding, as in both published codes."""
-    return (mask if cfg.mask_frames else torch.ones_like(mask))[..., None]
+def noisy(mask: Valid, cfg: ModelConfig) -> Bool[Tensor, "B T 1"]:
+    """Features that take part in the diffusion: all where the network sees the padding, as in both published codes."""
+    return (mask | (not cfg.mask_frames))[..., None]
 
 
 CHUNK = 32  # motions sampled together on a processor
@@ -106,7 +99,7 @@ class TextToMotion(TrainedModel):
     @classmethod
     def from_tensors(
         cls, cfg: Config, weights: Mapping[str, Tensor], learnt: Mapping[str, Tensor], about: Mapping[str, str]
-    ) -> TextToMotion:
+    ) -> "TextToMotion":
         """The model that a finished training left (see `mwlib.training.read_model`)."""
         statistics = Statistics.from_tensors(cfg.forward.normalisation, learnt)
         words = WordTransformer.vocabulary_in(weights, "text.") if cfg.model.text == "words" else ()
@@ -228,24 +221,19 @@ class TextToMotion(TrainedModel):
             return ddim(denoise, draw(), self.alpha_bar, indices)
         return posterior_mean(denoise, draw(), self.alpha_bar, indices, noise=draw)
 
-    def _denoise(self, texts: Sequence[str], mask: Bool[Tensor, "B T"]) -> Denoise:
+    def _denoise(self, texts: Sequence[str], mask: Valid) -> Denoise:
         """(y_t, t) -> eps, with classifier-free guidance: y_u + s (y_c - y_u) of clean estimates, in one pass."""
-        size, s = len(texts), self.sampling
+        s, encoded = self.sampling, self.net.text(texts)
         lowest = self.cfg.forward.steps if s.guidance == 1 else s.guidance_above * self.cfg.forward.steps
-        once = self.net.text.encode(texts)
-        twice = EncodedText(*(part.repeat(2, *[1] * (part.ndim - 1)) for part in once))
-        drop = torch.arange(2 * size, device=mask.device) >= size
 
-        def denoise(y: Frames, t: int) -> Frames:
+        def denoise(y: Features, t: int) -> Features:
             """(y_t, t) -> eps."""
             guided = t >= lowest
-            both = y.repeat(2, 1, 1) if guided else y
-            steps = torch.full((len(both),), t, device=y.device)
-            text = twice if guided else once
-            y0_hat = self.net(both, steps, mask.repeat(len(both) // size, 1), text, drop[: len(both)])
+            y_t, valid, *text = (torch.cat([x] * (1 + guided)) for x in (y, mask, *encoded))
+            drop = torch.arange(len(y_t), device=y.device) >= len(y)
+            y0_hat = self.net(y_t, torch.full_like(drop, t, dtype=torch.long), valid, EncodedText(*text), drop)
             if guided:
-                with_text, without = y0_hat.chunk(2)
-                y0_hat = classifier_free(with_text, without, s.guidance, "alg1")
+                y0_hat = classifier_free(*y0_hat.chunk(2), s.guidance, "alg1")
             return to_eps("y0", y0_hat * noisy(mask, self.cfg.model), y, self.alpha_bar[t])
 
         return denoise

@@ -56,20 +56,13 @@ def fused_joints(
     Raises:
         ValueError: another width, or a negative weight.
     """
-    asked = {
-        "step_weight": step_weight,
-        "contact_weight": contact_weight,
-        "height_weight": height_weight,
-        "arm_weight": arm_weight,
-    }
-    if min(asked.values()) < 0:
-        raise ValueError(f"{', '.join(f'{name} is {weight}' for name, weight in asked.items())}; expected at least 0")
+    if min(step_weight, contact_weight, height_weight, arm_weight) < 0:
+        raise ValueError(f"{step_weight=}, {contact_weight=}, {height_weight=}, {arm_weight=}; expected at least 0")
+    feet, arms = list(layout.contact_joints), list(layout.arm_joints)
     places, steps = joints_of(features, layout), _steps(features, layout)
     weights, heights = torch.full_like(steps[..., 0], step_weight), torch.full_like(steps[..., 0], height_weight)
-    for trust in (weights, heights):
-        trust[:, list(layout.arm_joints)] = arm_weight
+    weights[:, arms] = heights[:, arms] = arm_weight
     standing = features[:-1, layout.blocks["contacts"]] > 0.5
-    feet = list(layout.contact_joints)
     weights[:, feet] = torch.where(standing, contact_weight, weights[:, feet])
     along = steps[..., [0, 2]]
     along[:, feet] *= ~standing[..., None]
@@ -82,9 +75,10 @@ def _agreeing(
     places: Float[Tensor, "T J c"], steps: Float[Tensor, "T-1 J c"], weights: Float[Tensor, "T-1 J"]
 ) -> Float[Tensor, "T J c"]:
     """The least squares of `fused_joints` for some coordinates."""
-    difference = torch.eye(len(places), dtype=places.dtype).diff(dim=0)
+    identity = torch.eye(len(places), dtype=places.dtype)
+    difference = identity.diff(dim=0)
     weighted = difference.T * weights.T[:, None]  # (J, T, T-1)
-    normal = torch.eye(len(places), dtype=places.dtype) + weighted @ difference
+    normal = identity + weighted @ difference
     return torch.linalg.solve(normal, places.transpose(0, 1) + weighted @ steps.transpose(0, 1)).transpose(0, 1)
 
 

@@ -14,9 +14,13 @@ from mwlib.data.normalisation import Kind, Statistics
 from mwlib.data.untrusted import MotionFormatError
 from mwlib.diffusion import alpha_bar, noised, snr_weights
 from mwlib.matching.evaluators import Matcher, finished_run, open_matcher
+from mwlib.networks.layers import Features
 from mwlib.networks.text import WordTransformer, vocabulary_of
 from mwlib.text_to_motion.config import Config
-from mwlib.text_to_motion.losses import LowPass, low_frequency_loss, masked_error, semantic_loss, stage_weights
+
+from mwlib.text_to_motion.losses import (  # isort: skip
+    LowPass, PerSample, low_frequency_loss, masked_error, semantic_loss, stage_weights,
+)  # fmt: skip
 from mwlib.text_to_motion.model import TextDenoiser, noisy
 from mwlib.training import Objective, read_model, seeded
 
@@ -44,10 +48,10 @@ class TextObjective(Objective):
     def __init__(self, cfg: Config, parts: Parts, learnt: Mapping[str, Tensor] | None = None) -> None:
         self.cfg, self.layout = cfg, parts.layout
         self.alpha_bar = alpha_bar(cfg.forward.schedule, cfg.forward.steps)
-        weighed = cfg.objective.level_weight == "root_snr"
-        self.level = snr_weights(self.alpha_bar, (LEAST_SNR, 1.0)).sqrt() if weighed else None
+        weighed, start = cfg.objective.level_weight == "root_snr", cfg.model.start
+        self.level = snr_weights(self.alpha_bar, (LEAST_SNR, 1.0)).sqrt() if weighed else torch.ones(cfg.forward.steps)
         advice = "name a run of text_to_motion, or leave start empty"
-        weights, found, _ = read_model(finished_run(cfg.model.start, advice)) if cfg.model.start else ({}, {}, {})
+        weights, found, _ = read_model(finished_run(start, advice)) if start else ({}, {}, {})
         if learnt or found:
             self.statistics = Statistics.from_tensors(cfg.forward.normalisation, learnt or found)
         elif cfg.forward.statistics == "files":
@@ -60,27 +64,32 @@ class TextObjective(Objective):
         self.low_pass = LowPass(cfg.data.longest, cfg.objective.lf_k, cfg.objective.lf_hz, self.layout.fps)
         self.power = self._power() if cfg.objective.stage == "snr" else None
         self.critic = open_matcher(cfg.objective.critic, self.layout) if cfg.objective.semantic_weight else None
-        vocabulary = vocabulary_of(caption for clip in parts.train for caption in clip.captions)
         if weights and cfg.model.text == "words":
             vocabulary = WordTransformer.vocabulary_in(weights, "text.")
+        else:
+            vocabulary = vocabulary_of(caption for clip in parts.train for caption in clip.captions)
         with seeded(cfg.training.seed, 0):
             self.network: nn.Module = TextDenoiser(cfg.model, self.layout.width, cfg.forward.steps, vocabulary)
         if weights:
-            _begin_with(self.network, weights, cfg.model.start)
+            own = self.network.state_dict().items()
+            weights = {name: x for name, x in own if name.startswith("body.detail.")} | weights  # a correction begins at zero
+            try:
+                self.network.load_state_dict(weights)
+            except RuntimeError as error:
+                raise ValueError(f"start is {start!r}: {error}; expected a run of the same sizes") from None
 
     def _power(self) -> Float[Tensor, " K"]:
         """Of the low cosines of the training clips, over all features."""
         count, total = len(self.clips.clips), torch.zeros(())
         for part in torch.arange(count).split(CHUNK):
-            batch = self.clips.whole(part.tolist(), [""] * len(part))
+            batch = self.clips.whole(part.tolist(), [])
             total = total + self.low_pass.coefficients(batch.y, batch.lengths).square().mean(2).sum(0)
         return total / count
 
     def to(self, device: torch.device) -> None:
         """Move the clips and the critic."""
-        for part in (self.clips, self.held_out, self.critic):
-            if part is not None:
-                part.to(device)
+        for part in filter(None, (self.clips, self.held_out, self.critic)):
+            part.to(device)
 
     def draw(self, batch: int, generator: torch.Generator) -> Batch:
         """Clips of like lengths with a caption each."""
@@ -102,11 +111,9 @@ class TextObjective(Objective):
             total = total + o.low_weight * low * slow
         if self.critic is not None:
             total = total + o.semantic_weight * self._semantic(self.critic, y0_hat, batch, semantic)
-        return (total if self.level is None else self.level[t].to(total.device) * total).mean()
+        return (self.level[t].to(total.device) * total).mean()
 
-    def _semantic(
-        self, critic: Matcher, y0_hat: Float[Tensor, "B T D"], batch: Batch, weight: Float[Tensor, " B"]
-    ) -> Float[Tensor, " B"]:
+    def _semantic(self, critic: Matcher, y0_hat: Features, batch: Batch, weight: PerSample) -> PerSample:
         """Times its weight; the critic looks at none of the samples of weight 0."""
         o, rows = self.cfg.objective, weight.nonzero()[:, 0]
         if len(rows) == 0:
@@ -152,14 +159,3 @@ def published_statistics(cfg: Config, layout: FeatureLayout, files: Sequence[Pat
     if found.layout != layout:
         raise MotionFormatError(mean.parent, mean.name, f"{found.layout.width} numbers", f"{layout.width} for {layout.name}")
     return found.of_kind(cfg.forward.normalisation)
-
-
-def _begin_with(network: nn.Module, weights: Mapping[str, Tensor], start: str) -> None:
-    own = network.state_dict()
-    weights = {**{name: t for name, t in own.items() if name.startswith("body.detail.")}, **weights}  # which says zero at first
-    shapes = [{name: tuple(t.shape) for name, t in tensors.items()} for tensors in (own, weights)]
-    if shapes[0] != shapes[1]:
-        other = next(name for name in sorted({*own} | {*weights}) if shapes[0].get(name) != shapes[1].get(name))
-        found = f"start is {start!r}, whose {other} has the shape {shapes[1].get(other)}"
-        raise ValueError(f"{found}; expected {shapes[0].get(other)}: a run of the same sizes")
-    network.load_state_dict(weights)

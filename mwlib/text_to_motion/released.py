@@ -29,6 +29,7 @@ class Code(NamedTuple):
     """How a program leaves its models.
 
     Args:
+        preset: of its models.
         title: of what its networks are.
         options: its file of settings, seen from the weights' folder.
         dataset: the setting that names the data.
@@ -36,10 +37,11 @@ class Code(NamedTuple):
         fixed: what names of weights begin with that are not learnt, or are not the network's.
         origin: where people get such models.
         expected: setting -> the values that this package's network and diffusion have; a file may leave them out.
-        names: what a name begins with there -> what it begins with here, the first that fits.
-        inner: parts of a name there -> here.
+        names: what a name begins with there, and what it begins with here; of several lines the first that fits.
+        inner: parts of a name there, and here.
     """
 
+    preset: str
     title: str
     options: str
     dataset: str
@@ -47,16 +49,12 @@ class Code(NamedTuple):
     fixed: tuple[str, ...]
     origin: str
     expected: dict[str, list[Any]]
-    names: dict[str, str]
-    inner: dict[str, str]
-
-
-def _names(text: str) -> dict[str, str]:
-    """Lines of names there and here."""
-    return dict(line.split() for line in text.strip().splitlines())
+    names: str
+    inner: str = ""
 
 
 MDM = Code(
+    "mdm",
     "MDM's trans_enc",
     "args.json",
     "dataset",
@@ -68,16 +66,16 @@ MDM = Code(
         "dataset": ["humanml", "kit"], "noise_schedule": ["cosine", "linear"], "emb_policy": ["add"], "pred_len": [0],
         "context_len": [0], "multi_target_cond": [False],
     },
-    _names("""
+    """
         input_process.poseEmbedding. enter.
         embed_timestep.time_embed. time.
         embed_text. text.
         seqTransEncoder.layers. encoder.stack.layers.
         output_process.poseFinal. leave.
-    """),
-    {},
+    """,
 )  # fmt: skip
 STABLEMOFUSION = Code(
+    "stablemofusion",
     "StableMoFusion's U-Net",
     "../opt.txt",
     "dataset_name",
@@ -88,7 +86,7 @@ STABLEMOFUSION = Code(
         "dataset_name": ["t2m", "humanml", "kit"], "prediction_type": ["sample"], "beta_schedule": ["linear"],
         "diffusion_steps": [1000], "no_adagn": [False], "no_eff": [False], "text_latent_dim": [256], "time_dim": [512],
     },
-    _names(r"""
+    r"""
         embed_text. text.
         textTransEncoder.layers. text_encoder.stack.layers.
         text_ln. text_norm.
@@ -102,8 +100,8 @@ STABLEMOFUSION = Code(
         unet.ups.(\d+).1. ups.\1.0.
         unet.ups.(\d+).2. ups.\1.1.
         unet.final_conv. leave.
-    """),
-    _names("""
+    """,
+    """
         conv1d.blocks.0.block. convolutions.first.
         conv1d.blocks.0.group_norm. convolutions.first_norm.
         conv1d.blocks.1.block. convolutions.second.
@@ -111,7 +109,7 @@ STABLEMOFUSION = Code(
         conv1d.time_mlp.1. convolutions.film.
         conv1d.residual_conv. convolutions.shortcut.
         cross_attn.cross_attention. attention.
-    """),
+    """,
 )  # fmt: skip
 LEVELS = 4  # of StableMoFusion's U-Net, whatever its widths: its program pads frames to a multiple of 16
 CODES = {".pt": MDM, ".tar": STABLEMOFUSION}  # by the ending of the weights' file
@@ -145,8 +143,10 @@ def open_released(file: str | Path, data: str | Path = "", clip_folder: str | Pa
     layout, weights = LAYOUTS[options[code.dataset]], _weights(file, code)
     data = str(data) or layout.name
     try:
-        sizes = (_unet if code is STABLEMOFUSION else _mdm)(options, weights)
-        cfg = Config.preset(sizes.pop("preset"), data=data, clip_folder=str(clip_folder), shortest=layout.shortest, **sizes)
+        changes = (_unet if code is STABLEMOFUSION else _mdm)(options, weights)
+        dropped = float(options.get("cond_mask_prob", 0.1))
+        changes |= {"drop_text": dropped} if dropped else {"drop_text": 0.0, "guidance": 1.0}
+        cfg = Config.preset(code.preset, data=data, clip_folder=str(clip_folder), shortest=layout.shortest, **changes)
         net = TextDenoiser(cfg.model, layout.width, cfg.forward.steps, ())
         net.body.load_state_dict(weights)
     except (KeyError, IndexError, RuntimeError) as error:
@@ -156,13 +156,12 @@ def open_released(file: str | Path, data: str | Path = "", clip_folder: str | Pa
 
 
 def _mdm(options: Mapping[str, Any], weights: Mapping[str, Tensor]) -> dict[str, Any]:
-    """The preset of a model, and what it changes."""
+    """What a model changes of its preset."""
     layers = {name.split(".")[3] for name in weights if name.startswith("encoder.stack.layers.")}
     return {
-        "preset": "mdm", "steps": options.get("diffusion_steps", 1000), "layers": len(layers),
+        "steps": options.get("diffusion_steps", 1000), "layers": len(layers),
         "width": weights["enter.weight"].shape[0], "feedforward": weights["encoder.stack.layers.0.linear1.weight"].shape[0],
         "schedule": options.get("noise_schedule", "cosine"), "mask_frames": options.get("mask_frames", False),
-        **_guidance(options),
     }  # fmt: skip
 
 
@@ -173,22 +172,17 @@ def _unet(options: Mapping[str, Any], weights: Mapping[str, Tensor]) -> dict[str
     if len(widths) != LEVELS or [base * many for many in times] != widths:
         found = f"base_dim {shown(base)} with dim_mults {shown(times)} where the weights have {widths}"
         raise KeyError(f"{found}; the program pads frames for four levels")
-    return {"preset": "stablemofusion", "width": base, "multipliers": tuple(times), **_guidance(options)}
-
-
-def _guidance(options: Mapping[str, Any]) -> dict[str, float]:
-    dropped = float(options.get("cond_mask_prob", 0.1))
-    return {"drop_text": dropped} | ({} if dropped else {"guidance": 1.0})
+    return {"width": base, "multipliers": tuple(times)}
 
 
 def _statistics(file: Path, cfg: Config, layout: FeatureLayout, options: Mapping[str, Any]) -> Statistics:
     """Those that lie beside the model, else the collection's."""
     meta = file.parent.parent / "meta"
-    if cfg.model.network == "mdm" or not meta.is_dir():
-        if (bias := options.get("feat_bias", 5)) != 5:
-            raise MotionFormatError(meta, "folder", "none", f"mean.npy and std.npy, as feat_bias is {shown(bias)} and not 5")
-        return published_statistics(cfg, layout)
-    return published_statistics(cfg, layout, (meta / "mean.npy", meta / "std.npy"), "stablemofusion")
+    if cfg.model.network == "unet" and meta.is_dir():
+        return published_statistics(cfg, layout, (meta / "mean.npy", meta / "std.npy"), "stablemofusion")
+    if (bias := options.get("feat_bias", 5)) != 5:
+        raise MotionFormatError(meta, "folder", "none", f"mean.npy and std.npy, as feat_bias is {shown(bias)} and not 5")
+    return published_statistics(cfg, layout)
 
 
 def _options(file: Path, code: Code) -> dict[str, Any]:
@@ -211,10 +205,8 @@ def _options(file: Path, code: Code) -> dict[str, Any]:
 def _option(line: tuple[str, str]) -> tuple[str, Any]:
     """Name and value of a line of opt.txt, which Python wrote."""
     name, value = line[0], line[1].strip()
-    if value in ("True", "False"):
-        return name, value == "True"
     try:
-        return name, json.loads(value)
+        return name, json.loads({"True": "true", "False": "false"}.get(value, value))
     except ValueError:
         return name, value
 
@@ -222,18 +214,18 @@ def _option(line: tuple[str, str]) -> tuple[str, Any]:
 def _weights(file: Path, code: Code) -> dict[str, Tensor]:
     """Learnt weights by the names of this package's networks."""
     tree = checkpoint(file)
-    parts = tree if isinstance(tree, Mapping) else {}
-    tree = next((parts[name] for name in code.weights if isinstance(parts.get(name), Mapping)), tree)
+    if isinstance(tree, Mapping):
+        tree = next((tree[name] for name in code.weights if isinstance(tree.get(name), Mapping)), tree)
     if not isinstance(tree, Mapping) or not all(isinstance(value, Tensor) for value in tree.values()):
         raise ValueError(f"{file} holds {shown(type(tree).__name__)}; expected weights of {code.title} by their names")
-    found = {}
+    found, (names, inner) = {}, (dict(map(str.split, text.strip().splitlines())) for text in (code.names, code.inner))
     for name, value in tree.items():
         own = re.sub(r"^(module\.|n_averaged$)", "", str(name))  # torch's averages have these
         if not own or own.startswith(code.fixed):
             continue
-        begins = next((old for old in code.names if re.match(old, own)), None)
+        begins = next((old for old in names if re.match(old, own)), None)
         if begins is None:
-            raise ValueError(f"{file} has weights {shown(name)}; expected those of {code.title}: {', '.join(code.names)}")
-        own = re.sub(begins, code.names[begins], own, count=1)
-        found[next((own.replace(old, new) for old, new in code.inner.items() if old in own), own)] = value.float()
+            raise ValueError(f"{file} has weights {shown(name)}; expected those of {code.title}: {', '.join(names)}")
+        own = re.sub(begins, names[begins], own, count=1)
+        found[next((own.replace(old, new) for old, new in inner.items() if old in own), own)] = value.float()
     return found

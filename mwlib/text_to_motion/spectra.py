@@ -20,10 +20,9 @@ from jaxtyping import Complex, Float
 from scipy.fft import dct
 from torch import Tensor
 
+from mwlib.settings import choice
+
 Rule = Literal["ddpm", "ddim", "eq36"]
-RULES: tuple[Rule, ...] = get_args(Rule)
-
-
 Spectrum = Float[Tensor, " K"]
 Times = Float[Tensor, "*times"]
 Spectra = Float[Tensor, "*times K"]
@@ -42,7 +41,7 @@ def power_of(x: Float[Tensor, "... T C"]) -> Float[Tensor, " T"]:
     >>> power_of(torch.full((4, 2), 3.0)).round(decimals=6).tolist()
     [36.0, 0.0, 0.0, 0.0]
     """
-    c = np.asarray(dct(np.asarray(x.detach().cpu(), dtype=np.float64), axis=-2, norm="ortho"))
+    c = dct(x.detach().cpu().double().numpy(), axis=-2, norm="ortho")
     return torch.from_numpy(np.square(c).mean(axis=(*range(x.ndim - 2), -1)))
 
 
@@ -53,25 +52,6 @@ def energy_share(power: Spectrum) -> Spectrum:
     [0.5, 0.875, 1.0]
     """
     return power.cumsum(0) / power.sum()
-
-
-def slope(power: Spectrum, first: int, last: int) -> float:
-    """Slope of log P_k over log k by least squares, k = first ... last: -a where the power falls as k^-a.
-
-    A motion that does not return to where it began has a tail of its own, however smooth it is: k^-4 from its drift, k^-2 from a
-    jump. So a slope is no proof of a power law.
-
-    Raises:
-        ValueError: not 1 <= first < last < K.
-
-    >>> round(slope(power_law(64, 1.5), 1, 63), 6)
-    -1.5
-    """
-    if not 1 <= first < last < len(power):
-        raise ValueError(f"first and last are {first} and {last}; expected 1 <= first < last <= {len(power) - 1}")
-    k = torch.arange(first, last + 1, dtype=torch.float64).log()
-    k = k - k.mean()
-    return float((k * power[first : last + 1].double().log()).sum() / k.square().sum())
 
 
 def power_law(coefficients: int, exponent: float = 2.0) -> Spectrum:
@@ -109,27 +89,22 @@ def snr(power: Spectrum, alpha_bar: Times) -> Spectra:
     return a * power / (1 - a)
 
 
-def recovery_level(power: Float[Tensor, "*shape"], gamma: float = 1.0) -> Float[Tensor, "*shape"]:
-    """The alpha_bar at which the SNR is gamma: gamma / (gamma + P_k). Source: Eq. 38 for the process of Eq. 2.
+def recovery_time(power: Float[Tensor, "*shape"], steps: int, gamma: float = 1.0) -> Float[Tensor, "*shape"]:
+    """When the SNR is gamma under the cosine schedule, in steps: T (1.008 (2/π) arccos sqrt(a) - 0.008), a = gamma/(gamma + P_k).
+
+    Source: Eq. 38 for the process of Eq. 2, solved: a is the alpha_bar at which the SNR is gamma. Time t has alpha_bar(t/T), so
+    index i of `mwlib.diffusion.alpha_bar` is time i + 1. Reversed time runs from T down: a large t returns early. The order is
+    low before high only where P_k falls.
 
     Raises:
         ValueError: gamma is not positive.
-    """
-    if gamma <= 0:
-        raise ValueError(f"gamma is {gamma}; expected more than 0")
-    return gamma / (gamma + power)
-
-
-def recovery_time(power: Float[Tensor, "*shape"], steps: int, gamma: float = 1.0) -> Float[Tensor, "*shape"]:
-    """When the SNR is gamma under the cosine schedule, in steps: T (1.008 (2/π) arccos sqrt(a) - 0.008), a = `recovery_level`.
-
-    Source: Eq. 38, solved. Time t has alpha_bar(t/T), so index i of `mwlib.diffusion.alpha_bar` is time i + 1. Reversed time runs
-    from T down: a large t returns early. The order is low before high only where P_k falls.
 
     >>> [round(t, 2) for t in recovery_time(power_law(128)[[1, 64]], 1000).tolist()]
     [908.52, 61.58]
     """
-    level = recovery_level(power, gamma)
+    if gamma <= 0:
+        raise ValueError(f"gamma is {gamma}; expected more than 0")
+    level = gamma / (gamma + power)
     return steps * (1.008 * 2 / math.pi * torch.arccos(level.sqrt()) - 0.008)
 
 
@@ -169,22 +144,21 @@ def reverse_power(power: Spectrum, alpha_bar: Float[Tensor, " M"], indices: Sequ
     Args:
         power: P_k of the data.
         alpha_bar: schedule, float64.
-        indices: falling diffusion indices, see `mwlib.diffusion.ddim_indices`.
+        indices: falling diffusion indices, at least one, see `mwlib.diffusion.ddim_indices`.
         rule: "ddpm", "ddim" or "eq36".
 
     Raises:
-        ValueError: another rule, or no indices.
+        ValueError: another rule.
 
     >>> from mwlib.diffusion import alpha_bar, ddim_indices
     >>> v = reverse_power(power_law(128), alpha_bar("cosine", 50), ddim_indices(50, 50)).state[-1] / power_law(128)
     >>> [round(ratio, 2) for ratio in v[[1, 4, 16, 64, 120]].tolist()]
     [0.84, 0.92, 0.86, 0.65, 0.49]
     """
-    if rule not in RULES or not len(indices):
-        raise ValueError(f"rule is {rule!r}, {len(indices)} indices; expected one of {', '.join(RULES)}, and an index or more")
+    choice("rule", rule, get_args(Rule))
     levels = alpha_bar[list(indices)]
     v, states, estimates = torch.ones_like(power), [], []
-    for a, after in zip(levels, torch.cat([levels[1:], torch.ones_like(levels[:1])]), strict=True):
+    for a, after in torch.cat([levels, levels.new_ones(1)]).unfold(0, 2, 1):
         gain = wiener_gain(power, a)
         keep, added = _step(gain, a, after, rule)
         estimates.append(gain**2 * v)
@@ -198,7 +172,7 @@ def _step(gain: Tensor, a: Tensor, after: Tensor, rule: Rule) -> tuple[Tensor, T
     if rule == "eq36":
         return after.sqrt() * gain, 1 - after
     if rule == "ddim":
-        return after.sqrt() * gain + (1 - after).sqrt() * (1 - a.sqrt() * gain) / (1 - a).sqrt(), torch.zeros_like(a)
+        return after.sqrt() * gain + (1 - after).sqrt() * (1 - a.sqrt() * gain) / (1 - a).sqrt(), 0 * a
     ratio = a / after
     keep = (after.sqrt() * (1 - ratio) * gain + ratio.sqrt() * (1 - after)) / (1 - a)
     return keep, (1 - after) / (1 - a) * (1 - ratio)

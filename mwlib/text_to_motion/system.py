@@ -1,8 +1,8 @@
 """Free-T2M as a system: data, training, scores of motions made from sentences, and baselines that need no training."""
 
 import warnings
-from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections import defaultdict
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -16,7 +16,7 @@ from mwlib.data.formats.humanml import CaptionedClip
 from mwlib.matching.evaluators import Matcher, open_matcher, stands_on
 from mwlib.metrics import Column, clustered_error, diversity, fid, multimodality, r_precision
 from mwlib.networks.matching import UNIT
-from mwlib.networks.text import words_of
+from mwlib.networks.text import vocabulary_of, words_of
 from mwlib.text_to_motion.attributes import CLAIMS, claims_met, movement
 from mwlib.text_to_motion.config import RANKS, Config
 from mwlib.text_to_motion.model import TextToMotion
@@ -24,9 +24,7 @@ from mwlib.text_to_motion.objective import TextObjective, statistics_files
 
 METRICS = {  # the columns of every table
     "fid": Column("FID", "lower"),
-    "top1": Column("R-precision top 1", "higher"),
-    "top2": Column("R-precision top 2", "higher"),
-    "top3": Column("R-precision top 3", "higher"),
+    **{f"top{k}": Column(f"R-precision top {k}", "higher") for k in range(1, RANKS + 1)},
     "mm_dist": Column("MM-Dist", "lower"),
     "diversity": Column("Diversity"),
     "multimodality": Column("MultiModality"),
@@ -83,19 +81,21 @@ def nearest_caption(clips: Clips, texts: Sequence[str]) -> list[int]:
     """
     captions = [caption for clip in clips for caption in clip.captions]
     owner = [i for i, clip in enumerate(clips) for _ in clip.captions]
-    vocabulary = {word: i for i, word in enumerate(sorted({word for text in [*captions, *texts] for word in words_of(text)}))}
+    vocabulary = {word: i for i, word in enumerate(vocabulary_of([*captions, *texts]))}
     asked, known = _counts(texts, vocabulary), _counts(captions, vocabulary).T.tocsr()
     parts = [(asked[first : first + ROWS] @ known).toarray().argmax(axis=1) for first in range(0, len(texts), ROWS)]
-    return [owner[int(i)] for i in np.concatenate(parts)]
+    return [owner[i] for i in np.concatenate(parts)]
 
 
 def _counts(texts: Sequence[str], vocabulary: dict[str, int]) -> csr_array:
     """Rows of unit length."""
-    rows = [Counter(vocabulary[word] for word in words_of(text)) for text in texts]
-    sizes = [np.sqrt(sum(n * n for n in row.values())) or 1.0 for row in rows]
-    places = [(i, word, n / size) for i, (row, size) in enumerate(zip(rows, sizes, strict=True)) for word, n in row.items()]
-    at, words, values = zip(*places, strict=True) if places else ((), (), ())
-    return csr_array((values, (at, words)), shape=(len(texts), len(vocabulary)))
+    words = [[vocabulary[word] for word in words_of(text)] for text in texts]
+    starts = np.cumsum([0, *map(len, words)])
+    places = np.array([place for row in words for place in row], int)
+    counts = csr_array((np.ones(len(places)), places, starts), (len(texts), len(vocabulary)))
+    counts.sum_duplicates()
+    counts.data /= np.repeat(np.sqrt(counts.power(2).sum(axis=1)), np.diff(counts.indptr))
+    return counts
 
 
 def any_clip(clips: Clips, count: int, seed: int) -> list[int]:
@@ -119,19 +119,20 @@ def make_motions(cfg: Config, get_model: Callable[[], TextToMotion], parts: Part
     """
     if cfg.sampling.method == "diffusion":
         return get_model().sample
-    train, own = parts.train, [torch.from_numpy(clip.features) for clip in test]
+    train, own = parts.train, _whole(test)
     baselines: dict[str, Make] = {
-        "truth": lambda texts, frames, seed: [x[:n] for x, n in zip(own, frames, strict=True)],
-        "other_captions": lambda texts, frames, seed: [own[i - 1][: frames[i - 1]] for i in range(len(texts))],
-        "any_clip": lambda texts, frames, seed: _picked(train, any_clip(train, len(texts), seed)),
-        "nearest_caption": lambda texts, frames, seed: _picked(train, nearest_caption(train, texts)),
+        "truth": lambda texts, frames, seed: own,
+        "other_captions": lambda texts, frames, seed: [own[-1], *own[:-1]],
+        "any_clip": lambda texts, frames, seed: _whole(train[i] for i in any_clip(train, len(texts), seed)),
+        "nearest_caption": lambda texts, frames, seed: _whole(train[i] for i in nearest_caption(train, texts)),
         "mean_pose": lambda texts, frames, seed: mean_pose(train, frames),
     }
     return baselines[cfg.sampling.method]
 
 
-def _picked(clips: Clips, numbers: Sequence[int]) -> list[Tensor]:
-    return [torch.from_numpy(clips[i].features[: len(clips[i].features) // UNIT * UNIT]) for i in numbers]
+def _whole(clips: Iterable[CaptionedClip]) -> list[Tensor]:
+    """Features of clips up to their last whole movement."""
+    return [torch.from_numpy(clip.features[: len(clip.features) // UNIT * UNIT]) for clip in clips]
 
 
 def evaluate(cfg: Config, get_model: Callable[[], TextToMotion], parts: Parts, progress: bool = False) -> dict[str, Any]:
@@ -158,8 +159,8 @@ def evaluate(cfg: Config, get_model: Callable[[], TextToMotion], parts: Parts, p
         raise ValueError(f"there are {len(test)} test clips; expected at least {RANKS}, to rank them by their captions")
     make, judge = make_motions(cfg, get_model, parts, test), open_matcher(cfg.sampling.evaluator, parts.layout)
     _warn_of_strange_words(cfg.sampling.evaluator, judge, test)
-    lengths = [len(clip.features) // UNIT * UNIT for clip in test]
-    real = judge.embed_motions([torch.from_numpy(clip.features[:n]) for clip, n in zip(test, lengths, strict=True)])
+    known = _whole(test)
+    lengths, real = [*map(len, known)], judge.embed_motions(known)
     rounds, values = [], []
     for replicate in range(cfg.sampling.replicates):
         seed = cfg.sampling.sampling_seed + 1000 * replicate
@@ -177,10 +178,8 @@ def evaluate(cfg: Config, get_model: Callable[[], TextToMotion], parts: Parts, p
 
 
 def _warn_of_strange_words(name: str, judge: Matcher, test: Clips) -> None:
-    known, words = (
-        {*judge.vocabulary.words},
-        [word for clip in test for text in clip.captions for word in judge.vocabulary.words_of(text)],
-    )
+    words = [word for clip in test for text in clip.captions for word in judge.vocabulary.words_of(text)]
+    known = {*judge.vocabulary.words}
     strange = [word for word in words if word not in known]
     if len(strange) > STRANGE * len(words):
         warnings.warn(
@@ -217,10 +216,10 @@ def right_by_action(model: TextToMotion, test: Clips, found: Mapping[str, Any]) 
         found: what `evaluate` gave.
     """
     shown = {clip.name: clip.attributes.get("action") for clip in test}
-    right: dict[str, list[float]] = {}
+    right: dict[str, list[float]] = defaultdict(list)
     for name, value in zip(found["clips"], found["values"]["action"], strict=True):
         if shown[name] is not None and np.isfinite(value):
-            right.setdefault(str(shown[name]), []).append(value)
+            right[str(shown[name])].append(value)
     return {action: {"right": float(np.mean(values)), "clips": len(values)} for action, values in sorted(right.items())}
 
 
@@ -237,29 +236,26 @@ more_rows, more_of_card = right_by_action, card_of_actions  # what the card of a
 def _multimodality(cfg: Config, make: Make, judge: Matcher, test: Clips, lengths: Sequence[int]) -> float:
     """Of so many motions for each of some sentences."""
     s = cfg.sampling
-    picked = thinned(range(len(test)), s.repeated)
-    texts = [text for i in picked for text in [test[i].captions[0]] * s.repeats]
-    frames = [n for i in picked for n in [lengths[i]] * s.repeats]
-    found = judge.embed_motions(make(texts, frames, s.sampling_seed + 500)).unflatten(0, (len(picked), s.repeats))
+    picked = np.repeat(thinned(range(len(test)), s.repeated), s.repeats)
+    motions = make([test[i].captions[0] for i in picked], [lengths[i] for i in picked], s.sampling_seed + 500)
+    found = judge.embed_motions(motions).unflatten(0, (-1, s.repeats))
     return multimodality(found, s.repeats - 1, torch.Generator().manual_seed(s.sampling_seed))
 
 
 def _over_replicates(values: Float[np.ndarray, "R N"]) -> Float[np.ndarray, " N"]:
     """Means over the replicates that have a value; NaN where none has."""
-    there = np.isfinite(values)
-    return np.where(there, values, 0.0).sum(axis=0) / np.where(there.any(axis=0), there.sum(axis=0), np.nan)
+    return np.ma.masked_invalid(values).mean(axis=0).filled(np.nan)
 
 
 def _summary(
     rounds: Sequence[dict[str, float]], values: Sequence[dict[str, list[float]]], names: Sequence[str]
 ) -> dict[str, Any]:
-    of_sets = {name: np.array([found[name] for found in rounds if name in found]) for name in rounds[0]}
+    of_sets = {name: [found[name] for found in rounds if name in found] for name in rounds[0]}
     of_clips = {name: _over_replicates(np.array([found[name] for found in values])) for name in values[0]}
     known = {name: value for name, value in of_clips.items() if np.isfinite(value).any()}
-    mean = {name: float(value.mean()) for name, value in of_sets.items()}
-    error = {n: float(value.std(ddof=1) / len(value) ** 0.5) for n, value in of_sets.items() if len(value) == len(rounds) > 1}
+    error = {n: float(np.std(value, ddof=1) / len(value) ** 0.5) for n, value in of_sets.items() if len(value) == len(rounds) > 1}
     return {
-        "mean": mean | {name: float(np.nanmean(value)) for name, value in known.items()},
+        "mean": {n: float(np.mean(value)) for n, value in of_sets.items()} | {n: float(np.nanmean(v)) for n, v in known.items()},
         "standard_error": error | {name: clustered_error(value, names) for name, value in known.items()},
         "windows": len(names),
         "values": {name: value.tolist() for name, value in of_clips.items()},

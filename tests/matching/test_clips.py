@@ -10,7 +10,8 @@ import torch
 
 from mwlib.data.formats.humanml import HUMANML3D
 from mwlib.data.normalisation import Statistics
-from mwlib.matching.clips import PairedClips, Vocabulary, of_half
+from mwlib.matching.evaluators import Vocabulary
+from mwlib.matching.objective import PairedClips, of_half
 from tests.matching.sample import toy_clips
 
 

@@ -17,8 +17,10 @@ from mwlib.data.captioned import one_caption_each
 from mwlib.data.formats.humanml import HUMANML3D, KIT, TaggedCaption
 from mwlib.experiments import get_result, system_of
 from mwlib.experiments.runs import Run, _models
-from mwlib.matching.clips import KINDS, PARTS, TaggedVocabulary
-from mwlib.matching.evaluators import FILES, Matcher, open_matcher, open_published, published_files
+
+from mwlib.matching.evaluators import (  # isort: skip
+    FILES, KINDS, PARTS, Matcher, TaggedVocabulary, open_matcher, open_published, published_files,
+)  # fmt: skip
 from mwlib.networks.matching import published_weights
 from mwlib.text_to_motion.objective import TextObjective
 from mwlib.text_to_motion.system import evaluate
@@ -244,13 +246,14 @@ def test_code_in_its_files_does_not_run(published, monkeypatch, tmp_path):
 
 
 @pytest.mark.parametrize("name, content, message", [
-    ("our_vab_words.pkl", [*WORDS, "more"], "no row for 1 of 17 words, such as 'more'; expected words with rows"),
+    ("our_vab_words.pkl", [*WORDS, "more"], r"no row for 1 of 17 words, such as \['more'\]; expected words with rows"),
     ("our_vab_words.pkl", [], "no row for 0 of 0 words"),
     ("our_vab_words.pkl", {"a": 1}, "a dict, and a dict in .*; expected a list, and a dictionary"),
     ("our_vab_idx.pkl", {"a": 1.5}, "found an instruction BINFLOAT"),
     ("our_vab_idx.pkl", {"a": "b"}, "found dict with something else"),
     ("our_vab_idx.pkl", dict.fromkeys(WORDS, 99), "no row for 16 of 16 words"),
-    ("our_vab_data.npy", np.zeros((30, 7)), "finest.tar has 6 numbers of a word; expected 7, as the files beside it"),
+    ("our_vab_data.npy", np.zeros((30, 7)),
+     r"finest.tar has \(263, 6, 15\) .*numbers of a word.*; expected \(263, 7, 15\), as the files beside"),
     ("our_vab_data.npy", np.zeros(30), r"float64 of shape \(30,\); expected numbers of shape \(words, 300\)"),
     ("our_vab_data.npy", np.full((30, 6), np.nan), "found nan"),
     ("mean.npy", np.zeros(251), "251 means, 263 deviations"),

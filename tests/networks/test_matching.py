@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import pytest
 import torch
-from safetensors.torch import save_file
 from torch import nn
 
 from mwlib.networks.matching import MotionEncoder, MovementDecoder, MovementEncoder, SentenceEncoder, published_weights
@@ -116,11 +115,7 @@ def test_the_learned_start_state_learns():
     assert (reader.hidden.grad != 0).all()
 
 
-def test_bad_lengths_are_refused(unchecked):
-    reader = MotionEncoder(6, 8, 5)
-    for lengths in ([0, 2], [2, 4]):
-        with pytest.raises(ValueError, match=r"expected 1 to that"):
-            reader(torch.zeros(2, 3, 6), torch.tensor(lengths))
+def test_parts_of_speech_that_are_not_asked_for_are_refused():
     with pytest.raises(ValueError, match="parts of speech given"):
         SentenceEncoder(6, 8, 5)(torch.zeros(1, 3, 6), torch.tensor([3]), torch.zeros(1, 3, 2))
 
@@ -159,14 +154,10 @@ def checkpoint(scale: float = 0.01) -> dict:
     return {**made, "opt_motion_encoder": {"state": {}, "param_groups": [{"lr": 1e-4}]}, "epoch": 270, "iter": 9}
 
 
-@pytest.mark.parametrize("name", ["finest.tar", "finest.safetensors"])
-def test_published_weights_fit(name, tmp_path):
+def test_published_weights_fit(tmp_path):
     tree = checkpoint()
-    if name.endswith("tar"):
-        torch.save(tree, tmp_path / name)
-    else:
-        save_file({f"{part}.{key}": value for part in PUBLISHED for key, value in tree[part].items()}, tmp_path / name)
-    text, motion, movement = published_weights(tmp_path / name)
+    torch.save(tree, tmp_path / "finest.tar")
+    text, motion, movement = published_weights(tmp_path / "finest.tar")
     for network, part in ((text, "text_encoder"), (motion, "motion_encoder"), (movement, "movement_encoder")):
         state = network.state_dict()
         assert state.keys() == tree[part].keys() and all(torch.equal(state[key], tree[part][key]) for key in state)
@@ -184,8 +175,9 @@ def test_the_defaults_are_the_published_sizes():
 def test_other_files_are_refused(tmp_path):
     tree = checkpoint()
     del tree["motion_encoder"]
-    torch.save(tree, tmp_path / "other.tar")
-    with pytest.raises(ValueError, match="expected text_encoder, motion_encoder and movement_encoder"):
-        published_weights(tmp_path / "other.tar")
+    for content in (tree, {**tree, "motion_encoder": 3}, tree["text_encoder"], [1, 2], 5):
+        torch.save(content, tmp_path / "other.tar")
+        with pytest.raises(ValueError, match="expected text_encoder, motion_encoder and movement_encoder"):
+            published_weights(tmp_path / "other.tar")
     with pytest.raises(FileNotFoundError):
         published_weights(tmp_path / "nothing.tar")

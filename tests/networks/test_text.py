@@ -37,7 +37,6 @@ def test_words():
     assert words_of(said) == ["a", "man", "doesn't", "run", "walk", "he's", "at", "3", "o'clock"]
     assert words_of(" ...\n") == []
     assert vocabulary_of(TEXTS) == ("a", "circle", "in", "man", "person", "walks", "waves")
-    assert vocabulary_of(TEXTS, at_least=2) == ("a",)
 
 
 @BOTH
@@ -47,7 +46,7 @@ def test_a_sentence_alone_and_among_longer_ones_is_the_same(make):
     assert encoder.width == 16 and together.tokens.shape == (3, 7, 16) and together.pooled.shape == (3, 16)
     assert together.mask.sum(1).tolist() == [7, 4, 1]  # with the start token
     for i, text in enumerate(TEXTS):
-        alone = encoder.encode([text])
+        alone = encoder([text])
         n = alone.tokens.shape[1]
         assert alone.mask.all() and together.mask[i].tolist() == [True] * n + [False] * (7 - n)
         torch.testing.assert_close(alone.tokens[0], together.tokens[i, :n], atol=1e-5, rtol=1e-5)
@@ -55,12 +54,10 @@ def test_a_sentence_alone_and_among_longer_ones_is_the_same(make):
 
 
 @BOTH
-@pytest.mark.parametrize("pooling", ["mean", "first"])
-def test_what_is_pooled(make, pooling):
-    found = make(pooling=pooling)(TEXTS)
+def test_what_is_pooled(make):
+    found = make()(TEXTS)
     for i, n in enumerate((7, 4, 1)):
-        expected = found.tokens[i, :n].mean(0) if pooling == "mean" else found.tokens[i, 0]
-        torch.testing.assert_close(found.pooled[i], expected, atol=1e-6, rtol=1e-5)
+        torch.testing.assert_close(found.pooled[i], found.tokens[i, :n].mean(0), atol=1e-6, rtol=1e-5)
 
 
 @BOTH
@@ -185,13 +182,11 @@ def test_what_is_no_list_of_sentences_is_refused(make, texts, folder):
 @pytest.mark.parametrize(
     "make, change, message",
     [
-        (learned, dict(vocabulary=("a", "a")), "2 words, 1 different; expected each once"),
-        (learned, dict(vocabulary=()), "0 words, 0 different"),
-        (learned, dict(vocabulary=("two words",)), "'two words'; expected words in lower case"),
+        (learned, dict(vocabulary=("a", "a")), "2 words, 1 of them plain and different.*; expected each once"),
+        (learned, dict(vocabulary=()), "0 words, 0 of them"),
+        (learned, dict(vocabulary=("two words", "a")), "others are .'two words'.; expected each once, in lower case"),
         (learned, dict(vocabulary=("Man",)), "'Man'"),
-        (learned, dict(pooling="last"), "pooling is 'last'; expected one of mean, first"),
         (learned, dict(heads=3), "width is 16"),
-        (hashed, dict(buckets=0), "buckets is 0; expected at least 1"),
     ],
 )
 def test_bad_settings(make, change, message, unchecked):
@@ -280,7 +275,7 @@ def test_missing_files_say_where_to_get_them_and_where_to_put_them(folder):
     assert "https://huggingface.co/openai/clip-vit-base-patch32 into that folder" in str(error.value)
 
 
-def test_another_tower_and_bad_lengths_are_refused(folder):
+def test_another_tower_is_refused(folder):
     (folder / "config.json").write_text("3")
     with pytest.raises(ValueError, match="4 numbers per token and 3 per sentence; expected that of ViT-B/32"):
         ClipText(folder)
@@ -289,9 +284,6 @@ def test_another_tower_and_bad_lengths_are_refused(folder):
         ClipText(folder)
     shown = sys.modules["transformers"].utils.logging
     assert shown.level == 30 and shown.bar  # as they were
-    for longest in (0, 76):
-        with pytest.raises(ValueError, match=f"longest is {longest}; expected 1 to 75"):
-            ClipText(folder, longest=longest)
 
 
 def test_tokens_and_sentence_vectors(folder):

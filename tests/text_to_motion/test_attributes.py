@@ -12,7 +12,7 @@ from mwlib.data.formats.humanml import HUMANML3D, joints_of
 from mwlib.data.formats.humanml_encoding import features_of
 from mwlib.synthetic.acts import act_out, captioned_positions
 from mwlib.synthetic.person import draw_figure
-from mwlib.text_to_motion.attributes import measured_attributes
+from mwlib.text_to_motion.attributes import CLAIMS, measured_attributes
 
 OTHER = {"left": "right", "right": "left"}
 
@@ -27,14 +27,14 @@ def shares(positions, attributes):
     shown = {}
     for clip, claims in zip(positions, attributes, strict=True):
         found = measured_attributes(clip)
-        for name, value in claims.items():
+        for name, value in ((name, claims[name]) for name in CLAIMS if name in claims):
             shown.setdefault(name, []).append(found.get(name) == value)
     return {name: np.mean(values) for name, values in shown.items()}
 
 
 def test_attributes_of_synthetic_people_are_measured_right(clips):
     right = shares([clip.positions for clip in clips], [clip.attributes for clip in clips])
-    assert set(right) == {name for clip in clips for name in clip.attributes} and min(right.values()) >= 0.95, right
+    assert set(right) == set(CLAIMS) and min(right.values()) >= 0.95, right
 
 
 def test_nothing_is_found_that_was_not_claimed(clips):
@@ -78,7 +78,7 @@ def test_a_left_hand_that_a_ruler_sees_is_a_left_hand():
     positions[:, left_elbow] = shoulder + [0.27, 0.02, 0.0]
     positions[:, left_wrist] = positions[:, left_elbow] + np.stack([swing, np.sqrt(0.25**2 - swing**2), 0 * swing], axis=-1)
     found = measured_attributes(positions)
-    assert (found["action"], found["hand"], found["pace"]) == ("wave", "left", "normal")
+    assert (found["action"], found["hand"]) == ("wave", "left")
 
 
 def test_clips_of_other_captions_score_near_chance(clips):
@@ -96,9 +96,9 @@ def test_what_is_no_body_is_measured_all_the_same(size):
 
 
 @pytest.mark.parametrize("positions, message", [
-    (np.full((20, 22, 3), np.nan), "not finite; expected metres"),
-    (np.zeros((40, 21, 3)), "expected .T, 22, 3. with at least 10 frames"),
-    (np.zeros((9, 22, 3)), "expected .T, 22, 3. with at least 10 frames"),
+    (np.full((20, 22, 3), np.nan), "1320 values that are not finite; expected metres"),
+    (np.zeros((40, 21, 3)), ".40, 21, 3.*; expected metres, .T, 22, 3. with at least 10 frames"),
+    (np.zeros((9, 22, 3)), ".9, 22, 3.*; expected metres, .T, 22, 3. with at least 10 frames"),
 ])  # fmt: skip
 def test_what_cannot_be_measured_is_refused(positions, message):
     with pytest.raises(ValueError, match=message):

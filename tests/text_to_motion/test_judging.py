@@ -12,9 +12,8 @@ import torch
 from mwlib.data.captioned import piece
 from mwlib.data.formats.humanml import CaptionedClip
 from mwlib.experiments import judging as running
-from mwlib.matching.clips import TaggedCaption, TaggedVocabulary
-from mwlib.matching.evaluators import Matcher
-from mwlib.text_to_motion.judging import REAL, Once, PaddedWords, Protocol, deviations, scores
+from mwlib.matching.evaluators import Matcher, TaggedCaption, TaggedVocabulary, Vocabulary
+from mwlib.text_to_motion.judging import REAL, Once, Protocol, deviations, scores
 from mwlib.text_to_motion.model import TextToMotion
 from tests.matching.sample import toy_clips, untrained
 
@@ -90,10 +89,15 @@ def test_motions_of_a_seed_are_made_once():
 
 
 def test_padding_is_read_as_unknown_words():
-    words = PaddedWords(TaggedVocabulary(["a", "unk", "sos", "eos"]))
+    words = TaggedVocabulary(["a", "unk", "sos", "eos"])
+    words.padded = True
     numbers, counts, parts = words.ids([TaggedCaption("a", [("a", "DET")])])
     assert numbers.tolist() == [[2, 0, 3, *[1] * 19]] and counts.tolist() == [22]
     assert parts.shape == (1, 22, 15) and parts[0, 3:].argmax(1).tolist() == [14] * 19
+    words = Vocabulary(["a", "man", "walks"], longest=5)
+    words.padded = True
+    numbers, counts = words.ids(["a man walks"])
+    assert numbers.tolist() == [[1, 3, 4, 5, 2, 0, 0]] and counts.tolist() == [7]
 
 
 @pytest.mark.parametrize("wrong", [{"pool": 2}, {"clips": 2}, {"frames": 42}, {"repeats": 1}])

@@ -157,5 +157,5 @@ def test_the_stage_by_signal_to_noise_is_the_share_that_noise_drowns():
     a = torch.tensor([0.9, 0.5, 0.1], dtype=torch.float64)
     low, semantic = stage_weights("snr", torch.arange(3), a, torch.tensor([2.0, 0.5, 0.05, 0.05]))
     assert low.tolist() == [0.5, 0.75, 1.0] and semantic.tolist() == [0.5, 0.25, 0.0]
-    with pytest.raises(ValueError, match="without the power"):
+    with pytest.raises(ValueError, match="stage is 'snr'; expected"):
         stage_weights("snr", torch.arange(3), a)

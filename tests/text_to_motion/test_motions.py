@@ -117,6 +117,6 @@ def test_single_precision_motions_and_a_negative_weight(walk):
     np.testing.assert_allclose(fused.positions, fused_joints(walk.float().double(), HUMANML3D).numpy())
     with pytest.raises(
         ValueError,
-        match="step_weight is -1.0, contact_weight is 0.0, height_weight is 1.0, arm_weight is 0.1; expected at least 0",
+        match="step_weight=-1.0, contact_weight=0.0, height_weight=1.0, arm_weight=0.1; expected at least 0",
     ):
         fused_joints(walk, HUMANML3D, -1.0, 0.0)

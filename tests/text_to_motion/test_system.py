@@ -12,8 +12,7 @@ import torch
 import mwlib as mw
 from mwlib.data.captioned import captioned_people
 from mwlib.data.formats.humanml import HUMANML3D, KIT, CaptionedClip
-from mwlib.matching.clips import Vocabulary
-from mwlib.matching.evaluators import Matcher
+from mwlib.matching.evaluators import Matcher, Vocabulary
 from mwlib.text_to_motion import system
 from mwlib.text_to_motion.attributes import CLAIMS, claims_met, movement
 from mwlib.text_to_motion.system import any_clip, evaluate, mean_pose, nearest_caption

@@ -10,11 +10,10 @@ MUTANTS = [
          "fid(motion[order[:half]], motion[order[:half]])"),
     ),
     *of(
-        "matching/clips.py", "matching/test_clips.py",
+        "matching/objective.py", "matching/test_clips.py",
         ("stretches-in-either-half", 'clip.name.split(" ")[0])', "clip.name)"),
         ("critic-and-evaluator-of-one-half", 'wanted = ("evaluator", "critic").index(half)', "wanted = 0"),
         ("no-window-at-the-end", "(self.frames.lengths - frames + 1)", "(self.frames.lengths - frames)"),
-        ("sentences-not-cut", "words_of(text)[: self.longest]", "words_of(text)"),
         ("captions-of-other-clips", "self.first_caption[clip] + ", "self.first_caption[clip.flip(0)] + "),
     ),
     *of(
@@ -22,11 +21,14 @@ MUTANTS = [
         ("movements-of-two-frames", "movement_frames % UNIT", "movement_frames % 2"),
     ),
     *of(
-        "matching/clips.py", "matching/test_published.py",
+        "matching/evaluators.py", "matching/test_clips.py",
+        ("sentences-not-cut", "words_of(text)[: self.longest]", "words_of(text)"),
+    ),
+    *of(
+        "matching/evaluators.py", "matching/test_published.py",
         ("tag-wins-over-the-lists", "_KIND.get(word, tag)", "tag if tag in PARTS else _KIND.get(word, tag)"),
         ("unknown-words-keep-their-tag", "word, tag = UNKNOWN_WORD, OTHER", "word = UNKNOWN_WORD"),
-        ("padding-counted-as-words",
-         "counts = torch.tensor([len(row) for row in rows])", "counts = torch.tensor([table.shape[1]] * len(rows))"),
+        ("padding-counted-as-words", "torch.tensor([*map(len, filled)])", "torch.tensor([max(map(len, filled))] * len(filled))"),
         ("captions-not-cut", "LONGEST = 20", "LONGEST = 200"),
         ("ends-not-marked", ", (END_WORD, OTHER)]", "]"),
         ("plain-captions-have-no-words", "    if not isinstance(sentence, TaggedCaption) or not sentence.tagged:\n",
