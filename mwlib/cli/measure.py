@@ -303,7 +303,7 @@ def _averaged(rows: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
     """One line of several trainings: the means of the errors and, of more than one, their deviations."""
     if len(rows) == 1:
         return dict(rows[0])
-    out = rows[0] | {"trainings": len(rows)}
+    out = dict(rows[0]) | {"trainings": len(rows)}
     for metric in TOLERANCE:
         values = [row[metric] for row in rows]
         if None not in values:

@@ -240,7 +240,7 @@ def _parameter(node: Any, lines: list[bytes]) -> Parameter:
     text = ast.unparse(node)
     if not (isinstance(node, ast.AnnAssign) and isinstance(node.target, ast.Name) and node.value is not None):
         raise ParameterError(f"parameters cell: {text!r} is not of the form 'name: type = literal  # comment'")
-    comment = lines[node.end_lineno - 1][node.end_col_offset :].decode().strip("# ")
+    comment = lines[node.end_lineno - 1][node.end_col_offset :].decode().strip("# ")  # pyright: ignore[reportOptionalOperand]
     kind = ast.unparse(node.annotation)
     if kind not in KINDS:
         raise ParameterError(f"parameters cell: {text!r} has the type {kind}; expected one of {', '.join(KINDS)}")

@@ -7,7 +7,7 @@ from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.spatial import KDTree
@@ -335,7 +335,7 @@ def check_data(
     fps: float | None = None,
     history: int | None = None,
     future: int | None = None,
-    **stated: str | float | None,
+    **stated: Any,
 ) -> Check:
     """Look at motions before anything is trained on them.
 

@@ -33,7 +33,7 @@ class PlacedWindows(NamedTuple):
     def pick(self, rows: Int[Tensor, " n"] | slice) -> PlacedWindows:
         """Some of the windows."""
         *parts, placement = self
-        return PlacedWindows(*(part[rows] for part in parts), Placement(*(part[rows] for part in placement)))
+        return PlacedWindows._make([*(part[rows] for part in parts), Placement._make(part[rows] for part in placement)])
 
     def thin(self, count: int) -> PlacedWindows:
         """At most `count` windows, spread evenly; 0 keeps all."""

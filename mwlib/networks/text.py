@@ -312,7 +312,7 @@ class ClipText(TextEncoder):
         rows, pooled = zip(*(known[text] for text in texts), strict=True)
         for text in [*known][: max(len(known) - self.keep, 0)]:  # those that came first
             del known[text]
-        tokens = nn.utils.rnn.pad_sequence(rows, batch_first=True)
+        tokens = nn.utils.rnn.pad_sequence([*rows], batch_first=True)
         mask = torch.arange(tokens.shape[1]) < torch.tensor([*map(len, rows)])[:, None]
         return EncodedText(*(part.to(device) for part in (tokens, mask, torch.stack(pooled))))
 

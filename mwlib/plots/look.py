@@ -122,7 +122,7 @@ def outer(axes: np.ndarray, xlabel: str = "", ylabel: str = "") -> None:
 
 def legend(ax: Axes, columns: int = 3, place: str = "outside upper left") -> None:
     """What the lines of one axes mean, outside of all axes."""
-    ax.figure.legend(*ax.get_legend_handles_labels(), loc=place, ncols=columns)
+    ax.figure.legend(*ax.get_legend_handles_labels(), loc=place, ncols=columns)  # pyright: ignore[reportArgumentType]
 
 
 def rule(ax: Axes, height: float = 0, **look: Any) -> None:

@@ -17,6 +17,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.figure import Figure
 from PIL import Image
+from torch import Tensor
 
 from mwlib.files import write_together
 from mwlib.plots.look import array, style
@@ -33,7 +34,7 @@ def save(
     folder: str | Path,
     stem: str,
     *,
-    data: Mapping[str, np.ndarray] | Sequence[Mapping[str, object]],
+    data: Mapping[str, np.ndarray | Tensor] | Sequence[Mapping[str, object]],
     alt: str,
     provenance: Mapping[str, object],
 ) -> list[Path]:
@@ -113,7 +114,7 @@ def marked(stem: str | None) -> dict[str, dict[str, str]]:
     return {"mwlib": {"stem": stem}} if stem else {}
 
 
-def as_csv(data: Mapping[str, np.ndarray] | Sequence[Mapping[str, object]]) -> str:
+def as_csv(data: Mapping[str, np.ndarray | Tensor] | Sequence[Mapping[str, object]]) -> str:
     """Columns or rows, as `save` and `save_table` take them, as the text of a CSV file.
 
     Raises:

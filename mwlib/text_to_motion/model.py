@@ -226,14 +226,17 @@ class TextToMotion(TrainedModel):
         s, encoded = self.sampling, self.net.text(texts)
         lowest = self.cfg.forward.steps if s.guidance == 1 else s.guidance_above * self.cfg.forward.steps
 
+        twice = EncodedText._make(torch.cat([x, x]) for x in encoded)
+        drop = torch.arange(2 * len(mask), device=mask.device) >= len(mask)
+
         def denoise(y: Features, t: int) -> Features:
             """(y_t, t) -> eps."""
             guided = t >= lowest
-            y_t, valid, *text = (torch.cat([x] * (1 + guided)) for x in (y, mask, *encoded))
-            drop = torch.arange(len(y_t), device=y.device) >= len(y)
-            y0_hat = self.net(y_t, torch.full_like(drop, t, dtype=torch.long), valid, EncodedText(*text), drop)
+            y_t, valid, text = (torch.cat([y, y]), torch.cat([mask, mask]), twice) if guided else (y, mask, encoded)
+            y0_hat = self.net(y_t, torch.full((len(y_t),), t, device=y.device), valid, text, drop[: len(y_t)])
             if guided:
-                y0_hat = classifier_free(*y0_hat.chunk(2), s.guidance, "alg1")
+                told, untold = y0_hat.chunk(2)
+                y0_hat = classifier_free(told, untold, s.guidance, "alg1")
             return to_eps("y0", y0_hat * noisy(mask, self.cfg.model), y, self.alpha_bar[t])
 
         return denoise

@@ -41,7 +41,7 @@ def power_of(x: Float[Tensor, "... T C"]) -> Float[Tensor, " T"]:
     >>> power_of(torch.full((4, 2), 3.0)).round(decimals=6).tolist()
     [36.0, 0.0, 0.0, 0.0]
     """
-    c = dct(x.detach().cpu().double().numpy(), axis=-2, norm="ortho")
+    c = np.asarray(dct(x.detach().cpu().double().numpy(), axis=-2, norm="ortho"))
     return torch.from_numpy(np.square(c).mean(axis=(*range(x.ndim - 2), -1)))
 
 

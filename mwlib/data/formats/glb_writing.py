@@ -68,7 +68,7 @@ def _packed(rig: Rig, motion: Motion) -> bytes:
     """The whole file: a header, JSON, and the binary part."""
     arrays: Arrays = []
     joints = len(rig.skeleton)
-    rest = np.array(rig.at_first, np.float64)
+    rest = np.array(rig.spans[0], np.float64)
     rest[0] = rig.root[0]
     places, matrices = rest.copy(), np.tile(np.eye(4, dtype=np.float32), (joints, 1, 1))
     nodes: list[dict[str, Any]] = [
