@@ -30,7 +30,7 @@ VALIDATION, TRAINED_ON = "1", "5, 9, 14, 16, 49"
 PEOPLE = {VALIDATION: (WITHOUT, 0.025, 0.035, CHOSEN, 0.06), "2, 7, 29": (WITHOUT, CHOSEN), TRAINED_ON: (WITHOUT, CHOSEN)}
 MOST = {TRAINED_ON: 120}  # windows, spread evenly
 SHOWN = ("ade", "fde", "error_0.2s", "seam_jerk", "first_step", "median_jerk", "speed", "coverage_0.5", "coverage_0.9")
-HEADINGS = {name: (METRICS | DETAILS)[name].heading for name in SHOWN}
+COLUMNS = {name: (METRICS | DETAILS)[name] for name in SHOWN}
 EDGES = (3, 4, 6, 8, 10, 12.5)  # hertz
 BATCH = 8  # windows
 
@@ -93,17 +93,22 @@ def main() -> None:
     for people, tried in PEOPLE.items():
         found, jerks, whose = measured(people)
         means += [
-            {"people": people, "seam": s} | {said: found[s]["mean"][name] for name, said in HEADINGS.items()} for s in tried
+            {"people": people, "seam": s}
+            | {column.heading: found[s]["mean"][name] * column.scale for name, column in COLUMNS.items()}
+            for s in tried
         ]
         clips = found[CHOSEN]["clips"]
         several = len({*clips}) > 1  # of one clip no error over clips can be given
         if several:
-            changes = {n: np.array(found[CHOSEN]["values"][n]) - np.array(found[WITHOUT]["values"][n]) for n in SHOWN}
+            changes = {
+                column.heading: (np.array(found[CHOSEN]["values"][n]) - np.array(found[WITHOUT]["values"][n])) * column.scale
+                for n, column in COLUMNS.items()
+            }
             for person in ("all", *sorted({*whose}, key=int)):
                 of = np.array([person in ("all", who) for who in whose])
-                told = {HEADINGS[name]: float(d[of].mean()) for name, d in changes.items()}
+                told = {heading: float(d[of].mean()) for heading, d in changes.items()}
                 if person == "all":
-                    told |= {f"{HEADINGS[name]}, standard error": clustered_error(d, clips) for name, d in changes.items()}
+                    told |= {f"{heading}, standard error": clustered_error(d, clips) for heading, d in changes.items()}
                 pairs.append({"people": person, "windows": int(of.sum()), "seam": CHOSEN, "less": "0"} | told)
         persons = sorted({*whose}, key=int)
         for edge, person in itertools.product((*EDGES, None), persons if len(persons) == 1 else (people, *persons)):

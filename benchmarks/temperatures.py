@@ -27,7 +27,7 @@ TRIED = {
     CHOSEN_ON: (ALIKE, (1.1, 0.2), (1.1, 0.3), (1.1, 0.4), SPREAD, (1.2, 0.3), (1.0, 0.4), WARMER),
     "2, 7, 29": (ALIKE, SPREAD, WARMER),
 }
-COLUMNS = {name: column.heading for name, column in (METRICS | DETAILS).items()}
+COLUMNS = METRICS | DETAILS
 
 
 def measured(people: str, temperature: float, spread: float) -> tuple[dict[str, Any], list[str]]:
@@ -48,7 +48,10 @@ def main() -> None:
         for temperature, spread in tried:
             found[temperature, spread], whose = measured(people, temperature, spread)
             row = {"people": people, "temperature": temperature, "spread": spread}
-            means.append(row | {said: found[temperature, spread]["mean"][name] for name, said in COLUMNS.items()})
+            means.append(
+                row
+                | {column.heading: found[temperature, spread]["mean"][name] * column.scale for name, column in COLUMNS.items()}
+            )
             print(json.dumps(means[-1]), flush=True)
         if people == CHOSEN_ON:
             continue  # one clip, so that no error over clips can be given
@@ -56,17 +59,18 @@ def main() -> None:
         subjects = np.array([whose[clip] for clip in clips])
         for other in (SPREAD, WARMER):
             differences = {
-                name: np.array(found[other]["values"][name]) - np.array(found[ALIKE]["values"][name])
-                for name in COLUMNS.keys() & found[ALIKE]["values"].keys()
+                column.heading: (np.array(found[other]["values"][name]) - np.array(found[ALIKE]["values"][name])) * column.scale
+                for name, column in sorted(COLUMNS.items())
+                if name in found[ALIKE]["values"]
             }
             label = {"people": people, "temperature": other[0], "spread": other[1], "less": "temperature 1.1, spread 0"}
-            told = {COLUMNS[name]: float(d.mean()) for name, d in sorted(differences.items())}
-            told |= {f"{COLUMNS[name]}, standard error": clustered_error(d, clips) for name, d in sorted(differences.items())}
+            told = {heading: float(d.mean()) for heading, d in differences.items()}
+            told |= {f"{heading}, standard error": clustered_error(d, clips) for heading, d in differences.items()}
             pairs.append(label | told)
             for person in sorted({*subjects}, key=int):
                 of = subjects == person
                 row = {**label, "people": person, "windows": int(of.sum())}
-                each.append(row | {COLUMNS[name]: float(differences[name][of].mean()) for name in sorted(differences)})
+                each.append(row | {heading: float(d[of].mean()) for heading, d in differences.items()})
     about = {
         "data": "cmu/asfamc", "model": "cmu, as it comes with the package", "samples": 50, "mwlib": mw.__version__,
         "command": "python benchmarks/temperatures.py figures/cmu", **acknowledgement("cmu/asfamc"),

@@ -82,7 +82,8 @@ def check_mwlib(words: list[str], page: Path) -> None:
             if "grids" in given and given["grids"].name == "my-grids.yaml":
                 given["grids"] = Path(folder) / "my-grids.yaml"
                 given["grids"].write_text(blocks(page, "yaml")[0], encoding="utf-8")
-            assert choice_of(**given).cfg
+            grid, preset, changes, _ = choice_of(**given)
+            assert system(grid.system).Config.preset(preset, **changes)
     elif changes or "preset" in given:
         system(given.get("system", "prediction")).Config.preset(given.get("preset", "laptop"), **parse_changes(changes))
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 import json
 import logging
 import warnings
@@ -150,8 +151,8 @@ def export_onnx(model: TrainedModel, file: Path) -> list[Path]:
 def _exported(module: _Traceable, device: torch.device) -> Any:
     """The module as an ONNX model: of torch's exporter, without its talk."""
     try:
-        import onnx  # noqa: F401
-        import onnxscript  # noqa: F401
+        importlib.import_module("onnx")
+        importlib.import_module("onnxscript")
     except ModuleNotFoundError as error:
         found = f"{error.name} is missing, which writes ONNX"
         raise ImportError(f"{found}; install both with: pip install onnx onnxscript") from error
@@ -176,9 +177,7 @@ def _exported(module: _Traceable, device: torch.device) -> Any:
 
 def _halved(network: Any) -> bytes:
     """The model with those weights in half precision that it holds exactly; they are cast when the model is opened."""
-    import onnx
-
-    graph, casts = network.graph, []
+    onnx, graph, casts = importlib.import_module("onnx"), network.graph, []
     for weight in graph.initializer:
         values = onnx.numpy_helper.to_array(weight)
         with np.errstate(over="ignore"):

@@ -129,7 +129,8 @@ class TransLinear(nn.Module):
         added = None if condition is None else self.embed_condition(condition.reshape(items.shape))
         if added is not None and keep is not None:
             added = added * keep.reshape(-1, 1)
-        out, attention = self.evaluate(items, t, added, attention_rows=len(items) if return_attention else 0)
+        each = t.reshape(-1) if isinstance(t, Tensor) else t
+        out, attention = self.evaluate(items, each, added, attention_rows=len(items) if return_attention else 0)
         out = out.reshape(y_t.shape)
         return out if attention is None else (out, attention.reshape(*y_t.shape[:-2], *attention.shape[1:]))
 

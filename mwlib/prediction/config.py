@@ -39,27 +39,32 @@ _CHOSEN: dict[str, Any] = _LAPTOP | dict(
 _CMU_PEOPLE: dict[str, Any] = dict(validation_subjects=("1",), test_subjects=("2", "7", "29"))
 
 
-_PRESETS: dict[str, dict[str, Any]] = {
+def _source(name: str) -> dict[str, Any]:
+    """Data and frame rate of a preset, as load_motions knows it."""
+    return dict(zip(("data", "fps"), NAMED_SOURCES[name], strict=True))
+
+
+PRESETS: dict[str, dict[str, Any]] = {
     # The paper's coefficients, which the chapters explain. Half a minute on two cores: fewer frames, joints' rates and steps;
     # synthetic people.
-    "tiny": _STABLE | dict(
+    "tiny": _STABLE | _source("tiny") | dict(
         history=10, future=30, test_stride=10, width=64, layers=4, heads=4, feedforward=128, dropout=0.0,
         steps=200, train_steps=1000, batch=32, lr=1.5e-3, warmup=50, ema=0.99, ema_start=100, checkpoint_every=200,
         samples=20, ddim_steps=10, test_windows=48,
     ),
     # The paper's windows, and what measurements chose: a quarter to half an hour on two cores; synthetic people.
-    "laptop": _CHOSEN,
+    "laptop": _CHOSEN | _source("laptop"),
     # The same on the CMU clips in ASF/AMC, found under MWLIB_DATA; whole people are held out.
-    "cmu": _CHOSEN | _CMU_PEOPLE,
+    "cmu": _CHOSEN | _source("cmu") | _CMU_PEOPLE,
     # The same two at about the same cost, with the paper's coefficients.
-    "laptop_paper": _LAPTOP,
-    "cmu_paper": _LAPTOP | _CMU_PEOPLE,
+    "laptop_paper": _LAPTOP | _source("laptop"),
+    "cmu_paper": _LAPTOP | _source("cmu") | _CMU_PEOPLE,
     # MotionWavelet, Appendix A.
-    "h36m": dict(
+    "h36m": _source("h36m") | dict(
         augment="humanmac", window_sampling="subject_action",
         train_subjects=("S1", "S5", "S6", "S7", "S8"), test_subjects=("S9", "S11"),
     ),
-    "humaneva": dict(
+    "humaneva": _source("humaneva") | dict(
         history=15, future=60, test_stride=15, augment="humanmac",
         window_sampling="subject_action", layers=6, feedforward=1024, lr_schedule="cosine_restarts", lr_gamma=0.9,
         train_subjects=("Train/S1", "Train/S2", "Train/S3"),
@@ -68,11 +73,12 @@ _PRESETS: dict[str, dict[str, Any]] = {
     ),
 }  # fmt: skip
 
-# Data and frame rate are those that load_motions knows by a preset's name.
-PRESETS = {
-    name: dict(zip(("data", "fps"), NAMED_SOURCES[name.removesuffix("_paper")], strict=True)) | changes
-    for name, changes in _PRESETS.items()
-}
+# Names of settings before version 0.2, and today's.
+RENAMED = {
+    "latent": "width", "target": "representation", "cfg_weight": "guidance_weight", "cfg_form": "guidance_form",
+}  # fmt: skip
+
+
 Method = Literal["diffusion", "zero_velocity", "constant_velocity", "nearest_history", "nearest_displacement", "truth"]
 
 

@@ -139,6 +139,7 @@ def test_no_setting_of_the_sampling_is_left_out():
         "noise_on",
         "bones",
         "decoding",
+        "seam",
     }  # the evaluation's; what only a network on a device can tell; tested below
     assert {*SETTINGS, *others} == {field.name for field in fields(SamplingConfig)}
 
@@ -153,6 +154,9 @@ def test_futures_continue_the_history_if_the_settings_say_so(past):
         torch.testing.assert_close(model.predict(past, 2), future)
     cut, smooth = (metrics.first_step(future, past).mean() for future in futures)
     assert smooth < cut and not torch.equal(*futures)
+    free = [continued.with_sampling(bones="free", seam=seam).decode(last.y, past) for seam in (0.0, 1.0)]
+    before, after = (metrics.first_step(future, past).mean() for future in free)
+    assert after < 0.1 * before
     lengths = [bones_of(x, predictor.bodies.skeleton).norm(dim=-1) for x in (futures[1], past[:, None, -1:])]
     torch.testing.assert_close(lengths[0], lengths[1].expand_as(lengths[0]), rtol=1e-4, atol=1e-5)
 

@@ -116,6 +116,6 @@ class StandIn(TextEncoder):
     def __init__(self, *_: object, **__: object) -> None:
         super().__init__()
 
-    def encode(self, texts) -> EncodedText:
+    def forward(self, texts) -> EncodedText:
         tokens = torch.stack([said(text) for text in texts])
         return EncodedText(tokens, torch.ones(tokens.shape[:2], dtype=torch.bool), tokens[:, 0])
