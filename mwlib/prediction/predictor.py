@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import fields, replace
-from functools import cached_property, partial, reduce
+from functools import lru_cache, partial, reduce
 from math import ceil
 from typing import Any
 
@@ -104,6 +104,7 @@ def _check(x: Tensor, bodies: Bodies, history: int) -> None:
 
 
 CHUNK = 8  # windows sampled together on a processor; more would not be faster
+_continuation = lru_cache(maxsize=8)(Continuation)  # its matrices serve every model with the same settings
 Imposed = Callable[[slice, Float[Tensor, "n H C"]], dict[str, Any]]  # which windows, their histories -> hooks of `steps`
 
 
@@ -282,11 +283,11 @@ class Predictor(TrainedModel):
         seen, drawn = (bones_of(x, self.bodies.skeleton).norm(dim=-1) for x in (x_history[:, -1], future))
         return scale_bones(future, seen[:, None, None] / drawn.clamp_min(1e-6), self.bodies.skeleton)
 
-    @cached_property
+    @property
     def continuation(self) -> Continuation:
         """How coefficients are decoded that continue the history."""
         seen = self.representation
-        return Continuation(seen.motion, seen.history, seen.frames, self.bodies.fps, self.sampling.seam)
+        return _continuation(seen.motion, seen.history, seen.frames, self.bodies.fps, self.sampling.seam)
 
     def _shaping(self, x_history: Observed, noise: WindowNoise) -> tuple[OnEstimate | None, list[AfterStep]]:
         """What the settings do to every clean estimate (a bound in motion space, a projection or nothing), and after a step."""
