@@ -45,9 +45,6 @@ def _counterparts(name: str) -> Iterator[str]:
             yield name.replace(at[0], RIGHT[at[0]])
 
 
-rig_skeleton = own_skeleton  # of all nodes of a file, End Sites among them
-
-
 MOST_CLIPS, MOST_FRAMES = 20, 50
 SIDEWAYS = 0.5  # share of an unpaired bone that points to a side, median over frames: hips 0.8, necks 0.35 at most in any clip
 SHORT = 0.01  # metres; the direction of a shorter bone says nothing

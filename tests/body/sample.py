@@ -9,7 +9,7 @@ from mwlib.body.motion import Motion
 from mwlib.body.rig import ANGLES, MOVES, Rig
 from mwlib.body.rotation import continuous, euler_quaternions
 from mwlib.data.collections.lafan1 import LAFAN1
-from mwlib.data.mirroring import own_skeleton, rig_skeleton
+from mwlib.data.mirroring import own_skeleton
 from tests.inbetweening.sample import lafan_offsets
 
 PREFIX = "mixamorig:"
@@ -51,7 +51,7 @@ def animators_motion(
     joints = [j for j, name in enumerate(order) if not name.endswith("/End")]
     skeleton = own_skeleton(tuple(names[j] for j in joints), tuple(joints.index(parents[j]) if j else -1 for j in joints))
     root = np.stack([time[:, 0, 0], 0.9 + 0.05 * np.sin(6 * time[:, 0, 0]), 0.5 * time[:, 0, 0] ** 2], axis=1)
-    tree = rig_skeleton(names, parents)
+    tree = own_skeleton(names, parents)
     rig = Rig(tree, offsets, turns, root, tuple(joints), (MOVES + ORDERS[1], *channels[1:]))
     return Motion(rig.positions().astype(np.float32), fps, skeleton, name="animated", up="y", rig=rig)
 

@@ -16,7 +16,7 @@ from mwlib.body.rotation import euler_matrices
 from mwlib.body.skeleton import CMU, Skeleton
 from mwlib.data.formats.frames import Turn, blocks, matrices, quaternions
 from mwlib.data.meaning import FILE, FORMAT, Hints, Reading, Stated, infer_unit, stated
-from mwlib.data.mirroring import own_skeleton, rig_skeleton
+from mwlib.data.mirroring import own_skeleton
 
 from mwlib.data.untrusted import (  # isort: skip
     BLOCK, MOST_JOINTS, MOST_POINTS, SMALL_TEXT, MotionFormatError, allowed, bare_name, bare_suffix, label, lines_of, number,
@@ -176,10 +176,13 @@ def _axis(words: list[str], degrees: bool, file: Path, place: str) -> np.ndarray
     return euler_matrices("zyx", (np.deg2rad(angles) if degrees else angles)[None, ::-1])[0]
 
 
-def depth_first(tree: Skeleton, joint: int = 0) -> list[int]:
+def depth_first(tree: Skeleton) -> list[int]:
     """Joints as nested text lists them: each followed by all that hang from it."""
-    children = [child for parent, child in tree.bones if parent == joint]
-    return [joint, *(below for child in children for below in depth_first(tree, child))]
+    order, waiting = [], [0]
+    while waiting:  # no recursion: a file may hang hundreds of joints one under the other
+        order.append(waiting.pop())
+        waiting += [child for parent, child in reversed(tree.bones) if parent == order[-1]]
+    return order
 
 
 def _with_ends(tree: Skeleton) -> Skeleton:
@@ -187,7 +190,7 @@ def _with_ends(tree: Skeleton) -> Skeleton:
     last = [joint for joint in range(len(tree)) if joint not in tree.parents]
     names, parents = [*tree.joints, *(f"{tree.joints[joint]}/End" for joint in last)], [*tree.parents, *last]
     order = depth_first(Skeleton("", tuple(names), tuple(parents)))
-    return rig_skeleton(tuple(names[joint] for joint in order), (-1, *(order.index(parents[joint]) for joint in order[1:])))
+    return own_skeleton(tuple(names[joint] for joint in order), (-1, *(order.index(parents[joint]) for joint in order[1:])))
 
 
 CMU_FPS = 120.0  # neither file says

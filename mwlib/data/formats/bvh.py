@@ -22,7 +22,7 @@ from mwlib.data.collections.bandai_namco import BANDAI21
 from mwlib.data.formats.asf_amc import CMU_BONES, OF_CMU, depth_first, far_ends, named_bones
 from mwlib.data.formats.frames import Turn, blocks, matrices, quaternions, starts_in_tpose
 from mwlib.data.meaning import FASTEST, FILE, FORMAT, SLOWEST, Hints, Reading, Stated, infer_unit, metres_per_unit
-from mwlib.data.mirroring import own_skeleton, rig_skeleton
+from mwlib.data.mirroring import own_skeleton
 
 from mwlib.data.untrusted import (  # isort: skip
     LARGEST, LONGEST_WORD, MOST_JOINTS, MOST_POINTS, MotionFormatError, allowed, number, number_table, read_text, words_of,
@@ -109,7 +109,7 @@ def read_bvh(file: Path, hints: Hints) -> Reading:
     if split is None:
         raise MotionFormatError(file, "end of HIERARCHY", "no MOTION section", "a line MOTION")
     nodes = _hierarchy(chain(words_of(text, split.start()), repeat(END)), file)
-    tree = rig_skeleton(tuple(n.name for n in nodes), tuple(n.parent for n in nodes))
+    tree = own_skeleton(tuple(n.name for n in nodes), tuple(n.parent for n in nodes))
     skeleton, picked = bvh_skeleton(nodes, tree)
     if len(skeleton) < 2:
         raise MotionFormatError(file, "HIERARCHY", "one joint", "at least two")

@@ -23,7 +23,7 @@ from mwlib.body.rotation import continuous
 from mwlib.body.skeleton import HUMANML22
 from mwlib.data.formats.frames import blocks
 from mwlib.data.meaning import DEFAULT, ENTRY, FORMAT, Hints, Reading, Stated, hints_of
-from mwlib.data.mirroring import rig_skeleton
+from mwlib.data.mirroring import own_skeleton
 from mwlib.data.untrusted import MotionFormatError, archive_names, label, numbers, read_archive, read_array, single
 
 GENDERS = ("male", "female", "neutral")
@@ -195,7 +195,7 @@ def read_smpl(file: Path, hints: Hints, folders: Sequence[Path]) -> Reading:
         raise MotionFormatError(file, "gender", repr(gender)[:40], " or ".join(GENDERS))
     model = body_model(family, gender, folders)
     rest, joints = unit.value * model.rest(arrays.get("betas", np.zeros(1)), file), turns.shape[1]
-    tree = rig_skeleton(FAMILIES[family].joints[:joints], model.parents[:joints])
+    tree = own_skeleton(FAMILIES[family].joints[:joints], model.parents[:joints])
     offsets = np.concatenate([rest[:1], rest[1:joints] - rest[list(tree.parents[1:])]])
     points = tuple(range(len(HUMANML22)))
     root = rest[0] + unit.value * path[:, 0]

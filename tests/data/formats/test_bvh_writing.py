@@ -20,7 +20,7 @@ from mwlib.data.collections.lafan1 import LAFAN1
 from mwlib.data.formats.asf_amc import CMU_BONES, far_ends
 from mwlib.data.formats.bvh import write_bvh
 from mwlib.data.load import motion_files, read_motion_file
-from mwlib.data.mirroring import rig_skeleton
+from mwlib.data.mirroring import own_skeleton
 from mwlib.synthetic.motions import synthetic_motions
 
 MOVES = ["Xposition", "Yposition", "Zposition"]
@@ -195,7 +195,7 @@ def test_asf_bones_written_as_bvh_become_the_points_of_cmu_again(tmp_path):
 
 def test_bones_end_at_a_child_of_neither_side_and_end_sites_pair_up():
     names = ("root", "chest", "Arm_L", "Arm_L/End", "Arm_R", "Arm_R/End", "neck", "neck/End")
-    tree = rig_skeleton(names, (-1, 0, 1, 2, 1, 4, 1, 6))
+    tree = own_skeleton(names, (-1, 0, 1, 2, 1, 4, 1, 6))
     assert tree.mirror.tolist() == [0, 1, 4, 5, 2, 3, 6, 7]
     assert far_ends(tree) == [0, 6, 3, 3, 5, 5, 7, 7]  # the chest's end is the neck, not the arm that is listed first
 
