@@ -477,6 +477,8 @@ def test_a_model_that_may_do_without_gives_motions_from_keyframe_to_keyframe():
     for made in (by_numbers, alone):
         np.testing.assert_allclose(made.positions[[0, -1]], motion.positions[[6, 13]], atol=1e-5)
     assert len(alone) == 8 and np.abs(alone.positions - by_numbers.positions).max() > 1e-3
+    for ends in ((motion.cut(0, 7), motion.cut(13, 14)), (motion.cut(6, 7), motion.cut(13, 20))):  # one velocity less
+        assert np.abs(filled(bridge, *ends, 6, samples=1, seed=3, feet=False)[0].positions - by_poses.positions).max() > 1e-3
 
 
 def test_feet_that_stand_are_held_and_keyframes_met():
