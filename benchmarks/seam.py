@@ -123,7 +123,8 @@ def main() -> None:
                 )
                 bands.append(row | {"standard error": off if several else ""})
     about = {
-        "data": "cmu/asfamc", "model": "cmu, as it comes with the package", "samples": 50, "mwlib": mw.__version__,
+        "data": "cmu/asfamc", "model": "cmu, as it comes with the package", "samples": "50; of jerk every fifth",
+        "seed": 0, "mwlib": mw.__version__,
         "command": "python benchmarks/seam.py figures/cmu", **acknowledgement("cmu/asfamc"),
     }  # fmt: skip
     files = {"seam.csv": means, "seam_paired.csv": pairs, "jerk_bands.csv": bands}
