@@ -39,6 +39,9 @@ def test_guidance_is_a_line_through_both_estimates():
     eps = {s: one.with_sampling(guidance=s)._denoise(texts, mask)(y, 6) for s in (0.0, 1.0, 2.5)}
     assert_close(eps[2.5], eps[0.0] + 2.5 * (eps[1.0] - eps[0.0]), atol=1e-4, rtol=1e-4)
     assert not torch.allclose(eps[0.0], eps[1.0])
+    others = {s: one.with_sampling(guidance=s)._denoise(["someone waves", "a person sits"], mask)(y, 6) for s in (0.0, 1.0)}
+    assert_close(others[0.0], eps[0.0])  # without guidance no sentence is heard
+    assert not torch.allclose(others[1.0], eps[1.0])
 
 
 def test_guidance_stops_below_a_noise_level():

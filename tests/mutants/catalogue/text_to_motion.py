@@ -105,6 +105,7 @@ MUTANTS = [
         "text_to_motion/model.py", "text_to_motion/test_model.py",
         ("guidance-of-eq-7", 's.guidance, "alg1")', 's.guidance, "eq7")'),
         ("noise-of-the-chunk", "[ids[i] for i in part]", "[*range(len(part))]"),
+        ("told-and-untold-exchanged", "device=mask.device) >= len(mask)", "device=mask.device) < len(mask)"),
         ("guidance-at-every-level", "guided = t >= lowest", "guided = lowest < len(self.alpha_bar)"),
     ),
     *of(
