@@ -3,6 +3,8 @@
 The same drawn coefficients are decoded with each setting. The rows on the validation person are those among which it was chosen.
 Samples of people whom the model was trained on stand beside those of strangers. Needs CMU's files under MWLIB_DATA;
 half an hour of a core: python benchmarks/seam.py figures/cmu
+
+With --temperatures instead: jerk below 3 Hz, errors and bands of each person by the temperature of the noise; ten minutes.
 """
 
 from __future__ import annotations
@@ -23,6 +25,7 @@ from mwlib.data.collections import acknowledgement
 from mwlib.files import write_together
 from mwlib.metrics import clustered_error
 from mwlib.plots.saving import as_csv
+from mwlib.prediction.predictor import Predictor
 from mwlib.prediction.system import DETAILS, METRICS, load_data, score, test_windows
 
 WITHOUT, CHOSEN = 0.0, 0.045  # seconds
@@ -33,6 +36,16 @@ SHOWN = ("ade", "fde", "error_0.2s", "seam_jerk", "first_step", "median_jerk", "
 COLUMNS = {name: (METRICS | DETAILS)[name] for name in SHOWN}
 EDGES = (3, 4, 6, 8, 10, 12.5)  # hertz
 BATCH = 8  # windows
+ONE_BY_ONE = {"1": "validation", "2": "test", "7": "test", "29": "test", "5": "trained on", "49": "trained on"}
+TEMPERATURES = (
+    (1.15, 0.25),
+    (1.15, 0.0),
+    (1.0, 0.25),
+    (1.0, 0.0),
+    (0.85, 0.0),
+)  # with their spread; the first is the shipped one
+FEW, FEW_WINDOWS, SLOW = 20, 32, 3.0  # samples and windows of each person; hertz
+KEPT = ("ade", "fde", "speed", "coverage_0.5", "coverage_0.9")
 
 
 def jerk_below(x: Tensor, edge: float | None, fps: float, history: int) -> Tensor:
@@ -86,10 +99,35 @@ def measured(people: str) -> tuple[dict[float, dict[str, Any]], dict[str, np.nda
     return found, {key: torch.cat(values).numpy() for key, values in jerks.items()}, whose
 
 
+def hasty(model: Predictor, person: str, temperature: float, spread: float) -> dict[str, Any]:
+    """Jerk below 3 Hz of a person and of samples from noise of one temperature, errors and bands."""
+    model = model.with_sampling(samples=FEW, temperature=temperature, temperature_spread=spread)
+    cfg = model.cfg.override(test_subjects=(person,), validation_subjects=())
+    every, jerks = test_windows(load_data(cfg), cfg.windows), list[Tensor]()
+    test = every.thin(FEW_WINDOWS)
+
+    def draw(x_history: Tensor, ids: list[int]) -> Tensor:
+        futures = model.predict(x_history, window_ids=ids, chunk=BATCH)
+        whole = torch.cat([x_history[:, None].expand(-1, FEW, -1, -1), futures], dim=-2)
+        known = torch.stack([every.x[i] for i in ids])
+        jerks.append(torch.stack([jerk_below(x, SLOW, cfg.data.fps, cfg.windows.history)[:, 0] for x in (whole, known)]))
+        return futures
+
+    mean = score(draw, test, every, cfg.evaluation, None, BATCH)["mean"]
+    samples, people = torch.cat(jerks, dim=1).mean(1).tolist()
+    row = {"person": person, "who": ONE_BY_ONE[person], "windows": len(test), "temperature": temperature, "spread": spread}
+    row |= {"people (m/s³)": people, "samples (m/s³)": samples, "samples / people": samples / people}
+    return row | {COLUMNS[name].heading: mean[name] * COLUMNS[name].scale for name in KEPT}
+
+
 def main() -> None:
     """Write the scores, differences in pairs, also by person, and jerk by frequency."""
     torch.set_num_threads(1)
     out, means, pairs, bands = Path(sys.argv[1]), [], [], []
+    if "--temperatures" in sys.argv:
+        model = mw.load_run("cmu")
+        write_together({out / "haste.csv": as_csv([hasty(model, who, *how) for who in ONE_BY_ONE for how in TEMPERATURES])})
+        return
     for people, tried in PEOPLE.items():
         found, jerks, whose = measured(people)
         means += [

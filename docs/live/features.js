@@ -1,4 +1,4 @@
-// Features of HumanML3D to joints: `joints_of` and `fused_joints` of mwlib. Flat arrays, frame after frame, y up.
+// Features of HumanML3D to joints: `joints_of`, `fused_joints` and `steady_bones` of mwlib. Flat arrays, frame after frame, y up.
 
 /** Solve (I + D' W D) x = p + D' W u for one coordinate, D the difference of neighbours: Thomas' algorithm. */
 function agreeing(p, u, w) {
@@ -46,6 +46,19 @@ export function fusedJoints(features, about) {
       const u = of(steps).map((step, t) => (k !== 1 && stands[t] ? 0 : step));
       agreeing(of(places), u, w).forEach((value, t) => (out[3 * (t * J + j) + k] = value * about.metres_per_unit));
     }
+  }
+  return out;
+}
+
+/** The same with each bone as long, in all frames, as in the median one; parents stand before their children. */
+export function steadyBones(joints, parents) {
+  const out = Float64Array.from(joints), J = parents.length, moments = [...Array(joints.length / (3 * J)).keys()];
+  for (let j = 1; j < J; j++) {
+    const at = (t, of) => 3 * (t * J + of), bones = moments.map((t) => [0, 1, 2].map((k) => joints[at(t, j) + k] - joints[at(t, parents[j]) + k]));
+    const lengths = bones.map((bone) => Math.hypot(...bone)), sorted = lengths.toSorted((a, b) => a - b), half = (sorted.length - 1) / 2;
+    const usual = (sorted[Math.floor(half)] + sorted[Math.ceil(half)]) / 2;
+    for (const t of moments)
+      for (let k = 0; k < 3; k++) out[at(t, j) + k] = out[at(t, parents[j]) + k] + (usual / Math.max(lengths[t], 1e-6)) * bones[t][k];
   }
   return out;
 }

@@ -60,6 +60,35 @@ export class Reader {
     const named = text.replaceAll("stands up", "rises").split(" ").map((word) => (Object.hasOwn(this.named, word) ? this.named[word] : ""));
     return named.filter(Boolean).filter((action, i, all) => action !== all[i - 1]);
   }
+  /** What a sentence in the grammar's words says of the motion: `claims` of mwlib. */
+  claims(text) {
+    const found = {}, clauses = text.split(new RegExp(this.then));
+    const asked = clauses.map((clause) => {
+      const actions = this.actions(clause);
+      return ["walk", "run"].includes(actions[0]) ? this.actions(clause.replaceAll(new RegExp(this.bend, "g"), "")) : actions;
+    });
+    asked.flat().slice(0, 2).forEach((action, i) => (found[["action", "then"][i]] = action));
+    clauses.forEach((clause, i) => asked[i].length === 1 && Object.assign(found, this.manner(asked[i][0], clause)));
+    return found;
+  }
+  manner(action, clause) {
+    const words = clause.split(" "), told = {};
+    for (const [kind, rows] of Object.entries(this.values)) {
+      const said = Object.entries(rows).filter(([, known]) => known.split(" ").some((word) => words.includes(word)));
+      told[kind] = said.length === 1 ? said[0][0] : "";
+    }
+    const way = new RegExp(this.bend).test(clause) ? "turn" : told.round;
+    Object.assign(told, { path: way ? `${told.side}_${way}` : told.ahead, pace: told.speed, hand: told.side, foot: told.side, turn: told.side });
+    const can = this.recipes[action === "walk" && told.direction === "backward" ? "backward" : action];
+    const fits = ([name, value]) => value && (can[name] ?? "").split(" ").includes(value);
+    return Object.fromEntries(Object.entries(told).filter(fits).map(([name, value]) => [name, /^\d+$/.test(value) ? +value : value]));
+  }
+  /** How long people take for it, seconds; undefined where the model has not learnt the actions. */
+  time(text) {
+    const said = this.claims(text), action = said.direction === "backward" ? "backward" : said.action;
+    if (said.then) return this.times[`${said.action} then ${said.then}`];
+    return this.times[[action, ...this.timed.map((name) => said[name]).filter(Boolean)].join(" ")];
+  }
 }
 
 /** Numbers of the start and of the words, as the text encoder has learnt them; 2 is the one of all unknown words. */

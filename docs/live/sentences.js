@@ -1,6 +1,6 @@
 // The page "Sentences": a model of text to motion in the browser.
 import players from "live/players.json";
-import { fusedJoints } from "./features.js";
+import { fusedJoints, steadyBones } from "./features.js";
 import { about, Network } from "./network.js";
 import { numbersOf, Reader, wordsOf } from "./reading.js";
 import { ddimIndices, gaussian, posteriorMean } from "./sampler.js";
@@ -8,7 +8,7 @@ import { megabytes, place, show, values, whenAsked } from "./stage.js";
 
 const host = document.querySelector("#live-sentences"), form = host.querySelector("form");
 const read = host.querySelector("#live-read"), output = host.querySelector(".told");
-let network, seed = 0, model, reader;
+let network, seed = 0, model, reader, chosen = false; // chosen: somebody has set the seconds
 
 /** The tables come first, as they are small: words are marked before the network is there. */
 async function tables() {
@@ -28,6 +28,8 @@ async function mark() {
       const part = reader.known.has(word) ? new Text(word) : Object.assign(document.createElement("mark"), { textContent: word, title: "unknown to the model" });
       return [part, " "];
     });
+    const usual = reader.time(text);
+    if (usual && !chosen) form.elements.seconds.value = usual;
     const unknown = words.filter((word) => !reader.known.has(word)), asks = actions.join(" and then ").replaceAll("_", " ") || "no action";
     read.replaceChildren("It is read as: ", ...parts, `— ${isLearnt ? asks : `${asks}, which the model has not learnt`}${unknown.length ? `; unknown: ${unknown.join(", ")}` : ""}.`);
     return text;
@@ -52,12 +54,13 @@ async function sample(text, { samples, seconds, steps, guidance }, noise, told =
   for await (last of posteriorMean(denoise, draw(), alphaBar, ddimIndices(alphaBar.length, steps, "trailing"), { noise: draw })) told(++count / steps);
   const raw = last.y.map((value, i) => value * model.deviation[i % D] + model.mean[i % D]);
   const features = Array.from({ length: samples }, (_, s) => raw.subarray(s * T * D, (s + 1) * T * D));
-  return { features, joints: features.map((one) => fusedJoints(one, model)), seconds: (performance.now() - began) / 1000, frames: T };
+  return { features, joints: features.map((one) => steadyBones(fusedJoints(one, model), model.skeleton.parents)), seconds: (performance.now() - began) / 1000, frames: T };
 }
 
 const upright = (y) => y.map((_, i) => (i % 3 === 0 ? y[i] : i % 3 === 1 ? -y[i + 1] : y[i - 1])); // y up -> z up
 
 form.elements.text.addEventListener("input", mark);
+form.elements.seconds.addEventListener("input", () => (chosen = true));
 whenAsked(host, output, async (told) => {
   const text = await mark();
   if (text === undefined) throw new Error("the sentence cannot be read");

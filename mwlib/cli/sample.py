@@ -203,11 +203,12 @@ def generate(
     texts: Sequence[str] = (),
     *,
     words: bool = False,
-    seconds: float = 4.0,
+    seconds: float | None = None,
     samples: int = 1,
     seed: int = 0,
     run: str = sampling.SENTENCE_MODEL,
     plain: bool = False,
+    attempts: int = 3,
     format: Literal["bvh", "glb"] = "bvh",
     out: Path = Path("build/bvh"),
 ) -> None:
@@ -221,11 +222,12 @@ def generate(
     Args:
         texts: sentences, each in quotes.
         words: list the actions and the words that the model knows, and make nothing.
-        seconds: length of each motion.
+        seconds: length of each motion (default: as long as people take for what the sentence says).
         samples: motions of each sentence.
         seed: of their noise.
         run: folder of a finished run (default: the shipped model).
         plain: read the joints' places alone, as the field does; the default reads their steps, too.
+        attempts: at each motion, at most, until it is seen to do what its sentence says; 1 keeps what comes first.
         format: of the files: bvh, or glb, which has a plain body around the skeleton, for viewers.
         out: folder.
     """
@@ -237,7 +239,7 @@ def generate(
         told |= {"run": run, "data": model.cfg.data.data, "text": model.cfg.model.text}
         print(rendered("cli/known.txt.jinja", **told), end="")
         return
-    found = sampling.generate(texts, seconds, samples, seed, model, progress=sys.stderr.isatty(), fused=not plain)
+    found = sampling.generate(texts, seconds, samples, seed, model, sys.stderr.isatty(), not plain, attempts)
     for text, read in zip(texts, sampling.understood(model, texts), strict=True):
         if words_of(text) != words_of(read):
             print(f"{text!r} is read as {read!r}")

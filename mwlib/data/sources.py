@@ -97,6 +97,31 @@ def split_motions(
     return parts
 
 
+def with_more(
+    split: Split,
+    sources: Sequence[str],
+    fps: float,
+    ready: Callable[[Sequence[Motion], float], list[Motion]] = prepare,
+) -> Split:
+    """The same with the people of these sources to train on besides, but for those who are held out.
+
+    A source that does not name its people is taken whole: look who they are.
+
+    Args:
+        split: what the configured data gave.
+        sources: as `load_motions` takes them.
+        fps: of the clips.
+        ready: as for `split_motions`.
+
+    Raises:
+        FileNotFoundError, ValueError: as `load_motions`; or the skeletons differ.
+    """
+    held_out = {m.subject for m in (*split.validation, *split.test)}
+    more = [m for source in sources for m in ready(load_motions(source), fps) if m.subject not in held_out]
+    Bodies.of([*split.train, *more])
+    return split._replace(train=split.train + more)
+
+
 def _check_lists(lists: dict[str, tuple[str, ...]], present: Sequence[str], data: str) -> None:
     """Refuse people who are not there, and people in two lists."""
     for name, people in lists.items():

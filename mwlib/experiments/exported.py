@@ -24,6 +24,7 @@ from mwlib.networks.mdm import MDM
 from mwlib.networks.text import EncodedText, WordTransformer
 from mwlib.prediction.predictor import Predictor, temperatures
 from mwlib.settings import of_kind
+from mwlib.synthetic.acts import TIMED, usual_times
 from mwlib.synthetic.sentences_typed import tables
 from mwlib.text_to_motion.model import TextToMotion
 from mwlib.text_to_motion.motions import ARM_WEIGHT, CONTACT_WEIGHT, HEIGHT_WEIGHT, STEP_WEIGHT
@@ -247,6 +248,7 @@ def _of_keyframes(model: Bridge) -> dict[str, Any]:
 def _of_text(model: TextToMotion) -> dict[str, Any]:
     """Words, statistics of the features, how they become joints, and how typed sentences are put into the grammar's words."""
     layout, s, words = model.layout, model.sampling, model.net.text.vocabulary
+    of_people = model.cfg.data.data == "people"
     return {
         "system": "text_to_motion", "fps": layout.fps, "metres_per_unit": layout.metres_per_unit, "lengths": [*model.lengths],
         "frames_per_token": model.cfg.model.frames_per_token, "mask_frames": model.cfg.model.mask_frames,
@@ -258,7 +260,7 @@ def _of_text(model: TextToMotion) -> dict[str, Any]:
             "sampler": s.sampler, "steps": s.sampling_steps or model.cfg.forward.steps, "guidance": s.guidance,
             "guidance_above": s.guidance_above,
         },
-        "words": [*words], "typed": tables() if model.cfg.data.data == "people" else None,
+        "words": [*words], "typed": tables() | {"timed": TIMED, "times": usual_times()} if of_people else None,
     }  # fmt: skip
 
 

@@ -13,7 +13,10 @@ from mwlib.experiments.runs import load_run
 from mwlib.inbetweening.bridge import Bridge, filled
 from mwlib.networks.matching import UNIT
 from mwlib.settings import of_kind, real, several, whole
-from mwlib.synthetic.sentences_typed import as_learnt
+from mwlib.synthetic.acts import usual_seconds
+from mwlib.synthetic.sentences import Attributes
+from mwlib.synthetic.sentences_typed import as_learnt, claims
+from mwlib.text_to_motion.attributes import CLAIMS, measured_attributes
 from mwlib.text_to_motion.model import WHERE_WORDS, TextToMotion
 from mwlib.text_to_motion.motions import motion_of
 from mwlib.text_to_motion.released import CODES, open_released
@@ -22,7 +25,9 @@ log = logging.getLogger(__name__)
 INBETWEENING_MODEL, SENTENCE_MODEL = "inbetween", "sentences"  # the models that come with the package
 FORESEEN = 60  # frames up to which the model that comes with the package is nearer than a straight line, by its card
 MOST = 1000  # samples of a sentence: the next sentence's motions have noise of their own
-MOST_TOLD = 5  # unknown words in a warning
+SECONDS = 4.0  # of a motion, where nobody says how long it takes
+AGAIN = 10**12  # identities of one attempt's motions begin so far from those of the attempt before
+MOST_TOLD = 5  # unknown words in a warning, and motions that miss what was said
 EXPECTED_ACTIONS = "expected one of those that `mwlib generate --words` lists, or two such as walk and then wave"
 Model = TypeVar("Model")
 
@@ -107,24 +112,31 @@ def inbetween(
 
 def generate(
     texts: str | Sequence[str],
-    seconds: float | Sequence[float] = 4.0,
+    seconds: float | Sequence[float] | None = None,
     samples: int = 1,
     seed: int = 0,
     run: str | Path | TextToMotion = SENTENCE_MODEL,
     progress: bool = False,
     fused: bool = True,
+    attempts: int = 3,
 ) -> list[Motion]:
     """Motions that do what sentences say.
 
+    A motion of the synthetic people that does not show what its sentence says, by the rules of `measured_attributes`, is made
+    again; of all `attempts` the nearest is kept. Own choice: a sample is cheap, and the rules see what a sentence says. A logged
+    message tells of motions that still do not. Tables and cards count first attempts alone.
+
     Args:
         texts: a sentence, or several.
-        seconds: length of each motion, or one length for all; rounded to a multiple of four frames.
+        seconds: length of each motion, or one length for all; rounded to a multiple of four frames. None: as long as synthetic
+            people take for what the sentence says; of other models and sentences 4. Given more time, a motion does more.
         samples: motions of each sentence, at most 1000.
         seed: of their noise. The first motions do not depend on how many are asked for.
         run: folder of a finished run of text-to-motion, a name that `load_run` knows, a file of a released model (see
             `open_released`; data and CLIP lie in their usual folders), or the model.
         progress: show a bar.
         fused: read places, steps and contacts together (see `fused_joints`), which trembles less; else places alone, as usual.
+        attempts: at each motion, at most; 1 keeps what comes first.
 
     Returns:
         `samples` motions of the first sentence, then of the second, ...; metres, y up, named by their sentences as they were
@@ -148,15 +160,39 @@ def generate(
     """
     model = model_of(run, TextToMotion, "text_to_motion")
     texts = [texts] if isinstance(texts, str) else several("texts", texts, "sentences, or one")
-    samples = whole("samples", samples, 1, MOST)
-    frames = _frames(model, texts, seconds)
-    model.check(texts, frames)
+    samples, attempts = whole("samples", samples, 1, MOST), whole("attempts", attempts, 1)
+    model.check(texts, [model.lengths[0]] * len(texts))
     read = understood(model, texts)
+    frames = _frames(model, read, seconds)
+    model.check(texts, frames)
     _warn_of_words(model, read)
-    ids = [MOST * i + s for i in range(len(texts)) for s in range(samples)]
-    many = [number // MOST for number in ids]  # which sentence
-    found = model.sample([read[i] for i in many], [frames[i] for i in many], seed, ids=ids, progress=progress)
-    return [motion_of(x, model.layout, texts[i], fused) for x, i in zip(found, many, strict=True)]
+    wanted = [claims(text) if _has_grammar(model) else {} for text in read]
+    many = [i for i in range(len(texts)) for _ in range(samples)]  # which sentence
+    found, left = dict[int, tuple[list[str], Motion]](), [*range(len(many))]
+    for attempt in range(attempts):
+        ids = [MOST * many[k] + k % samples + AGAIN * attempt for k in left]
+        asked = [read[many[k]] for k in left], [frames[many[k]] for k in left]
+        for k, x in zip(left, model.sample(*asked, seed, ids=ids, progress=progress), strict=True):
+            motion = motion_of(x, model.layout, texts[many[k]], fused)
+            missed = _missed(motion, wanted[many[k]])
+            if k not in found or len(missed) < len(found[k][0]):
+                found[k] = missed, motion
+        if not (left := [k for k in left if found[k][0]]):
+            break
+    for k in left[:MOST_TOLD]:
+        missed, motion, usual = *found[k], _usual_seconds(read[many[k]])
+        took = f"in {len(motion) / motion.fps:g} s" + (f", where people take {usual:g}" if usual else "")
+        log.warning("motion %d does not show what %r asks for %s: %s", k, texts[many[k]], took, "; ".join(missed))
+    return [found[k][1] for k in range(len(many))]
+
+
+def _missed(motion: Motion, wanted: Attributes) -> list[str]:
+    """What a motion is seen to do otherwise than its sentence says, or besides; nothing of one too short to be looked at."""
+    if not wanted or len(motion) < motion.fps / 2:
+        return []
+    seen, wanted = measured_attributes(motion.positions, motion.fps), {"then": "nothing"} | wanted
+    found = {name: seen.get(name, "nothing") for name in CLAIMS if name in wanted}
+    return [f"{name} is {value}, expected {wanted[name]}" for name, value in found.items() if value != wanted[name]]
 
 
 def understood(model: TextToMotion, texts: Sequence[str]) -> list[str]:
@@ -180,8 +216,19 @@ def _has_grammar(model: TextToMotion) -> bool:
     return model.cfg.data.data == "people" and bool(model.net.text.vocabulary)
 
 
-def _frames(model: TextToMotion, texts: Sequence[str], seconds: float | Sequence[float]) -> list[int]:
+def _usual_seconds(text: str) -> float | None:
+    """How long people take for a sentence of the grammar's actions; None of any other."""
+    return usual_seconds(claims(text)) if as_learnt(text).is_learnt else None
+
+
+def _frames(model: TextToMotion, texts: Sequence[str], seconds: float | Sequence[float] | None) -> list[int]:
     """Lengths in whole movements, one for each sentence."""
+    if seconds is None:
+        usual = [_usual_seconds(text) if _has_grammar(model) else None for text in texts]
+        return [
+            min(max(round((one or SECONDS) * model.layout.fps / UNIT) * UNIT, model.lengths[0]), model.lengths[1])
+            for one in usual
+        ]
     if isinstance(seconds, int | float) or getattr(seconds, "ndim", 1) == 0:
         lasting = [real("seconds", seconds)] * len(texts)
     else:

@@ -11,8 +11,7 @@ from torch import Tensor
 from tqdm import tqdm
 
 from mwlib.body.motion import Motion
-from mwlib.data.load import load_motions
-from mwlib.data.sources import Split, split_motions
+from mwlib.data.sources import Split, split_motions, with_more
 from mwlib.data.windows import prepare
 from mwlib.inbetweening.baselines import GaussianBetween, between
 from mwlib.inbetweening.bridge import Bridge
@@ -72,10 +71,7 @@ def load_data(cfg: Config, loaded: Sequence[Motion] | None = None) -> Split:
         ValueError: as in `split_motions`.
     """
     as_taken = ready if cfg.task.state == "rotations" else prepare
-    split = split_motions(cfg.data, as_taken, loaded)
-    held_out = {m.subject for m in (*split.validation, *split.test)}
-    more = [m for source in cfg.task.more_data for m in as_taken(load_motions(source), cfg.data.fps)]
-    return split._replace(train=split.train + [m for m in more if m.subject not in held_out])
+    return with_more(split_motions(cfg.data, as_taken, loaded), cfg.task.more_data, cfg.data.fps, as_taken)
 
 
 def make_fill(cfg: Config, get_model: Callable[[], Bridge], split: Split, space: Space) -> Fill:

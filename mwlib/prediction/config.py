@@ -98,6 +98,7 @@ class WindowConfig:
     backwards: Share = 0.0  # of the training windows: played backwards
     slowed: Share = 0.0  # of the training windows: played at a random share of their speed
     other_arms: Share = 0.0  # of the training windows: with another window's arms
+    more_data: tuple[str, ...] = ()  # sources whose people are trained on besides, but for those who are held out
 
     @property
     def frames(self) -> int:
@@ -199,7 +200,7 @@ class Config(Settings):
     renamed = {  # names before version 0.2, and today's
         "latent": "width", "target": "representation", "cfg_weight": "guidance_weight", "cfg_form": "guidance_form",
     }  # fmt: skip
-    newer = {"decoding": "inverse", "temperature_spread": 0.0, "seam": 0.0}
+    newer = {"decoding": "inverse", "temperature_spread": 0.0, "seam": 0.0, "more_data": ()}
     people = "train_subjects", "validation_subjects", "test_subjects"
     after_training: ClassVar[frozenset[str]] = frozenset(
         {"sampling", "evaluation", "test_stride", "test_windows", "checkpoint_every"}

@@ -1,6 +1,7 @@
 """Actions of synthetic people with given attributes: how fast, where to, with which hand or foot, how often, how high."""
 
 from collections.abc import Callable
+from itertools import product
 from typing import NamedTuple
 
 import numpy as np
@@ -8,7 +9,7 @@ from scipy.ndimage import gaussian_filter1d
 
 from mwlib.synthetic.movements import GAITS, PoseTrack, gait_pose, gesture_tracks, stand_pose
 from mwlib.synthetic.person import AT, POSE, SIDES, Figure, PerFrame, Positions, draw_figure, figure_positions
-from mwlib.synthetic.sentences import Attributes, captions_of, draw_attributes, read_table
+from mwlib.synthetic.sentences import PAIRS, RECIPES, Attributes, captions_of, completed, draw_attributes, read_table
 
 RATE = 40.0  # frames per second at which poses are made; every second one is kept
 LONGEST = 6.1  # seconds
@@ -131,6 +132,34 @@ def act_out(attributes: Attributes, figure: Figure, rng: np.random.Generator) ->
         end = _ACTS[action](clip, end + (0.0 if action in _GOING else rng.uniform(0.2, 0.45)), attributes)
     end += 0.0 if actions[-1] in _GOING else rng.uniform(0.15, 0.4)
     return clip.film(np.clip(4 * np.ceil(end * 5), 40, 120) / 20)
+
+
+def usual_seconds(said: Attributes) -> float:
+    """How long people take for what a sentence says: the median of eleven, who do the rest as usual.
+
+    Args:
+        said: "action", and what else a sentence says, by the names and values of `RECIPES`.
+
+    >>> usual_seconds({"action": "kick", "count": 1}), usual_seconds({"action": "kick", "count": 3})
+    (2.0, 4.6)
+    """
+    streams = [np.random.default_rng(np.random.SeedSequence(0, spawn_key=(4, person))) for person in range(11)]
+    return float(np.median([(len(act_out(completed(said, rng), draw_figure(rng), rng)) - 1) / 20 for rng in streams]))
+
+
+TIMED = ("count", "degrees", "ends", "pace", "path")  # attributes on which it depends how long an action takes
+
+
+def usual_times() -> dict[str, float]:
+    """`usual_seconds` of all that a sentence may say: of "kick", "kick 2", "turn 180 slow", "walk then kick"."""
+    found = {f"{first} then {then}": usual_seconds({"action": first, "then": then}) for first, then in PAIRS}
+    for action, recipe in RECIPES.items():
+        options = [["", *dict.fromkeys(recipe[name].split())] if name in recipe else [""] for name in TIMED]
+        for values in product(*options):
+            said = {name: int(v) if v.isdigit() else v for name, v in zip(TIMED, values, strict=True) if v}
+            own = {"action": "walk", "direction": "backward"} if action == "backward" else {"action": action}
+            found[" ".join([action, *filter(None, values)])] = usual_seconds(own | said)
+    return found
 
 
 def _drawn(clip: Performance, action: str, word: str | float) -> float:

@@ -52,7 +52,7 @@ PAIRS = [
     ).split()
 ]
 SHARE_OF_PAIRS = 0.25
-_IN_A_PAIR = read_table("count: 1; height: normal; direction: in_place; path: straight; pace: normal; ends: seated")
+_USUAL = read_table("count: 1; height: normal; direction: in_place; path: straight; pace: normal; ends: seated")
 
 
 def draw_attributes(rng: np.random.Generator) -> Attributes:
@@ -68,15 +68,23 @@ def draw_attributes(rng: np.random.Generator) -> Attributes:
     return _drawn(actions, rng)
 
 
-def _drawn(actions: tuple[str, ...], rng: np.random.Generator) -> Attributes:
+def completed(said: Attributes, rng: np.random.Generator) -> Attributes:
+    """What a sentence says of a clip, and for the rest what is usual, or drawn where nothing is."""
+    actions = tuple(str(said[name]) for name in ("action", "then") if name in said)
+    if said.get("direction") == "backward":
+        actions = ("backward", *actions[1:])
+    return _drawn(actions, rng, usual=True) | said
+
+
+def _drawn(actions: tuple[str, ...], rng: np.random.Generator, usual: bool = False) -> Attributes:
     """How a clip shows one action, or two."""
     attributes: Attributes = {"action": "walk" if actions[0] == "backward" else actions[0]}
-    pair = len(actions) > 1
-    if pair:
+    if len(actions) > 1:
         attributes["then"] = actions[-1]
+        usual = True
     for action in actions:
         for name, values in RECIPES[action].items():
-            value = str(rng.choice((_IN_A_PAIR.get(name, values) if pair else values).split()))
+            value = str(rng.choice((_USUAL.get(name, values) if usual else values).split()))
             attributes[name] = int(value) if value.isdigit() else value
     return attributes
 

@@ -9,10 +9,11 @@ somebody does not walk, is refused.
 import re
 import unicodedata
 from functools import cache
+from itertools import chain
 from typing import Any, NamedTuple
 
 from mwlib.networks.text import words_of
-from mwlib.synthetic.sentences import PAIRS, read_table, vocabulary
+from mwlib.synthetic.sentences import PAIRS, RECIPES, Attributes, read_table, vocabulary
 
 # The grammar's verbs by their action; the last, of no name, take part in several.
 ACTIONS = read_table("""
@@ -66,6 +67,25 @@ PHRASES = (
     (r"(?<!and )\b(turns|rotates) (?:to the )?(left|right)(?= and| then|$)", r"\1 ninety degrees to the \2", ""),
 )
 MOST = 2  # actions of a sentence
+THEN = re.compile(r"\b(?:and )?(?:then|afterwards|after that)\b")
+BEND = re.compile(r"\band (?:turns|veers|curves) (?:to the )?(?:left|right)\b")  # of a path, not an action of its own
+# Words -> the value that they give an attribute; of a side, a pace and a circle: attributes of several names.
+VALUES = {
+    kind: read_table(rows)
+    for kind, rows in {
+        "side": "left: left counterclockwise anticlockwise; right: right clockwise; both: both",
+        "count": "1: once one single punch; 2: twice two; 3: thrice three",
+        "speed": "slow: slowly unhurriedly slow strolls ambles jogs trots jogging; normal: normal medium; "
+        "fast: quickly briskly fast strides rapidly swiftly sprints dashes full",
+        "round": "circle: circle loop",
+        "ahead": "straight: forward forwards ahead straight",
+        "direction": "in_place: place spot; forward: forward forwards ahead; backward: backward backwards",
+        "target": "up: up upward overhead; forward: forward ahead front out",
+        "degrees": "90: ninety quarter; 180: around half halfway",
+        "height": "low: low near small little; high: high big",
+        "ends": "standing: up again back",
+    }.items()
+}
 
 
 class Typed(NamedTuple):
@@ -115,6 +135,38 @@ def as_learnt(sentence: str) -> Typed:
     if len(found.actions) > MOST:
         raise ValueError(f"{sentence[:80]!r}, which asks for {', '.join(found.actions)}; expected at most {MOST} actions")
     return found
+
+
+def claims(text: str) -> Attributes:
+    """What a sentence says of the motion, by the names and values of `RECIPES`; what it leaves open is missing.
+
+    Args:
+        text: as `as_learnt` gives it.
+
+    >>> claims("a man walks slowly forward then turns ninety degrees to the left")
+    {'action': 'walk', 'then': 'turn', 'speed': 'slow', 'path': 'straight', 'turn': 'left', 'degrees': 90}
+    """
+    clauses = THEN.split(text)
+    asked = [_actions(clause) for clause in clauses]
+    asked = [_actions(BEND.sub("", c)) if a[:1] in (("walk",), ("run",)) else a for c, a in zip(clauses, asked, strict=True)]
+    found: Attributes = dict(zip(("action", "then"), chain(*asked), strict=False))
+    for clause, actions in zip(clauses, asked, strict=True):
+        if len(actions) == 1:  # else nobody knows to which of them a side belongs
+            found |= _manner(actions[0], clause)
+    return found
+
+
+def _manner(action: str, clause: str) -> Attributes:
+    """How a clause says that its only action is done."""
+    words, values = {*clause.split()}, dict[str, str]()
+    for kind, rows in VALUES.items():
+        said = [value for value, known in rows.items() if words & {*known.split()}]
+        values[kind] = said[0] if len(said) == 1 else ""  # left and right: either
+    side, way = values["side"], "turn" if BEND.search(clause) else values["round"]
+    told = values | {"path": f"{side}_{way}" if way else values["ahead"], "pace": values["speed"]}
+    told |= dict.fromkeys(("hand", "foot", "turn"), side)
+    can = RECIPES["backward" if action == "walk" and told["direction"] == "backward" else action]
+    return {name: int(v) if v.isdigit() else v for name, v in told.items() if v and v in can.get(name, "").split()}
 
 
 @cache
@@ -190,9 +242,10 @@ def _named() -> dict[str, str]:
 
 
 def tables() -> dict[str, Any]:
-    """All that `as_learnt` looks up, as JSON values, for a program in another language that reads sentences, too."""
+    """All that `as_learnt` and `claims` look up, as JSON values, for a program in another language that reads sentences, too."""
     return {
         "words": [*vocabulary()], "forms": forms(), "synonyms": SYNONYMS, "persons": PERSONS, "pronouns": PRONOUNS,
         "joined": JOINED, "articles": ARTICLES, "being": BEING, "denials": DENIALS, "still": STILL.pattern,
         "phrases": [*map(list, PHRASES)], "named": _named(), "pairs": [*map(list, PAIRS)], "most": MOST,
+        "then": THEN.pattern, "bend": BEND.pattern, "values": VALUES, "recipes": RECIPES,
     }  # fmt: skip

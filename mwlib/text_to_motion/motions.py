@@ -4,7 +4,9 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
+from mwlib.body.kinematics import bones_of, scale_bones
 from mwlib.body.motion import Motion
+from mwlib.body.skeleton import Skeleton
 from mwlib.data.formats.humanml import FeatureLayout, joints_of, turned
 
 # Chosen on people neither trained nor tested on: the first two by jerk and sliding, the others by what their motions show.
@@ -18,12 +20,23 @@ def motion_of(features: Float[Tensor, "T D"], layout: FeatureLayout, name: str =
         features: raw, not normalised.
         layout: what a row means.
         name: of the motion.
-        fused: use `fused_joints` instead of `joints_of`: calmer, where a network wrote the features.
+        fused: use `fused_joints` instead of `joints_of`, and `steady_bones`: calmer, where a network wrote the features.
     """
-    decode = fused_joints if fused else joints_of
-    return Motion(
-        decode(features.double(), layout).numpy() * layout.metres_per_unit, layout.fps, layout.skeleton, name=name, up="y"
-    )
+    x = features.double()
+    places = steady_bones(fused_joints(x, layout), layout.skeleton) if fused else joints_of(x, layout)
+    return Motion(places.numpy() * layout.metres_per_unit, layout.fps, layout.skeleton, name=name, up="y")
+
+
+def steady_bones(places: Float[Tensor, "T J 3"], skeleton: Skeleton) -> Float[Tensor, "T J 3"]:
+    """The same with each bone as long, in all frames, as in the median one, and pointing where it did; the root stays.
+
+    Own choice: a network writes places, of which no rule keeps bones their length. A recorded motion stays as it is.
+    """
+    root = places[:, :1]
+    x = (places[:, 1:] - root).flatten(-2)
+    lengths = bones_of(x, skeleton).norm(dim=-1)
+    steady = scale_bones(x, lengths.quantile(0.5, dim=0) / lengths.clamp_min(1e-6), skeleton)
+    return torch.cat([root, root + steady.unflatten(-1, (-1, 3))], dim=1)
 
 
 def fused_joints(

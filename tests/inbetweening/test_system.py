@@ -9,6 +9,7 @@ import pytest
 import torch
 
 from mwlib.body.skeleton import CMU, H36M17, HUMANML22, Skeleton
+from mwlib.data import sources
 from mwlib.data.collections.bandai_namco import BANDAI21
 from mwlib.data.collections.h36m import HUMANEVA15
 from mwlib.data.collections.lafan1 import LAFAN1
@@ -57,9 +58,11 @@ def test_who_is_held_out_is_left_out_of_more_data(monkeypatch):
     plain = module.load_data(small())
     held_out = {m.subject for m in (*plain.validation, *plain.test)}
     asked = []
-    monkeypatch.setattr(module, "load_motions", lambda source: asked.append(source) or synthetic_motions())
+    monkeypatch.setattr(sources, "load_motions", lambda source, **how: asked.append(source) or synthetic_motions())
     more = module.load_data(small(more_data=("here", "there")))
-    assert asked == ["here", "there"] and fingerprint(more.validation + more.test) == fingerprint(plain.validation + plain.test)
+    assert asked == ["synthetic", "here", "there"] and fingerprint(more.validation + more.test) == fingerprint(
+        plain.validation + plain.test
+    )
     assert len(more.train) == 3 * len(plain.train) and not held_out & {m.subject for m in more.train}
     assert {(m.fps, m.skeleton.name) for m in more.train} == {(10.0, "H36M17")}
 

@@ -11,7 +11,7 @@ import pytest
 import torch
 
 from mwlib import metrics, write_bvh
-from mwlib.data.sources import Split
+from mwlib.data.sources import Split, fingerprint
 from mwlib.prediction.config import EvaluationConfig
 from mwlib.prediction.predictor import Predictor
 from mwlib.prediction.system import DETAILS, METRICS, _beside_still, baseline, evaluate, load_data, score, test_windows, trained
@@ -222,3 +222,10 @@ def test_long_clips_need_no_word(tmp_path):
 def test_what_cannot_be_trained_on_says_what_would_help(tmp_path, clips, message):
     with pytest.raises(ValueError, match=message):
         load_data(folder_of(tmp_path, **clips))
+
+
+def test_people_of_more_data_are_trained_on_but_for_those_who_are_held_out():
+    plain, more = (load_data(small(more_data=sources)) for sources in ((), ("synthetic", "synthetic")))
+    held_out = {m.subject for m in (*plain.validation, *plain.test)}
+    assert fingerprint(more.validation + more.test) == fingerprint(plain.validation + plain.test)
+    assert len(more.train) == 3 * len(plain.train) and not held_out & {m.subject for m in more.train}

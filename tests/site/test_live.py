@@ -16,10 +16,10 @@ from mwlib.body.standing import legs, standing
 from mwlib.course.live import STEPS, WAVELETS
 from mwlib.diffusion import WindowNoise, alpha_bar, ddim, ddim_indices, eps_of, posterior_mean
 from mwlib.inbetweening.windows import given
-from mwlib.synthetic.acts import captioned_positions
+from mwlib.synthetic.acts import TIMED, captioned_positions, usual_times
 from mwlib.synthetic.sentences import examples
-from mwlib.synthetic.sentences_typed import as_learnt
-from mwlib.text_to_motion.motions import fused_joints
+from mwlib.synthetic.sentences_typed import as_learnt, claims
+from mwlib.text_to_motion.motions import fused_joints, steady_bones
 from tests.site.conftest import SITE
 
 pytestmark = pytest.mark.usefixtures("unchecked")
@@ -56,7 +56,10 @@ BETWEEN = """async ([poses, T, asked, noise]) => {
 READ = """async (texts) => {
   const { reader } = await document.querySelector('#live-sentences').live.tables();
   return texts.map((text) => {
-    try { const { text: said, actions, isLearnt } = reader.read(text); return [said, actions, isLearnt]; } catch { return null; }
+    try {
+      const { text: said, actions, isLearnt } = reader.read(text);
+      return [said, actions, isLearnt, reader.claims(said), reader.time(said) ?? null];
+    } catch { return null; }
   });
 }"""
 TYPED = (
@@ -152,7 +155,8 @@ def test_sentences_are_pythons(opened, on):
         raw = model.statistics.denormalise(last.y)
     apart = np.abs(np.array(found["features"]).reshape(2, 48, 263) - raw.numpy()).max()
     assert apart < 5 * OF[on] * NEAR  # a wide network, and guidance, which exaggerates
-    joints = torch.stack([fused_joints(one.double(), model.layout) for one in raw])
+    skeleton = model.layout.skeleton
+    joints = torch.stack([steady_bones(fused_joints(one.double(), model.layout), skeleton) for one in raw])
     assert (
         np.abs(np.array(found["joints"]).reshape(2, 48, 22, 3) - joints.numpy()).max() < 10 * OF[on] * NEAR
     )  # of a path of metres
@@ -160,14 +164,17 @@ def test_sentences_are_pythons(opened, on):
 
 def test_sentences_are_read_as_python_reads_them(opened):
     made = [caption for clip in captioned_positions(clips=20) for caption in clip.captions]
-    texts = [*examples().values(), *made, *TYPED]
+    texts, times = [*examples().values(), *made, *TYPED], usual_times()
 
     def read(text):
         try:
             said = as_learnt(text)
         except ValueError:
             return None
-        return [said.text, [*said.actions], said.is_learnt]
+        told = claims(said.text)
+        action = "backward" if told.get("direction") == "backward" else told.get("action", "")
+        one, two = [action, *(str(told[name]) for name in TIMED if name in told)], f"{action} then {told.get('then')}"
+        return [said.text, [*said.actions], said.is_learnt, told, times.get(two if "then" in told else " ".join(one))]
 
     assert opened("sentences").evaluate(READ, texts) == [read(text) for text in texts]
 

@@ -7,12 +7,14 @@ from itertools import permutations
 
 import numpy as np
 import pytest
+import torch
 
 import mwlib as mw
 from mwlib.cli import main
 from mwlib.experiments import sampling
+from mwlib.synthetic.acts import TIMED, captioned_positions, usual_seconds, usual_times
 from mwlib.synthetic.sentences import captions_of, draw_attributes, vocabulary
-from mwlib.synthetic.sentences_typed import ACTIONS, PERSONS, SYNONYMS, as_learnt, forms
+from mwlib.synthetic.sentences_typed import ACTIONS, PERSONS, SYNONYMS, as_learnt, claims, forms
 from tests.text_to_motion.sample import untrained
 
 # What is typed -> what is read, and its words that the grammar does not know.
@@ -118,6 +120,36 @@ def test_sentences_of_the_grammar_stay_as_they_are_with_their_actions():
             assert (found.text, found.actions, found.is_learnt) == (caption, actions, True)
 
 
+def test_what_a_caption_claims_is_what_its_person_does():
+    rng, left_open = np.random.default_rng(2), set()
+    for _ in range(1500):
+        attributes = draw_attributes(rng)
+        for caption in captions_of(attributes, rng):
+            found = claims(caption)
+            assert found == {name: attributes[name] for name in found}, caption
+            left_open |= {(name, attributes[name]) for name in attributes.keys() - found.keys()}
+    usual = {(name, "normal") for name in ("speed", "pace", "height")}
+    assert left_open == {*usual, ("ends", "seated")}, "nobody says that somebody walks as people do"
+
+
+@pytest.mark.parametrize("typed, expected", [
+    ("wave", {"action": "wave"}),
+    ("he jogs in a circle", {"action": "run", "speed": "slow"}),
+    ("walk and wave with the left hand", {"action": "walk", "then": "wave"}),
+    ("jumps and turns left", {"action": "jump", "then": "turn"}),
+    ("wave the left hand, then kick twice with the right foot",
+     {"action": "wave", "then": "kick", "hand": "left", "foot": "right", "count": 2}),
+    ("punches left and right", {"action": "box"}),
+    ("kicks with both feet", {"action": "kick"}),
+    ("walks backwards quickly", {"action": "walk", "direction": "backward"}),
+    ("sit down and stand up", {"action": "sit", "ends": "standing"}),
+    ("does something", {"action": "pick_up"}),
+    ("zxqv", {}),
+])  # fmt: skip
+def test_what_is_left_open_is_no_claim(typed, expected):
+    assert claims(as_learnt(typed).text) == expected
+
+
 def test_two_actions_that_never_follow_each_other_are_not_learnt():
     learnt = {
         pair for pair in permutations(("walk", "run", "kick", "jump", "sit"), 2) if as_learnt(" then ".join(pair)).is_learnt
@@ -192,3 +224,97 @@ def test_the_command_says_what_it_reads(monkeypatch, tmp_path, capsys, people):
     assert main(["generate", "--words", "--run", "my/run"]) == 0
     said = capsys.readouterr().out
     assert "other forms: walk, walking, walked as walks, and" in said and "he as a man, she as a woman" in said
+
+
+@pytest.fixture
+def seen(monkeypatch):
+    """What the rules are to see, motion after motion."""
+    script: list[dict[str, str]] = []
+    monkeypatch.setattr(sampling, "measured_attributes", lambda positions, fps: script.pop(0))
+    return script
+
+
+THEN_JUMPS = {"action": "walk", "path": "straight", "then": "jump"}
+STRAIGHT, CIRCLE, STILL = {"action": "walk", "path": "straight"}, {"action": "walk", "path": "left_circle"}, {"action": "stand"}
+unknown_words = pytest.mark.filterwarnings("ignore:the model does not know")
+
+
+def drawn(people, attempt, samples, which, text="a person walks forward"):
+    """A sample of one attempt."""
+    (x,) = people.sample([text], [12], 0, ids=[which + attempt * sampling.AGAIN])
+    return sampling.motion_of(x, people.layout, text, fused=True).positions
+
+
+@unknown_words
+def test_a_motion_that_misses_its_sentence_is_made_again_and_the_nearest_is_kept(people, seen, caplog):
+    seen += [STRAIGHT, STILL, THEN_JUMPS, CIRCLE, STRAIGHT, STILL]  # three first, two seconds, one third attempt
+    found = mw.generate("a person walks forward", 0.6, 3, run=people)
+    assert not seen
+    expected = [drawn(people, 0, 3, 0), drawn(people, 1, 3, 1), drawn(people, 1, 3, 2)]
+    for motion, positions in zip(found, expected, strict=True):
+        np.testing.assert_allclose(motion.positions, positions, atol=2e-3)
+    (told,) = caplog.messages
+    asked = "'a person walks forward' asks for in 0.6 s, where people take 4"
+    assert told == f"motion 1 does not show what {asked}: path is left_circle, expected straight"
+
+
+@unknown_words
+def test_one_attempt_keeps_what_comes_first(people, seen, caplog):
+    seen += [STILL]
+    (found,) = mw.generate("a person walks forward", 0.6, run=people, attempts=1)
+    np.testing.assert_allclose(found.positions, drawn(people, 0, 1, 0), atol=2e-3)
+    (told,) = caplog.messages
+    assert told.endswith("people take 4: action is stand, expected walk; path is nothing, expected straight")
+
+
+@unknown_words
+def test_motions_too_short_for_the_rules_and_other_models_are_not_looked_at(people, seen):
+    assert len(mw.generate("a person walks forward", 0.4, run=people)) == 1
+    assert len(mw.generate("a person walks forward", 0.6, run=untrained())) == 1
+
+
+@pytest.mark.parametrize("attempts", [0, -1, 1.5, True, "2", None])
+def test_attempts_are_counted(people, attempts):
+    with pytest.raises(ValueError, match=f"attempts is .*{attempts}"):
+        mw.generate("a person walks forward", 0.6, run=people, attempts=attempts)
+
+
+@unknown_words
+@pytest.mark.filterwarnings("ignore:texts.2. asks for no action")
+def test_a_motion_lasts_as_long_as_people_take_unless_told_otherwise(people, seen, monkeypatch):
+    monkeypatch.setattr(type(people), "lengths", (40, 88))
+    monkeypatch.setattr(type(people), "sample", lambda self, texts, frames, *_, **__: [torch.zeros(n, 263) for n in frames])
+    seen += [{"action": "bow"}, {"action": "kick", "foot": "left", "count": 3}]
+    bow, kicks, dance = mw.generate(
+        ["a person bows", "kick three times with the left foot", "a person goes up"], run=people, attempts=1
+    )
+    assert (len(bow), len(kicks)) == (56, 88) == (20 * usual_seconds({"action": "bow"}), 88), (
+        "kicks take 4.6 s, beyond the longest"
+    )
+    assert len(dance) == 80
+
+
+def test_more_of_something_takes_longer():
+    once, thrice = (usual_seconds(claims(f"a person kicks {times} with the left foot")) for times in ("once", "three times"))
+    slow, fast = (usual_seconds(claims(f"a person turns {how} around to the left")) for how in ("slowly", "quickly"))
+    alone, both = (usual_seconds(claims(text)) for text in ("a person bows", "a person bows and then walks forward"))
+    assert 2.0 <= once < thrice - 1.5 and fast < slow - 1 and alone + 1 < both <= 6.0
+
+
+def test_people_take_about_as_long_as_is_usual_for_their_sentence():
+    clips = captioned_positions(240, seed=5)
+    off = np.array([usual_seconds(claims(clip.captions[0])) - (len(clip.positions) - 1) / 20 for clip in clips])
+    assert abs(off.mean()) < 0.15 and np.abs(off).mean() < 0.4 and np.quantile(np.abs(off), 0.95) <= 0.8
+    true = np.array([len(clip.positions) / 20 for clip in clips])
+    assert off.std() < 0.5 * true.std(), "a length for all would be as good"
+
+
+def test_times_are_there_for_all_that_a_sentence_may_say():
+    times, rng = usual_times(), np.random.default_rng(3)
+    assert times["kick 3"] == usual_seconds({"action": "kick", "count": 3}) > times["kick"]
+    assert times["backward"] == usual_seconds({"action": "walk", "direction": "backward"})
+    for _ in range(300):
+        said = claims(captions_of(draw_attributes(rng), rng)[0])
+        action = "backward" if said.get("direction") == "backward" else said["action"]
+        alone = " ".join([action, *(str(said[name]) for name in TIMED if name in said)])
+        assert f"{action} then {said['then']}" in times if "then" in said else alone in times

@@ -9,7 +9,7 @@ import torch
 from mwlib.data.captioned import captioned_people
 from mwlib.data.formats.humanml import HUMANML3D, joints_of
 from mwlib.metrics import foot_skate, jerk
-from mwlib.text_to_motion.motions import fused_joints, motion_of
+from mwlib.text_to_motion.motions import fused_joints, motion_of, steady_bones
 
 
 @pytest.fixture(scope="module")
@@ -114,9 +114,27 @@ def test_single_precision_motions_and_a_negative_weight(walk):
     torch.testing.assert_close(single.double(), fused_joints(walk, HUMANML3D), atol=1e-4, rtol=0)
     plain, fused = motion_of(walk.float(), HUMANML3D, "walk"), motion_of(walk.float(), HUMANML3D, "walk", fused=True)
     np.testing.assert_allclose(plain.positions, joints_of(walk.float().double(), HUMANML3D).numpy())
-    np.testing.assert_allclose(fused.positions, fused_joints(walk.float().double(), HUMANML3D).numpy())
+    expected = steady_bones(fused_joints(walk.float().double(), HUMANML3D), HUMANML3D.skeleton)
+    np.testing.assert_allclose(fused.positions, expected.numpy())
     with pytest.raises(
         ValueError,
         match="step_weight=-1.0, contact_weight=0.0, height_weight=1.0, arm_weight=0.1; expected at least 0",
     ):
         fused_joints(walk, HUMANML3D, -1.0, 0.0)
+
+
+def test_bones_keep_the_length_of_the_median_frame_and_point_where_they_did(walk, trembling):
+    skeleton = HUMANML3D.skeleton
+    recorded = joints_of(walk, HUMANML3D)
+    torch.testing.assert_close(steady_bones(recorded, skeleton), recorded, atol=1e-5, rtol=0)
+    given = fused_joints(trembling, HUMANML3D)
+    found = steady_bones(given, skeleton)
+    parent, child = torch.tensor(skeleton.bones).T
+    before, after = (x[:, child] - x[:, parent] for x in (given, found))
+    lengths = after.norm(dim=-1)
+    assert float((before.norm(dim=-1).amax(0) / before.norm(dim=-1).amin(0)).median()) > 1.03, "else this shows nothing"
+    torch.testing.assert_close(lengths, before.norm(dim=-1).quantile(0.5, dim=0).expand_as(lengths), atol=1e-9, rtol=0)
+    torch.testing.assert_close(after / lengths[..., None], before / before.norm(dim=-1, keepdim=True), atol=1e-9, rtol=0)
+    torch.testing.assert_close(found[:, 0], given[:, 0], atol=0, rtol=0)
+    np.testing.assert_allclose(motion_of(trembling, HUMANML3D, fused=True).positions, found, atol=1e-6)
+    np.testing.assert_allclose(motion_of(trembling, HUMANML3D).positions, joints_of(trembling, HUMANML3D), atol=1e-6)

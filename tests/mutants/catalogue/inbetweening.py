@@ -147,7 +147,7 @@ MUTANTS = [
         ("fine-tokens-never-smaller", "found.clamp_max(1), found)", "found.clamp(1, 1), found)"),
     ),
     *of(
-        "inbetweening/system.py", "inbetweening/test_system.py",
+        "data/sources.py", "inbetweening/test_system.py",
         ("more-data-of-those-held-out", "if m.subject not in held_out", "if True",
          "inbetweening/test_system.py::test_who_is_held_out_is_left_out_of_more_data"),
     ),
