@@ -20,22 +20,33 @@ from mwlib.text_to_motion.attributes import measured_attributes
 from mwlib.text_to_motion.config import Config
 from mwlib.text_to_motion.motions import fused_joints
 
-NAMES = ("speed (m/s)", "jerk (m/s³)", "skate (m/s)", "bones from frame to frame (mm)")
+NAMES = (
+    "speed (m/s)",
+    "jerk (m/s³)",
+    "skate (m/s)",
+    "bones from frame to frame (mm)",
+    "standing feet, mean (m/s)",
+    "median (m/s)",
+)
 CLAIMS = ("action", "path", "speed")
 WEIGHTS = {"height_weight": (0.0, 0.3, 3.0, 10.0), "arm_weight": (0.0, 0.3, 1.0)}
 
 
-def movement(joints: torch.Tensor, layout: FeatureLayout) -> list[float]:
-    """The four numbers of a motion (T, J, 3)."""
+def movement(joints: torch.Tensor, features: torch.Tensor, layout: FeatureLayout) -> list[float]:
+    """The numbers of a motion (T, J, 3); a foot stands where its features say so."""
     flat, toes = joints.flatten(-2)[None, None], layout.contact_joints[1::2]
     floor = float(joints[:, toes, 1].amin())
     bones = bones_of((joints[:, 1:] - joints[:, :1]).flatten(-2), layout.skeleton).norm(dim=-1)
+    feet = joints[:, list(layout.contact_joints)][..., [0, 2]].diff(dim=0).norm(dim=-1) * layout.fps
+    feet = feet[features[:-1, layout.blocks["contacts"]] > 0.5]
     slides = foot_skate(joints.flatten(-2), toes, layout.fps, up="y", floor=floor)
     return [
         float(speed(flat, layout.fps)),
         float(jerk(flat, layout.fps)),
         float(slides),
         1000 * float(bones.diff(dim=0).abs().mean()),
+        float(feet.mean()),
+        float(feet.median()) if len(feet) else float("nan"),
     ]
 
 
@@ -66,7 +77,9 @@ def main() -> None:
         },
     }
     for name, motions in rows.items():
-        values = [movement(x, layout) + shown(x, clip, layout.fps) for x, clip in zip(motions, test, strict=True)]
+        said = [torch.from_numpy(clip.features) for clip in test] if name == "truth" else made
+        each = zip(motions, said, test, strict=True)
+        values = [movement(x, y[: len(x)], layout) + shown(x, clip, layout.fps) for x, y, clip in each]
         for what, column in zip((*NAMES, *(f"{claim} right" for claim in CLAIMS)), torch.tensor(values).T, strict=True):
             there = column[~column.isnan()]
             print(f"{name:28} {what:32} {there.mean():8.3f} ± {there.std() / len(there) ** 0.5:.3f}")

@@ -48,6 +48,12 @@ FEW, FEW_WINDOWS, SLOW = 20, 32, 3.0  # samples and windows of each person; hert
 KEPT = ("ade", "fde", "speed", "coverage_0.5", "coverage_0.9")
 
 
+ABOUT = {
+    "data": "cmu/asfamc", "model": "cmu, as it comes with the package", "samples": "50; of jerk every fifth", "seed": 0,
+    "mwlib": mw.__version__, "command": "python benchmarks/seam.py figures/cmu", **acknowledgement("cmu/asfamc"),
+}  # fmt: skip
+
+
 def jerk_below(x: Tensor, edge: float | None, fps: float, history: int) -> Tensor:
     """Jerk of predicted frames of whole windows, m/s³: (windows, 2), the mean and the median frame's, means over samples.
 
@@ -89,7 +95,7 @@ def measured(people: str) -> tuple[dict[float, dict[str, Any]], dict[str, np.nda
         draws = seam == CHOSEN
         return score(
             draw if draws else lambda _, ids: settings[seam].decode(*drawn[tuple(ids)]),
-            test, every, cfg.evaluation, people if draws else None, BATCH,
+            test, every, cfg.evaluation, draws, BATCH,
         )  # fmt: skip
 
     with torch.inference_mode():
@@ -113,7 +119,7 @@ def hasty(model: Predictor, person: str, temperature: float, spread: float) -> d
         jerks.append(torch.stack([jerk_below(x, SLOW, cfg.data.fps, cfg.windows.history)[:, 0] for x in (whole, known)]))
         return futures
 
-    mean = score(draw, test, every, cfg.evaluation, None, BATCH)["mean"]
+    mean = score(draw, test, every, cfg.evaluation, False, BATCH)["mean"]
     samples, people = torch.cat(jerks, dim=1).mean(1).tolist()
     row = {"person": person, "who": ONE_BY_ONE[person], "windows": len(test), "temperature": temperature, "spread": spread}
     row |= {"people (m/s³)": people, "samples (m/s³)": samples, "samples / people": samples / people}
@@ -126,7 +132,9 @@ def main() -> None:
     out, means, pairs, bands = Path(sys.argv[1]), [], [], []
     if "--temperatures" in sys.argv:
         model = mw.load_run("cmu")
-        write_together({out / "haste.csv": as_csv([hasty(model, who, *how) for who in ONE_BY_ONE for how in TEMPERATURES])})
+        rows = [hasty(model, person, *how) for person in ONE_BY_ONE for how in TEMPERATURES]
+        about = ABOUT | {"samples": FEW, "jerk": f"below {SLOW:g} Hz", "command": f"{ABOUT['command']} --temperatures"}
+        write_together({out / "haste.csv": as_csv(rows), out / "haste.json": json.dumps(about, indent=1)})
         return
     for people, tried in PEOPLE.items():
         found, jerks, whose = measured(people)
@@ -160,13 +168,8 @@ def main() -> None:
                     clustered_error(of["samples"] - ratio * of["people"], clips) / of["people"].mean() if person == people else ""
                 )
                 bands.append(row | {"standard error": off if several else ""})
-    about = {
-        "data": "cmu/asfamc", "model": "cmu, as it comes with the package", "samples": "50; of jerk every fifth",
-        "seed": 0, "mwlib": mw.__version__,
-        "command": "python benchmarks/seam.py figures/cmu", **acknowledgement("cmu/asfamc"),
-    }  # fmt: skip
     files = {"seam.csv": means, "seam_paired.csv": pairs, "jerk_bands.csv": bands}
-    write_together({out / name: as_csv(rows) for name, rows in files.items()} | {out / "seam.json": json.dumps(about, indent=1)})
+    write_together({out / name: as_csv(rows) for name, rows in files.items()} | {out / "seam.json": json.dumps(ABOUT, indent=1)})
 
 
 if __name__ == "__main__":

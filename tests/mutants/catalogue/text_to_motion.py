@@ -132,6 +132,8 @@ MUTANTS = [
     ),
     *of(
         "text_to_motion/motions.py", "text_to_motion/test_motions.py",
+        ("bones-as-long-as-first", "lengths.quantile(0.5, dim=0)", "lengths[0]"),
+        ("bones-of-plain-places-too", "if fused else joints_of(x, layout)", "if True else joints_of(x, layout)"),
         ("standing-foot-may-slide", "along[:, feet] *= ~standing[..., None]", "along[:, feet] *= 1"),
         ("heights-weighed-as-ways", "steps[..., 0], height_weight)", "steps[..., 0], step_weight)"),
         ("arms-trusted-as-legs", "weights[:, arms] = heights[:, arms] = arm_weight", "pass"),
