@@ -62,13 +62,19 @@ export class Reader {
   }
   /** What a sentence in the grammar's words says of the motion: `claims` of mwlib. */
   claims(text) {
-    const found = {}, clauses = text.split(new RegExp(this.then));
+    const found = {}, clauses = [];
+    for (const clause of text.split(new RegExp(this.then)))
+      if (this.actions(clause).length || !clauses.length) clauses.push(clause);
+      else clauses.push(`${clauses.pop()} ${clause}`); // "sits down, then up": one action
     const asked = clauses.map((clause) => {
       const actions = this.actions(clause);
       return ["walk", "run"].includes(actions[0]) ? this.actions(clause.replaceAll(new RegExp(this.bend, "g"), "")) : actions;
     });
-    asked.flat().slice(0, 2).forEach((action, i) => (found[["action", "then"][i]] = action));
+    const both = asked.flat().slice(0, this.most);
+    both.forEach((action, i) => (found[["action", "then"][i]] = action));
     clauses.forEach((clause, i) => asked[i].length === 1 && Object.assign(found, this.manner(asked[i][0], clause)));
+    if (both.length === this.most) // whose number it is, nobody knows where both have one
+      for (const name of Object.keys(found)) if (both.every((action) => name in this.recipes[action])) delete found[name];
     return found;
   }
   manner(action, clause) {

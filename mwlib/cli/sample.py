@@ -215,19 +215,20 @@ def generate(
     """Motions from sentences, as BVH files.
 
     Sample motions that do what a sentence says, and write each as a BVH file that Blender opens. The model that comes with the
-    package has learnt from synthetic people: they walk, run, turn, jump, wave, kick, sit and reach. It reads other forms of its
+    package has learnt from synthetic people: they walk, run, turn, jump, wave, kick, box, reach,
+    pick up, sit, squat, bow and stand. It reads other forms of its
     words, too, such as "walk forward", and says how. Words that a model does not know are told. A sentence of which it knows no
     word is refused, and so are denials and more than two actions.
 
     Args:
         texts: sentences, each in quotes.
         words: list the actions and the words that the model knows, and make nothing.
-        seconds: length of each motion (default: as long as people take for what the sentence says).
+        seconds: length of all motions, 2 to 6 of the shipped model (default: as people take for what each sentence says).
         samples: motions of each sentence.
         seed: of their noise.
         run: folder of a finished run (default: the shipped model).
         plain: read the joints' places alone, as the field does; the default reads their steps, too.
-        attempts: at each motion, at most, until it is seen to do what its sentence says; 1 keeps what comes first.
+        attempts: at most so many for each motion, until rules see it do what its sentence says; 1 keeps what comes first.
         format: of the files: bvh, or glb, which has a plain body around the skeleton, for viewers.
         out: folder.
     """

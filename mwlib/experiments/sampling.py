@@ -15,7 +15,7 @@ from mwlib.networks.matching import UNIT
 from mwlib.settings import of_kind, real, several, whole
 from mwlib.synthetic.acts import usual_seconds
 from mwlib.synthetic.sentences import Attributes
-from mwlib.synthetic.sentences_typed import as_learnt, claims
+from mwlib.synthetic.sentences_typed import as_learnt, claims, is_plain
 from mwlib.text_to_motion.attributes import CLAIMS, measured_attributes
 from mwlib.text_to_motion.model import WHERE_WORDS, TextToMotion
 from mwlib.text_to_motion.motions import motion_of
@@ -123,20 +123,21 @@ def generate(
     """Motions that do what sentences say.
 
     A motion of the synthetic people that does not show what its sentence says, by the rules of `measured_attributes`, is made
-    again; of all `attempts` the nearest is kept. Own choice: a sample is cheap, and the rules see what a sentence says. A logged
-    message tells of motions that still do not. Tables and cards count first attempts alone.
+    again; of all `attempts` the nearest is kept. Own choice: a sample is cheap, and the rules see what a plain sentence says (see
+    `is_plain`). A logged message tells of motions that still do not. Tables and cards count first attempts alone.
 
     Args:
         texts: a sentence, or several.
         seconds: length of each motion, or one length for all; rounded to a multiple of four frames. None: as long as synthetic
-            people take for what the sentence says; of other models and sentences 4. Given more time, a motion does more.
+            people take for what the sentence says; of other models and sentences 4, if the model makes so long ones. Given more
+            time, a motion does more.
         samples: motions of each sentence, at most 1000.
         seed: of their noise. The first motions do not depend on how many are asked for.
         run: folder of a finished run of text-to-motion, a name that `load_run` knows, a file of a released model (see
             `open_released`; data and CLIP lie in their usual folders), or the model.
         progress: show a bar.
         fused: read places, steps and contacts together (see `fused_joints`), which trembles less; else places alone, as usual.
-        attempts: at each motion, at most; 1 keeps what comes first.
+        attempts: at each motion, at most 1000; 1 keeps what comes first.
 
     Returns:
         `samples` motions of the first sentence, then of the second, ...; metres, y up, named by their sentences as they were
@@ -160,13 +161,13 @@ def generate(
     """
     model = model_of(run, TextToMotion, "text_to_motion")
     texts = [texts] if isinstance(texts, str) else several("texts", texts, "sentences, or one")
-    samples, attempts = whole("samples", samples, 1, MOST), whole("attempts", attempts, 1)
+    samples, attempts = whole("samples", samples, 1, MOST), whole("attempts", attempts, 1, MOST)
     model.check(texts, [model.lengths[0]] * len(texts))
     read = understood(model, texts)
     frames = _frames(model, read, seconds)
     model.check(texts, frames)
     _warn_of_words(model, read)
-    wanted = [claims(text) if _has_grammar(model) else {} for text in read]
+    wanted = [claims(text) if _has_grammar(model) and is_plain(text) else {} for text in read]
     many = [i for i in range(len(texts)) for _ in range(samples)]  # which sentence
     found, left = dict[int, tuple[list[str], Motion]](), [*range(len(many))]
     for attempt in range(attempts):
@@ -181,8 +182,11 @@ def generate(
             break
     for k in left[:MOST_TOLD]:
         missed, motion, usual = *found[k], _usual_seconds(read[many[k]])
-        took = f"in {len(motion) / motion.fps:g} s" + (f", where people take {usual:g}" if usual else "")
-        log.warning("motion %d does not show what %r asks for %s: %s", k, texts[many[k]], took, "; ".join(missed))
+        took = f"{len(motion) / motion.fps:g} s" + (f", where people take {usual:g}" if usual and seconds is not None else "")
+        asked = f"motion {k + 1} of {len(many)} does not show what {texts[many[k]][:80]!r} asks for in {took}"
+        log.warning("%s: %s", asked, "; ".join(missed))
+    if len(left) > MOST_TOLD:
+        log.warning("nor do %d more", len(left) - MOST_TOLD)
     return [found[k][1] for k in range(len(many))]
 
 

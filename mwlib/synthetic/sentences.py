@@ -177,7 +177,7 @@ _CHOSEN_BY = read_table("""
 walk: speed direction; run: speed; angle: degrees; reach: target; sit: ends; jumps: height; size: height; along: direction
 times: count; number: count; punches: count; kicks: count; squats: count
 """)
-_SLOT = re.compile(r"<(\w+)>")
+SLOT = re.compile(r"<(\w+)>")
 
 
 def captions_of(attributes: Attributes, rng: np.random.Generator) -> tuple[str, ...]:
@@ -206,13 +206,13 @@ def examples() -> dict[str, str]:
 @cache
 def vocabulary() -> tuple[str, ...]:
     """All words that a caption may hold, in alphabetical order."""
-    words = {word for text in RULES.values() for word in _SLOT.sub(" ", text).replace("|", " ").split()}
+    words = {word for text in RULES.values() for word in SLOT.sub(" ", text).replace("|", " ").split()}
     return tuple(sorted({word for word in words if word[0] != "{"} | {"left", "right"}))  # sides alone are said as they are
 
 
 def _sentence(text: str, attributes: Attributes, rng: np.random.Generator) -> str:
     """Replace slot after slot by one of its alternatives."""
-    while slot := _SLOT.search(text):
+    while slot := SLOT.search(text):
         options = RULES[_rule(slot[1], attributes)].split("|")
         text = text[: slot.start()] + options[rng.integers(len(options))] + text[slot.end() :]
     return " ".join(text.format(**attributes).split())

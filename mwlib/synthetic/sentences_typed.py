@@ -13,7 +13,7 @@ from itertools import chain
 from typing import Any, NamedTuple
 
 from mwlib.networks.text import words_of
-from mwlib.synthetic.sentences import PAIRS, RECIPES, Attributes, read_table, vocabulary
+from mwlib.synthetic.sentences import PAIRS, RECIPES, RULES, SLOT, Attributes, read_table, vocabulary
 
 # The grammar's verbs by their action; the last, of no name, take part in several.
 ACTIONS = read_table("""
@@ -63,8 +63,11 @@ PHRASES = (
     (r"\b(?:raises|lifts) (?=(?:the left|the right|both) (?:hand|arm))", "reaches up with ", "wav"),
     (r"\bslow\b(?! pace| speed)", "slowly", ""),
     (r"(?<!runs )(?<!ing )\bfast\b(?! pace| speed)", "quickly", ""),
-    (rf"\b((?:{'|'.join(GOING)})(?: {HOW})?)(?= and\b| then\b|$)", r"\1 forward", ""),
+    (rf"\b({'|'.join(GOING)}) back\b", r"\1 backward", ""),
+    (rf"\b((?:{'|'.join(GOING)})(?: {HOW})?)(?= and\b| then\b|$)", r"\1 forward", "back"),
     (r"(?<!and )\b(turns|rotates) (?:to the )?(left|right)(?= and| then|$)", r"\1 ninety degrees to the \2", ""),
+    (r"^(?!.*\b(?:hands?|arms?|left|right|both)\b)(.*\bwaves)\b", r"\1 with the right hand", ""),
+    (r"^(?!.*\b(?:foot|feet|legs?|left|right|both)\b)(.*\bkicks?(?: high| low)?)\b(?! high| low)", r"\1 with the right foot", ""),
 )
 MOST = 2  # actions of a sentence
 THEN = re.compile(r"\b(?:and )?(?:then|afterwards|after that)\b")
@@ -109,7 +112,8 @@ def as_learnt(sentence: str) -> Typed:
     """A sentence in the words of the grammar; one of the grammar stays as it is.
 
     Verbs are put into the form that the grammar has. The person who acts is one of the grammar's, and is added where nobody is
-    named. Who walks or runs with no path goes forward; a turn to a side with no angle is a quarter turn.
+    named. Who walks or runs with no path goes forward; a turn to a side with no angle is a quarter turn; who waves or kicks
+    with no limb uses the right one.
 
     Raises:
         ValueError: the sentence says what is not done, asks for more than two actions, or is written in another script.
@@ -146,14 +150,51 @@ def claims(text: str) -> Attributes:
     >>> claims("a man walks slowly forward then turns ninety degrees to the left")
     {'action': 'walk', 'then': 'turn', 'speed': 'slow', 'path': 'straight', 'turn': 'left', 'degrees': 90}
     """
-    clauses = THEN.split(text)
+    clauses = list[str]()
+    for clause in THEN.split(text):  # "sits down, then up": one action
+        clauses += [clause] if _actions(clause) or not clauses else [f"{clauses.pop()} {clause}"]
     asked = [_actions(clause) for clause in clauses]
     asked = [_actions(BEND.sub("", c)) if a[:1] in (("walk",), ("run",)) else a for c, a in zip(clauses, asked, strict=True)]
-    found: Attributes = dict(zip(("action", "then"), chain(*asked), strict=False))
-    for clause, actions in zip(clauses, asked, strict=True):
-        if len(actions) == 1:  # else nobody knows to which of them a side belongs
-            found |= _manner(actions[0], clause)
+    actions = [*chain(*asked)][:MOST]
+    found: Attributes = dict(zip(("action", "then"), actions, strict=False))
+    for clause, own in zip(clauses, asked, strict=True):
+        if len(own) == 1:  # else nobody knows to which of them a side belongs
+            found |= _manner(own[0], clause)
+    if len(actions) == MOST:  # nor whose number it is, where both have one
+        found = {n: v for n, v in found.items() if not (n in RECIPES[actions[0]] and n in RECIPES[actions[1]])}
     return found
+
+
+def is_plain(text: str) -> bool:
+    """Whether the grammar makes a sentence, or leaves out where and how often: then `claims` knows what each word means.
+
+    Args:
+        text: as `as_learnt` gives it.
+    """
+    subject = next((who for who in RULES["subject"].split(" | ") if text.startswith(f"{who} ")), "")
+    clauses = [clause.strip() for clause in THEN.split(text.removeprefix(subject).strip().removeprefix("first "))]
+    said = claims(text)
+    asked = tuple(said[name] for name in ("action", "then") if name in said)
+    return bool(subject) and len(asked) == len(clauses) and (len(asked) == 1 or asked in PAIRS) and _clauses().issuperset(clauses)
+
+
+@cache
+def _clauses() -> frozenset[str]:
+    """All that the grammar says of one action, also without where and how often."""
+    rules = {name: said.split("|") for name, said in RULES.items()}
+
+    def all_of(text: str) -> set[str]:
+        """With each slot filled in all ways."""
+        slot = SLOT.search(text)
+        if not slot:
+            sides = [text.replace("{" + name + "}", side) for name in ("hand", "foot", "turn") for side in ("left", "right")]
+            return {" ".join(each.split()) for each in sides if "{" not in each}
+        own = rules.get(slot[1]) or [said for name, many in rules.items() if name.startswith(f"{slot[1]}-") for said in many]
+        own = [*own, ""] if slot[1] in ("along", "times", "path") else own
+        return {whole for said in own for whole in all_of(text[: slot.start()] + said + text[slot.end() :])}
+
+    said = ((action, clause) for action in RECIPES for clause in all_of(f"<{action}>"))
+    return frozenset(clause for action, clause in said if action == "wave" or "both" not in clause.split())
 
 
 def _manner(action: str, clause: str) -> Attributes:
