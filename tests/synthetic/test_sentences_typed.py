@@ -304,8 +304,11 @@ def test_one_attempt_keeps_what_comes_first(people, seen, caplog):
 
 
 @unknown_words
-def test_motions_too_short_for_the_rules_and_other_models_are_not_looked_at(people, seen):
+def test_motions_too_short_for_the_rules_those_of_other_models_and_of_sentences_that_are_not_plain_are_not_looked_at(
+    people, seen
+):
     assert len(mw.generate("a person walks forward", 0.4, run=people)) == 1
+    assert len(mw.generate("a person walks forward to the left", 0.6, run=people)) == 1
     assert len(mw.generate("a person walks forward", 0.6, run=untrained())) == 1
 
 
@@ -353,3 +356,10 @@ def test_times_are_there_for_all_that_a_sentence_may_say():
         action = "backward" if said.get("direction") == "backward" else said["action"]
         alone = " ".join([action, *(str(said[name]) for name in TIMED if name in said)])
         assert f"{action} then {said['then']}" in times if "then" in said else alone in times
+
+
+@unknown_words
+def test_many_that_miss_are_counted(people, seen, caplog):
+    seen += [STILL] * 7
+    mw.generate("a person walks forward", 0.6, 7, run=people, attempts=1)
+    assert [text[:13] for text in caplog.messages] == [f"motion {n} of 7"[:13] for n in range(1, 6)] + ["nor do 2 more"]
