@@ -141,7 +141,7 @@ def usual_seconds(said: Attributes) -> float:
         said: "action", and what else a sentence says, by the names and values of `RECIPES`.
 
     >>> usual_seconds({"action": "kick", "count": 1}), usual_seconds({"action": "kick", "count": 3})
-    (2.0, 4.6)
+    (2.0, 4.4)
     """
     streams = [np.random.default_rng(np.random.SeedSequence(0, spawn_key=(4, person))) for person in range(11)]
     return float(np.median([(len(act_out(completed(said, rng), draw_figure(rng), rng)) - 1) / 20 for rng in streams]))

@@ -148,7 +148,7 @@ def claims(text: str) -> Attributes:
         text: as `as_learnt` gives it.
 
     >>> claims("a man walks slowly forward then turns ninety degrees to the left")
-    {'action': 'walk', 'then': 'turn', 'speed': 'slow', 'path': 'straight', 'turn': 'left', 'degrees': 90}
+    {'action': 'walk', 'then': 'turn', 'speed': 'slow', 'path': 'straight', 'degrees': 90, 'turn': 'left'}
     """
     clauses = list[str]()
     for clause in THEN.split(text):  # "sits down, then up": one action
