@@ -3,7 +3,7 @@
 import difflib
 import logging
 import warnings
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TypeVar
 
@@ -169,25 +169,47 @@ def generate(
     _warn_of_words(model, read)
     wanted = [claims(text) if _has_grammar(model) and is_plain(text) else {} for text in read]
     many = [i for i in range(len(texts)) for _ in range(samples)]  # which sentence
-    found, left = dict[int, tuple[list[str], Motion]](), [*range(len(many))]
+
+    def make(which: list[int], attempt: int) -> list[Motion]:
+        """One attempt at some of the motions."""
+        ids = [MOST * many[k] + k % samples + AGAIN * attempt for k in which]
+        asked = [read[many[k]] for k in which], [frames[many[k]] for k in which]
+        made = model.sample(*asked, seed, ids=ids, progress=progress)
+        return [motion_of(x, model.layout, texts[many[k]], fused) for k, x in zip(which, made, strict=True)]
+
+    found = _nearest(make, [wanted[i] for i in many], attempts)
+    usual = [
+        _usual_seconds(read[i]) if missed and seconds is not None else None for i, (missed, _) in zip(many, found, strict=True)
+    ]
+    _tell_of_misses(found, usual)
+    return [motion for _, motion in found]
+
+
+def _nearest(
+    make: Callable[[list[int], int], list[Motion]], wanted: Sequence[Attributes], attempts: int
+) -> list[tuple[list[str], Motion]]:
+    """Of some attempts at each motion the one that misses least, and what; who misses nothing is not made again."""
+    found, left = dict[int, tuple[list[str], Motion]](), [*range(len(wanted))]
     for attempt in range(attempts):
-        ids = [MOST * many[k] + k % samples + AGAIN * attempt for k in left]
-        asked = [read[many[k]] for k in left], [frames[many[k]] for k in left]
-        for k, x in zip(left, model.sample(*asked, seed, ids=ids, progress=progress), strict=True):
-            motion = motion_of(x, model.layout, texts[many[k]], fused)
-            missed = _missed(motion, wanted[many[k]])
+        for k, motion in zip(left, make(left, attempt), strict=True):
+            missed = _missed(motion, wanted[k])
             if k not in found or len(missed) < len(found[k][0]):
                 found[k] = missed, motion
         if not (left := [k for k in left if found[k][0]]):
             break
+    return [found[k] for k in range(len(wanted))]
+
+
+def _tell_of_misses(found: Sequence[tuple[list[str], Motion]], usual: Sequence[float | None]) -> None:
+    """Log what motions miss, and how long people take, where that is said; of many the first ones."""
+    left = [k for k, (missed, _) in enumerate(found) if missed]
     for k in left[:MOST_TOLD]:
-        missed, motion, usual = *found[k], _usual_seconds(read[many[k]])
-        took = f"{len(motion) / motion.fps:g} s" + (f", where people take {usual:g}" if usual and seconds is not None else "")
-        asked = f"motion {k + 1} of {len(many)} does not show what {texts[many[k]][:80]!r} asks for in {took}"
+        missed, motion = found[k]
+        took = f"{len(motion) / motion.fps:g} s" + (f", where people take {usual[k]:g}" if usual[k] else "")
+        asked = f"motion {k + 1} of {len(found)} does not show what {motion.name[:80]!r} asks for in {took}"
         log.warning("%s: %s", asked, "; ".join(missed))
     if len(left) > MOST_TOLD:
         log.warning("nor do %d more", len(left) - MOST_TOLD)
-    return [found[k][1] for k in range(len(many))]
 
 
 def _missed(motion: Motion, wanted: Attributes) -> list[str]:

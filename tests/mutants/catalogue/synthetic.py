@@ -70,7 +70,7 @@ MUTANTS = [
         ("any-sentence-is-looked-at", "and is_plain(text) else {}", "else {}"),
         ("words-of-others-are-changed", 'return model.cfg.data.data == "people" and bool(model.net.text.vocabulary)',
          "return bool(model.net.text.vocabulary)"),
-        ("what-was-typed-is-sampled", "[read[many[k]] for k in left], [", "[texts[many[k]] for k in left], ["),
+        ("what-was-typed-is-sampled", "[read[many[k]] for k in which], [", "[texts[many[k]] for k in which], ["),
         ("named-by-what-was-read", "model.layout, texts[many[k]], fused", "model.layout, read[many[k]], fused"),
         ("again-from-the-same-noise", "+ AGAIN * attempt", "+ 0 * attempt"),
         ("the-last-attempt-is-kept", "len(missed) < len(found[k][0])", "True"),
