@@ -181,3 +181,15 @@ def python2_pickle(subject: str, action: str, array: np.ndarray) -> bytes:
     inner = pickled(shape, b"f4", b"<", text(array.astype("<f4").tobytes()))
     tree = b"}" + text(subject.encode()) + b"}" + text(action.encode()) + inner + b"ss"
     return b"\x80\x02" + pickled(b"(t", b"O8", b"|", b"]" + tree + b"a") + b"."
+
+
+def tree_bvh(joints, parents, offsets, channels, rows, step: str = "0.0333333") -> str:
+    """BVH text of any tree; `channels` names each joint's channels; End Sites under the joints that have no children."""
+
+    def joint(i: int) -> str:
+        inner = "".join(joint(c) for c, p in enumerate(parents) if p == i) or "End Site { OFFSET 0 1 2 }\n"
+        head = f"{'JOINT' if i else 'ROOT'} {joints[i]}\n{{\nOFFSET {' '.join(map(str, offsets[i]))}\n"
+        return f"{head}CHANNELS {len(channels[i])} {' '.join(channels[i])}\n{inner}}}\n"
+
+    table = "\n".join(" ".join(f"{v:.6f}" for v in row) for row in rows)
+    return f"HIERARCHY\n{joint(0)}MOTION\nFrames: {len(rows)}\nFrame Time: {step}\n{table}\n"

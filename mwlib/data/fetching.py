@@ -28,7 +28,7 @@ from mwlib.data.collections import COLLECTIONS, Archive, Collection, Listed
 from mwlib.data.formats.asf_amc import read_asf
 from mwlib.data.load import data_folder, read_motion_file
 from mwlib.data.meaning import clips_row
-from mwlib.data.untrusted import MOST_BYTES, PACKED, MotionFormatError, allowed, bare_name, read_bytes
+from mwlib.data.untrusted import PACKED, MotionFormatError, bare_name, read_bytes
 from mwlib.files import write_atomic, write_json
 from mwlib.hashing import file_hash, sha256
 from mwlib.version import __version__
@@ -173,33 +173,27 @@ def _stand_in(file: Path) -> str:
     return ""
 
 
-class _Registry:
-    """Files of one collection on their way: pooch's registry in a folder beside the one that they are for."""
+@dataclass(frozen=True)
+class _Staging:
+    """Files on their way: a folder beside the one that they are for, kept by pooch."""
 
-    def __init__(self, url: str, files: dict[str, tuple[str, str | None]], staging: Path, patience: Patience) -> None:
-        self.patience = patience
-        self.pooch = pooch.create(
-            path=staging,
-            base_url="",
-            registry={name: digest for name, (_, digest) in files.items()},
-            urls={name: place if "://" in place else f"{url}/{place}" for name, (place, _) in files.items()},
-            retry_if_failed=patience.retries,
-        )
+    folder: Path
+    patience: Patience
 
-    def get(self, name: str, most: int = MOST, bar: tqdm = SILENT) -> Path:
-        """The file in the staging folder, brought unless it is there already.
+    def get(self, url: str, name: str, digest: str | None = None, most: int = MOST, bar: tqdm = SILENT) -> Path:
+        """The file under its name in the staging folder, brought unless it is there already.
 
         Raises:
             FetchError: no connection, or none that lasts.
             NotOfferedError: the server has no such file, or sends something else.
         """
-        url = self.pooch.get_url(name)
+        retries = self.patience.retries
+        files = pooch.create(self.folder, "", registry={name: digest}, urls={name: url}, retry_if_failed=retries)
         try:
             receive: Any = partial(_receive, most=most, patience=self.patience, bar=bar)
-            return Path(self.pooch.fetch(name, downloader=receive))
+            return Path(files.fetch(name, downloader=receive))
         except _BrokenError as error:
-            tries = self.patience.retries + 1
-            raise FetchError(f"{url}: {error}; tried {tries} times. The same command goes on from here") from error
+            raise FetchError(f"{url}: {error}; tried {retries + 1} times. The same command goes on from here") from error
         except (ValueError, NotOfferedError) as error:
             raise NotOfferedError(f"{url}: {error}") from error
 
@@ -249,19 +243,18 @@ def bring(collection: Collection, to: Path, patience: Patience = Patience()) -> 
     is_whole = download.archive is None or _is_proven(folder)
     if is_whole and not _missing(folder, files) and not _missing_clips(folder, clips) and _labelled(folder, clips):
         return folder
-    with _workplace(to, collection.name) as staging:
+    with _workplace(to, collection.name, patience) as staging:
         if clips:
-            _bring_clips(download.url, clips, folder, staging, patience)
-        else:
-            registry = _Registry(download.url, {**files}, staging, patience)
-            with _progress(collection.title.split(":")[0], len(files)) as bar:
-                for name in _missing(folder, files):
-                    part = registry.get(name)
-                    folder.mkdir(parents=True, exist_ok=True)
-                    part.replace(folder / name)
-                    bar.update()
+            _bring_clips(download.url, clips, folder, staging)
+        with _progress(collection.title.split(":")[0], len(files)) as bar:
+            for name in _missing(folder, files):
+                place, digest = files[name]
+                part = staging.get(f"{download.url}/{place}", name, digest)
+                folder.mkdir(parents=True, exist_ok=True)
+                part.replace(folder / name)
+                bar.update()
         if download.archive is not None and not is_whole:
-            _bring_archive(download.archive, folder, staging, patience)
+            _bring_archive(download.archive, folder, staging)
     return folder
 
 
@@ -273,18 +266,18 @@ def _missing(folder: Path, files: dict[str, tuple[str, str]]) -> list[str]:
 def _digest(file: Path) -> str:
     """SHA-256 of the file's bytes, unpacked; "" if it cannot be read."""
     try:
-        return sha256([read_bytes(file, allowed(MOST_BYTES, file))])
+        return sha256([read_bytes(file)])
     except MotionFormatError:
         return ""
 
 
-def _bring_archive(archive: Archive, folder: Path, staging: Path, patience: Patience) -> None:
+def _bring_archive(archive: Archive, folder: Path, staging: _Staging) -> None:
     """Unpack the clips of a zip that is known byte by byte, and write down what they are."""
-    registry = _Registry("", {"clips.zip": (archive.url, archive.sha256)}, staging, patience)
     with _progress("the archive", archive.size, "B") as bar:
-        packed = registry.get("clips.zip", archive.size, bar)
-    found = pooch.Unzip(extract_dir="clips")(str(packed), "download", registry.pooch)
-    clips = [file for file in map(Path, found) if archive.wanted.fullmatch(file.name)]
+        packed = staging.get(archive.url, "clips.zip", archive.sha256, archive.size, bar)
+    unpacked = staging.folder / "clips"
+    shutil.unpack_archive(packed, unpacked)
+    clips = [file for file in unpacked.rglob("*") if archive.wanted.fullmatch(file.name)]
     if len(clips) != archive.count:
         raise NotOfferedError(f"{archive.url}: {len(clips)} clips; expected {archive.count}")
     (folder / PROOF).unlink(missing_ok=True)
@@ -303,7 +296,7 @@ def _is_proven(folder: Path) -> bool:
         return False
 
 
-def _bring_clips(url: str, clips: Sequence[Listed], folder: Path, staging: Path, patience: Patience) -> None:
+def _bring_clips(url: str, clips: Sequence[Listed], folder: Path, staging: _Staging) -> None:
     """Clips that are known by their motions, their skeletons, and a clips.csv with subjects, actions and rates."""
     if not _labelled(folder, clips):
         if (table := folder / "clips.csv").exists():
@@ -311,14 +304,12 @@ def _bring_clips(url: str, clips: Sequence[Listed], folder: Path, staging: Path,
         text, rows = io.StringIO(), [(clip.file, f"{clip.fps:g}", clip.subject, clip.action) for clip in clips]
         csv.writer(text, lineterminator="\n").writerows([("file", "fps", "subject", "action"), *rows])
         write_atomic(table, text.getvalue())
-    names = {name for clip in clips for name in (clip.file, _skeleton_of(clip))}
-    registry = _Registry(url, {name: (name, None) for name in names}, staging, patience)
     missing, faults = _missing_clips(folder, clips), []
     with _progress("clips", len(clips)) as bar:
         bar.update(len(clips) - len(missing))
         for clip in missing:
             try:
-                _bring_clip(registry, clip, folder)
+                _bring_clip(url, clip, folder, staging)
             except NotOfferedError as error:
                 faults.append(str(error))
                 if len(faults) == MOST_FAULTS:
@@ -328,10 +319,11 @@ def _bring_clips(url: str, clips: Sequence[Listed], folder: Path, staging: Path,
         raise FetchError("\n  ".join([f"{len(faults)} of {len(clips)} clips could not be had as listed:", *faults]))
 
 
-def _bring_clip(registry: _Registry, clip: Listed, folder: Path) -> None:
+def _bring_clip(url: str, clip: Listed, folder: Path, staging: _Staging) -> None:
     """One clip and its skeleton, asked for twice at most where what comes is not the listed motion."""
+    names = _skeleton_of(clip), clip.file
     for _ in range(2):
-        skeleton, part = registry.get(_skeleton_of(clip)), registry.get(clip.file)
+        skeleton, part = (staging.get(f"{url}/{name}", name) for name in names)
         if not (fault := motion_fault(part, clip)):
             break
         part.unlink()
@@ -340,8 +332,8 @@ def _bring_clip(registry: _Registry, clip: Listed, folder: Path) -> None:
         except MotionFormatError:
             skeleton.unlink()
     else:
-        raise NotOfferedError(f"{registry.pooch.get_url(clip.file)}: {fault}")
-    for name, file in ((_skeleton_of(clip), skeleton), (clip.file, part)):
+        raise NotOfferedError(f"{url}/{clip.file}: {fault}")
+    for name, file in zip(names, (skeleton, part), strict=True):
         write_atomic(folder / name, file.read_bytes())
     part.unlink()
 
@@ -354,8 +346,8 @@ def _skeleton_of(clip: Listed) -> str:
 
 def _missing_clips(folder: Path, clips: Sequence[Listed]) -> list[Listed]:
     """Clips that are not there, or not as listed."""
-    with _progress("checking clips", len(clips), of=clips) as bar:
-        return [clip for clip in bar if (file := at(folder, clip.file)) is None or motion_fault(file, clip)]
+    checked = _progress("checking clips", len(clips), of=clips)
+    return [clip for clip in checked if (file := at(folder, clip.file)) is None or motion_fault(file, clip)]
 
 
 def _labelled(folder: Path, clips: Sequence[Listed]) -> bool:
@@ -417,7 +409,7 @@ def brought(collection: Collection, folder: Path) -> tuple[int, int]:
 
 
 @contextmanager
-def _workplace(to: Path, name: str) -> Iterator[Path]:
+def _workplace(to: Path, name: str, patience: Patience) -> Iterator[_Staging]:
     """A folder for what is not whole yet, hidden, on the same disk; others wait until it is free.
 
     It is removed at a good end. What a broken end leaves there is never read as data.
@@ -431,7 +423,7 @@ def _workplace(to: Path, name: str) -> Iterator[Path]:
         print(f"another mwlib fetch {name} is at work in {to}; waiting for it", file=sys.stderr)
     with lock:
         folder.mkdir(exist_ok=True)
-        yield folder
+        yield _Staging(folder, patience)
         shutil.rmtree(folder)
 
 

@@ -22,8 +22,8 @@ from mwlib.data.meaning import (  # isort: skip
     said_by,
 )  # fmt: skip
 from mwlib.data.untrusted import (  # isort: skip
-    MOST_BYTES, BrokenFilesWarning, DoubtfulDataWarning, MotionFormatError, allowed, archive_names, array_header, bare_suffix,
-    near_name, open_regular, read_archive, read_array, read_bytes, read_head, single, without_twins,
+    BrokenFilesWarning, DoubtfulDataWarning, MotionFormatError, archive_names, array_header, bare_suffix, near_name,
+    open_regular, read_archive, read_array, read_bytes, read_head, single, without_twins,
 )  # fmt: skip
 from mwlib.settings import near, shown
 
@@ -312,7 +312,7 @@ def _read_npy(file: Path, known: Hints) -> Reading:
     """Joint positions; in a folder new_joint_vecs, rows of features."""
     from mwlib.data.formats.humanml import FEATURES, read_features
 
-    array = read_array(BytesIO(read_bytes(file, allowed(MOST_BYTES, file))), file, "array")
+    array = read_array(BytesIO(read_bytes(file)), file, "array")
     if array.ndim == 2 and file.parent.name == FEATURES:
         return read_features(array, file, known)
     from mwlib.data.formats.arrays import read_positions

@@ -7,7 +7,6 @@ import lzma
 import math
 import re
 import stat
-import sys
 import warnings
 import zipfile
 import zlib
@@ -98,12 +97,16 @@ def open_regular(path: Path) -> Iterator[BinaryIO]:
         raise MotionFormatError(path, "file", error.strerror or type(error).__name__, expected) from error
 
 
-def read_bytes(path: Path, limit: int) -> bytes:
-    """The file's bytes, unpacked, but no more than `limit` of them.
+def read_bytes(path: Path, limit: int | None = None) -> bytes:
+    """The file's bytes, unpacked.
+
+    Args:
+        limit: bytes, at most; None: what the file's size allows.
 
     Raises:
         MotionFormatError: broken packing, or more bytes than that; or as `open_regular`.
     """
+    limit = allowed(MOST_BYTES, path) if limit is None else limit
     data = read_head(path, limit + 1)
     if len(data) > limit:
         raise MotionFormatError(path, "size", f"more than {limit} bytes", "at most that")
@@ -160,40 +163,27 @@ SMALL_TEXT = 4_000_000  # bytes of a skeleton or of a list of clips; the longest
 
 
 def read_text(path: Path, limit: int | None = None) -> str:
-    """The file as UTF-8 text, unpacked, line ends as they are.
-
-    Args:
-        limit: bytes, at most; None: what the file's size allows.
+    """The file as UTF-8 text, unpacked, line ends as they are; `limit` as in `read_bytes`.
 
     Raises:
         MotionFormatError: not UTF-8, broken packing, or absurdly large.
     """
     try:
-        return read_bytes(path, allowed(MOST_BYTES, path) if limit is None else limit).decode("utf-8-sig")
+        return read_bytes(path, limit).decode("utf-8-sig")
     except UnicodeDecodeError as error:
         raise MotionFormatError(path, f"byte {error.start}", f"0x{error.object[error.start]:02x}", "UTF-8 text") from error
 
 
-def words_of(text: str, stop: int = sys.maxsize) -> Iterator[str]:
-    """Words one by one, so that a file of nothing but words is refused at the first wrong one."""
-    return (match[0] for match in re.compile(r"\S+").finditer(text, 0, stop))
-
-
-def lines_of(text: str, start: int = 0) -> Iterator[re.Match[str]]:
-    """Lines that are not empty, one by one, whichever way they end."""
-    return re.compile(r"[^\r\n]+").finditer(text, start)
-
-
-def blocks_of(text: str, start: int, breaks: str, file: Path, place: str) -> Iterator[str]:
-    """The text from `start` on in pieces of about BLOCK characters, each cut after one of the characters `breaks`.
+def _blocks(text: str, start: int, file: Path, place: str) -> Iterator[str]:
+    """The text from `start` on in pieces of about BLOCK characters, each cut at the end of a line.
 
     Raises:
-        MotionFormatError: there is none of them for BLOCK characters.
+        MotionFormatError: no line ends for BLOCK characters.
     """
     while start < len(text):
         stop = start + BLOCK
         if stop < len(text):
-            stop = 1 + max(text.rfind(character, start, stop) for character in breaks)
+            stop = 1 + max(text.rfind("\r", start, stop), text.rfind("\n", start, stop))
             if stop <= start:
                 raise MotionFormatError(file, place, f"more than {BLOCK} characters without a break", "shorter lines and words")
         yield text[start:stop]
@@ -213,7 +203,7 @@ def number_table(
     tables: list[np.ndarray] = []
     rows, most = 0, allowed(MOST_VALUES, file)
     try:
-        for block in blocks_of(text, start, "\r\n", file, place):
+        for block in _blocks(text, start, file, place):
             if not block.isspace():
                 tables.append(np.loadtxt(io.StringIO(block), ndmin=2, comments=None, delimiter=delimiter))
                 if tables[-1].shape[1] != columns:
@@ -341,7 +331,7 @@ def _archive(file: Path) -> Iterator[zipfile.ZipFile]:
     """The archive, opened; whatever goes wrong with it becomes a MotionFormatError."""
     is_packed = file.suffix.lower() in PACKED
     try:
-        with io.BytesIO(read_bytes(file, allowed(MOST_BYTES, file))) if is_packed else open_regular(file) as source:
+        with io.BytesIO(read_bytes(file)) if is_packed else open_regular(file) as source:
             with zipfile.ZipFile(cast(BinaryIO, _Short(source))) as archive:
                 yield archive
     except MotionFormatError:

@@ -10,7 +10,7 @@ from pathlib import Path
 from mwlib.data.collections import Listed, list_file
 from mwlib.data.fetching import motion_digest
 from mwlib.data.load import motion_files, read_motion_file
-from mwlib.data.untrusted import MOST_BYTES, bare_name, read_bytes
+from mwlib.data.untrusted import bare_name, read_bytes
 from mwlib.files import write_atomic
 from mwlib.hashing import sha256
 
@@ -22,7 +22,7 @@ def clips_of(folder: Path) -> list[Listed]:
         (motion,) = read_motion_file(file)
         place = file.relative_to(folder).with_name(bare_name(file)).as_posix()
         about = (place, motion.subject, motion.action, motion.fps, len(motion), motion_digest(motion))
-        clips.append(Listed(*about, sha256([read_bytes(file, MOST_BYTES)])))
+        clips.append(Listed(*about, sha256([read_bytes(file)])))
     return clips
 
 

@@ -22,17 +22,10 @@ from types import SimpleNamespace
 import pytest
 
 import mwlib as mw
-from mwlib.data.collections import (
-    COLLECTIONS,
-    Archive,
-    Collection,
-    Download,
-    Listed,
-    acknowledgement,
-    list_file,
-    listed,
-    named_source,
-)
+
+from mwlib.data.collections import (  # isort: skip
+    COLLECTIONS, Archive, Collection, Download, Listed, acknowledgement, list_file, listed, named_source,
+)  # fmt: skip
 from mwlib.data.fetching import PROOF, FetchError, NotOfferedError, at, bring, motion_digest, motion_fault
 from mwlib.data.sources import fingerprint, split_motions
 from mwlib.data.untrusted import BrokenFilesWarning, read_bytes
@@ -41,6 +34,7 @@ from mwlib.synthetic.motions import synthetic_motions
 from mwlib.version import __version__
 from tests.data.lists import clips_of, write_list
 from tests.data.publisher import HASTY, PAGE, Publisher, clip, publish_two_people, serving
+from tests.data.real import real_clips
 from tests.sample_motions import ASF, BVH
 
 ROOT = Path(__file__).parents[2]
@@ -211,10 +205,8 @@ def test_named_files_come_once_and_are_mended(publisher, tmp_path):
 def test_clips_that_are_brought_read_as_the_list_says(publisher, cmu, tmp_path):
     folder, clips = bring(cmu, tmp_path / "data", HASTY), cmu.download.clips()
     assert folder == tmp_path / "data" / "cmu" / "asfamc" and visible(folder) == CMU_WHOLE
-    motions = mw.load_motions(folder)
-    assert [(m.name, m.subject, m.action, m.fps) for m in motions] == [
-        (Path(c.file).stem, c.subject, c.action, c.fps) for c in clips
-    ]
+    found = [(m.name, m.subject, m.action, m.fps) for m in mw.load_motions(folder)]
+    assert found == [(Path(c.file).stem, c.subject, c.action, c.fps) for c in clips]
     assert len({c.motion for c in clips}) == 4 and "mocap.cs.cmu.edu" in acknowledgement(str(folder))["acknowledgement"]
     assert publisher.asked == [name for name in sorted(CMU_WHOLE, key=lambda n: (n[:2], n[-3:] != "asf", n)) if "/" in name]
     assert publisher.most_at_once == 1
@@ -263,9 +255,9 @@ def test_comments_and_line_ends_do_not_count(publisher, cmu, tmp_path):
     assert [m.name for m in mw.load_motions(bring(cmu, tmp_path, HASTY))] == ["05_01", "05_02", "09_01", "09_02"]
 
 
-@pytest.mark.parametrize("trick", ["drop", "cut", "page", 503])
-def test_every_clip_may_fail_once(publisher, cmu, tmp_path, trick):
-    publisher.tricks |= {name: [trick] for name in publisher.files}
+def test_every_clip_may_fail_once(publisher, cmu, tmp_path):
+    tricks = ["cut", "page", "drop", "cut", "page", 503]
+    publisher.tricks |= {name: [trick] for name, trick in zip(publisher.files, tricks, strict=True)}
     folder = bring(cmu, tmp_path, HASTY)
     assert visible(folder) == CMU_WHOLE and [motion_fault(folder / c.file, c) for c in cmu.download.clips()] == [""] * 4
 
@@ -284,9 +276,8 @@ def test_another_clip_than_the_listed_one_is_refused_and_the_others_come(publish
     publisher.files[name] = content
     with pytest.raises(FetchError, match=f"(?s){message}"):
         bring(cmu, tmp_path, HASTY)
-    assert visible(tmp_path / cmu.place) == (
-        CMU_WHOLE - {name} if name != "05/05.asf" else {n for n in CMU_WHOLE if n[:2] != "05"}
-    )
+    missing = {name} if name != "05/05.asf" else {n for n in CMU_WHOLE if n[:2] == "05"}
+    assert visible(tmp_path / cmu.place) == CMU_WHOLE - missing
     assert publisher.asked.count("05/05_01.amc") <= TRIES
 
 
@@ -367,11 +358,8 @@ def test_every_clip_comes_out_of_the_archive_and_the_archive_goes(publisher, laf
     folder = bring(lafan1, tmp_path, HASTY)
     assert folder == tmp_path / "lafan1" and visible(folder) == LAFAN1_WHOLE
     assert (folder / "license.txt").read_text() == "CC BY-NC-ND"
-    assert {(m.subject, m.action, len(m)) for m in mw.load_motions(folder)} == {
-        ("1", "walk", 3),
-        ("2", "walk", 3),
-        ("5", "aiming", 3),
-    }
+    found = {(m.subject, m.action, len(m)) for m in mw.load_motions(folder)}
+    assert found == {("1", "walk", 3), ("2", "walk", 3), ("5", "aiming", 3)}
     assert {path.name for path in tmp_path.iterdir()} <= {"lafan1", ".fetch-lafan1.lock"}
     bring(lafan1, tmp_path, HASTY)
     assert publisher.asked == ["license.txt", "lafan1.zip"], "what is there is not asked for again"
@@ -460,16 +448,19 @@ def test_records_say_what_is_published():
     assert files["LICENSE_dataset-1.txt"][0] == "Bandai-Namco-Research-Motiondataset-1/LICENSE"
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture
 def originals(data_folder) -> list[mw.Motion]:
     """What the preset loads."""
-    return mw.load_motions(data_folder / COLLECTIONS["cmu"].place)
+    return [motion for name, motion in real_clips(data_folder).items() if name.startswith("cmu/asfamc/")]
 
 
-def test_the_list_names_the_clips_behind_the_committed_tables(originals):
-    """All that the preset loads, and nothing else."""
-    found = [(Path(c.file).stem, c.subject, c.action, c.fps, c.frames, c.motion) for c in listed("cmu")]
-    assert found == [(m.name, m.subject, m.action, m.fps, len(m), motion_digest(m)) for m in originals]
+@pytest.mark.parametrize("name", ["cmu", "bandai-namco"])
+def test_a_list_names_the_clips_at_hand(data_folder, name):
+    """All that the preset loads, and nothing else: what is behind the committed tables."""
+    there = f"{COLLECTIONS[name].place}/"
+    clips = [motion for file, motion in real_clips(data_folder).items() if file.startswith(there)]
+    found = [(Path(c.file).stem, c.subject, c.action, c.fps, c.frames, c.motion) for c in listed(name.replace("-", "_"))]
+    assert found == [(m.name, m.subject, m.action, m.fps, len(m), motion_digest(m)) for m in clips]
 
 
 def test_they_are_the_clips_that_the_shipped_model_was_trained_and_measured_on(originals, monkeypatch):
@@ -482,19 +473,16 @@ def test_real_clips_that_were_brought_are_the_originals_to_the_bit(publisher, da
     cmu = COLLECTIONS["cmu"]
     some = [c for c in listed("cmu") if c.file in ("29/29_01.amc", "02/02_03.amc")]
     for name in ("02/02.asf", "29/29.asf", *(c.file for c in some)):
-        publisher.files[name] = read_bytes(at(data_folder / cmu.place, name), 10**8)
+        publisher.files[name] = read_bytes(at(data_folder / cmu.place, name))
     here = replace(cmu, download=Download("", publisher.url, "", clips=lambda: some))
     motions = mw.load_motions(bring(here, tmp_path, HASTY))
     assert fingerprint(motions) == fingerprint([m for m in originals if m.name in ("02_03", "29_01")])
 
 
-def test_the_list_of_bandai_namco_agrees_with_the_clips_at_hand(data_folder, publisher, tmp_path):
-    """And a folder that was brought has the bytes of the one at hand."""
+def test_bandai_namco_that_was_brought_has_the_bytes_of_the_folder_at_hand(data_folder, publisher, tmp_path):
     collection = COLLECTIONS["bandai-namco"]
     there, files = data_folder / collection.place, collection.download.files()
-    assert clips_of(there) == listed("bandai_namco")
-    publisher.files |= {place: read_bytes(at(there, name), 10**8) for name, (place, _) in files.items()}
+    publisher.files |= {place: read_bytes(at(there, name)) for name, (place, _) in files.items()}
     folder = bring(replace(collection, download=replace(collection.download, url=publisher.url)), tmp_path, HASTY)
-    assert len(publisher.asked) == 83 and all(
-        (folder / name).read_bytes() == publisher.files[p] for name, (p, _) in files.items()
-    )
+    assert len(publisher.asked) == 83
+    assert all((folder / name).read_bytes() == publisher.files[place] for name, (place, _) in files.items())

@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import gzip
-import io
 import json
 import lzma
 import os
 import random
 import socket
 import tracemalloc
-import zipfile
 from pathlib import Path
 
 import numpy as np
@@ -21,6 +19,7 @@ from mwlib.data import load, untrusted
 from mwlib.data.formats import frames
 from mwlib.data.load import read_motion_file
 from mwlib.data.untrusted import MOST_POINTS, SMALL_FILE, allowed, read_bytes, read_head
+from tests.fuzz.seeds import npz, pickled
 from tests.sample_motions import AMC, ASF, BENCHMARK, BVH
 
 
@@ -68,10 +67,9 @@ def test_what_a_file_may_unfold_to_grows_with_its_size(tmp_path):
 def test_packing_is_taken_apart_piece_by_piece(tmp_path, suffix, pack):
     file = tmp_path / f"a{suffix}"
     content = random.Random(0).randbytes(300_000) + bytes(300_000)
-    for parts in ((content,), (content[:70_000], content[70_000:]), (b"", content, b"")):
-        file.write_bytes(b"".join(map(pack, parts)))
-        assert read_bytes(file, 10**6) == content
-        assert read_head(file, 100_000) == content[:100_000]
+    for parts, zeros in (((content,), 0), ((content[:70_000], content[70_000:]), 4), ((b"", content, b""), 0)):
+        file.write_bytes(bytes(zeros).join(map(pack, parts)))
+        assert read_bytes(file, 10**6) == content and read_head(file, 100_000) == content[:100_000]
     file.write_bytes(pack(b"x") * 1001)
     with pytest.raises(MotionFormatError, match="packing: found more than 1000 streams"):
         read_bytes(file, 10**6)
@@ -108,40 +106,22 @@ def test_nonsense_is_refused_at_the_cost_of_a_few_copies(tmp_path, monkeypatch, 
     assert most < (250 if small else 6) * len(text) + 2_000_000
 
 
-def header(shape: tuple[int, ...], dtype: str) -> bytes:
-    """The head of an .npy file, without data."""
-    buffer = io.BytesIO()
-    np.lib.format.write_array_header_1_0(buffer, {"descr": dtype, "fortran_order": False, "shape": shape})
-    return buffer.getvalue()
-
-
 @pytest.mark.parametrize(
     ("shape", "dtype", "message"),
     [
-        ((12_000_000, 17, 3), "|i1", "at most 9000000 values in a file of this size"),
-        ((1,) * 65, "<f4", "at most 4 lengths"),
-        ((0, 17, 10**30), "<f4", "at most 9000000 values"),
-        ((4, 17, 3), "<U0", "numbers or strings"),
-        ((4, 17, 3), "|O", "numbers or strings"),
-        ((4, 17, 3), "|S0", "numbers or strings"),
-        ((10**15, 17, 3), "<f8", "at most 9000000 values"),
+        ((12_000_000, 17, 3), "|i1", "at most 9000000 values in a file of this size"), ((1,) * 65, "<f4", "at most 4 lengths"),
+        ((0, 17, 10**30), "<f4", "at most 9000000 values"), ((10**15, 17, 3), "<f8", "at most 9000000 values"),
+        *(((4, 17, 3), kind, "numbers or strings") for kind in ("<U0", "|O", "|S0")),
     ],
-)
+)  # fmt: skip
 def test_an_array_is_refused_by_its_head(tmp_path, shape, dtype, message):
     (tmp_path / "skeleton.json").write_text(json.dumps({"name": "H36M17", "fps": 50, "unit": 1.0}))
-    content = header(shape, dtype)
+    content = pickled(b"", shape, dtype)
     (tmp_path / "a.npy").write_bytes(content)
-    with zipfile.ZipFile(tmp_path / "b.npz", "w") as archive:
-        archive.writestr("positions.npy", content)
+    (tmp_path / "b.npz").write_bytes(npz(positions=content))
     for name in ("a.npy", "b.npz"):
         with pytest.raises(MotionFormatError, match=message):
             load_motions(tmp_path / name)
-
-
-def test_frames_of_many_joints_are_counted_before_they_are_read(tmp_path):
-    (tmp_path / "a.bvh").write_text(BVH.replace("Frames: 3", "Frames: 1000000"))
-    with pytest.raises(MotionFormatError, match="Frames: found '1000000'; expected .* at most 428571 for 7 joints"):
-        load_motions(tmp_path / "a.bvh")
 
 
 def test_an_amc_of_too_many_frames_is_refused(tmp_path, monkeypatch):
@@ -200,31 +180,24 @@ def test_blocks_of_frames_change_not_a_bit(tmp_path, monkeypatch, kind):
 
 def test_what_a_reader_raises_names_the_file_and_faults_are_seen(tmp_path, monkeypatch):
     (tmp_path / "a.bvh").write_text(BVH)
-    errors = (
+    bad_files = (
         IndexError("beyond"),
         OverflowError("large"),
         RecursionError("deep"),
         MemoryError(),
         OSError(5, "disk"),
-        KeyError("k"),
+        KeyError(),
     )
-    for error in errors:
+    for error in (*bad_files, TypeError(), AttributeError(), AssertionError(), NameError()):
 
         def reader(file, known, error=error):
             raise error
 
         monkeypatch.setitem(load.READERS, ".bvh", reader)
-        with pytest.raises(MotionFormatError, match=f"a.bvh, content: found {type(error).__name__}") as caught:
+        with pytest.raises(MotionFormatError if error in bad_files else type(error)) as caught:
             load_motions(tmp_path / "a.bvh")
-        assert caught.value.__cause__ is error
-    for fault in (TypeError, AttributeError, AssertionError, NameError):
-
-        def broken(file, known, fault=fault):
-            raise fault
-
-        monkeypatch.setitem(load.READERS, ".bvh", broken)
-        with pytest.raises(fault):
-            load_motions(tmp_path / "a.bvh")
+        if error in bad_files:
+            assert caught.match(f"a.bvh, content: found {type(error).__name__}") and caught.value.__cause__ is error
 
 
 def test_memory_of_an_xz_dictionary_is_bounded():

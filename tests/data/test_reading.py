@@ -5,7 +5,6 @@ from __future__ import annotations
 import gzip
 import io
 import lzma
-import random
 from pathlib import Path
 
 import numpy as np
@@ -13,8 +12,9 @@ import pytest
 
 from mwlib import MotionFormatError, load_motions
 from mwlib.data import untrusted as files
-from mwlib.data.untrusted import number_table, read_array, read_bytes, read_text
-from tests.sample_motions import BVH, mutate
+from mwlib.data.untrusted import number_table, read_array, read_bytes
+from tests.fuzz.seeds import npy
+from tests.sample_motions import BVH
 
 FILE = Path("file")
 
@@ -26,12 +26,6 @@ def test_packed_files_are_read_as_they_are(tmp_path, suffix, pack):
     motion, plain = load_motions(tmp_path)
     np.testing.assert_array_equal(motion.positions, plain.positions)
     assert motion.name == "clip"
-
-
-def test_streams_one_after_another_are_one_file(tmp_path):
-    (tmp_path / "a.xz").write_bytes(lzma.compress(b"one ") + b"\0\0\0\0" + lzma.compress(b"two"))
-    (tmp_path / "a.gz").write_bytes(gzip.compress(b"one ") + gzip.compress(b"two"))
-    assert read_text(tmp_path / "a.xz") == read_text(tmp_path / "a.gz") == "one two"
 
 
 @pytest.mark.parametrize(("suffix", "pack"), [(".xz", lzma.compress), (".gz", gzip.compress)])
@@ -68,19 +62,8 @@ def test_a_table_holds_lines_of_so_many_finite_numbers(text):
         number_table(text, 3, FILE, "here")
 
 
-def npy(array: np.ndarray) -> bytes:
-    buffer = io.BytesIO()
-    np.save(buffer, array, allow_pickle=True)
-    return buffer.getvalue()
-
-
 def test_arrays_are_read_and_nothing_else():
-    for array in (
-        np.arange(6.0).reshape(2, 3),
-        np.asfortranarray(np.arange(6).reshape(2, 3)),
-        np.array("text"),
-        np.zeros((0, 3)),
-    ):
+    for array in (np.arange(6.0).reshape(2, 3), np.arange(6).reshape(3, 2).T, np.array("text"), np.zeros((0, 3))):
         found = read_array(io.BytesIO(npy(array)), FILE, "here")
         np.testing.assert_array_equal(found, array)
     good = npy(np.arange(6.0))
@@ -90,15 +73,3 @@ def test_arrays_are_read_and_nothing_else():
     for data in (b"", b"\x93NUMPY", good[:-1], good + b"x", vast, npy(np.array({}, dtype=object)), npy(np.zeros(2, "f4,i4"))):
         with pytest.raises(MotionFormatError, match="file, here"):
             read_array(io.BytesIO(data), FILE, "here")
-
-
-def test_no_injury_gets_past_the_array_reader():
-    rng, outcomes = random.Random(4), set()
-    for _ in range(500):
-        try:
-            read_array(io.BytesIO(mutate(npy(np.arange(6.0)), rng)), FILE, "here")
-        except MotionFormatError:
-            outcomes.add("refused")
-        else:
-            outcomes.add("read")
-    assert outcomes == {"refused", "read"}

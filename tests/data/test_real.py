@@ -16,19 +16,16 @@ from mwlib.body.kinematics import AXES, bone_lengths
 from mwlib.body.motion import Motion
 from mwlib.data import sources
 from mwlib.data.check import GLITCH, check_data, fastest
-from mwlib.data.load import motion_files, read_motion_file
 from mwlib.data.meaning import ADULT, UPRIGHT, height, standing
 from mwlib.prediction.config import Config
+from tests.data.real import real_clips
 
-FOLDERS = ("cmu/asfamc", "cmu/bvh", "cmu_benchmark", "lafan1", "bandai_namco")
 TABLES = ("cmu", "cmu_benchmark", "lafan1", "bandai_namco")
 
 
-@pytest.fixture(scope="module")
-def clips(data_folder):
-    """File (relative to the data folder) -> motion."""
-    files = [file for folder in FOLDERS for file in motion_files(data_folder / folder)]
-    return {str(file.relative_to(data_folder)): read_motion_file(file)[0] for file in files}
+@pytest.fixture
+def clips(data_folder) -> dict[str, Motion]:
+    return real_clips(data_folder)
 
 
 @pytest.fixture(scope="module")
@@ -81,14 +78,9 @@ def test_size_and_up_axis_are_never_in_doubt(clips):
 # Bandai-Namco stand for subjects since.
 CMU_SPLIT = ["31a7b0cc", "82e8490c", "07c6670e"]
 CONTENT = {
-    "cmu/asfamc": "58f63834",
-    "cmu/bvh": "ec90444f",
-    "cmu_benchmark": "601cea17",
-    "lafan1": "4eceab18",
+    "cmu/asfamc": "58f63834", "cmu/bvh": "ec90444f", "cmu_benchmark": "601cea17", "lafan1": "4eceab18",
     "bandai_namco": "4957c731",
-}
-
-
+}  # fmt: skip
 SIDES = {  # skeleton -> left hip, ankles and toes
     "CMU": ("left_hipjoint", ("left_tibia", "right_tibia"), ("left_toes", "right_toes")),
     "LAFAN1": ("LeftUpLeg", ("LeftFoot", "RightFoot"), ("LeftToe", "RightToe")),
@@ -155,7 +147,7 @@ def content(motions: Sequence[Motion]) -> str:
     return digest.hexdigest()[:8]
 
 
-@pytest.mark.parametrize("folder", FOLDERS)
+@pytest.mark.parametrize("folder", CONTENT)
 def test_clips_are_read_as_they_were(clips, folder):
     assert content([motion for name, motion in clips.items() if name.startswith(f"{folder}/")]) == CONTENT[folder]
 

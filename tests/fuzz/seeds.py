@@ -38,10 +38,10 @@ def npz(method: int = zipfile.ZIP_DEFLATED, **entries: bytes) -> bytes:
     return buffer.getvalue()
 
 
-def pickled(content: bytes) -> bytes:
-    """A pickle behind the header of an object array."""
+def pickled(content: bytes, shape: tuple[int, ...] = (), dtype: str = "|O") -> bytes:
+    """A pickle behind the header of an object array, or other content behind another header."""
     buffer = io.BytesIO()
-    np.lib.format.write_array_header_1_0(buffer, {"descr": "|O", "fortran_order": False, "shape": ()})
+    np.lib.format.write_array_header_1_0(buffer, {"descr": dtype, "fortran_order": False, "shape": shape})
     return buffer.getvalue() + content
 
 

@@ -30,7 +30,7 @@ def test_whole_files_are_read(tmp_path):
 
 def test_spoilt_files_are_read_or_refused(tmp_path):
     outcomes = set()
-    for number, case in enumerate(cases(400, seed=11)):
+    for number, case in enumerate(cases(500, seed=11)):
         fault, is_read = read(written(tmp_path / str(number), case.files) / case.name)
         assert not fault, (number, case.kind, fault)
         outcomes.add((case.kind.split()[0], is_read))

@@ -19,8 +19,8 @@ from mwlib.data.meaning import FILE, FORMAT, Hints, Reading, Stated, infer_unit,
 from mwlib.data.mirroring import own_skeleton
 
 from mwlib.data.untrusted import (  # isort: skip
-    BLOCK, MOST_JOINTS, MOST_POINTS, SMALL_TEXT, MotionFormatError, allowed, bare_name, bare_suffix, label, lines_of, number,
-    number_table, read_text, without_twins,
+    BLOCK, MOST_JOINTS, MOST_POINTS, SMALL_TEXT, MotionFormatError, allowed, bare_name, bare_suffix, label, number, number_table,
+    read_text, without_twins,
 )  # fmt: skip
 
 INCH = 0.0254
@@ -282,7 +282,7 @@ def _first_frame(text: str, body: Body, file: Path) -> Frame:
     """Bone and degree of freedom of every word of the first frame: its number, then of each bone its name and its numbers."""
     dofs = {name: bone.dof for name, bone in body.bones.items() if bone.dof}
     frame = [("frame", "number")]
-    for line in islice(lines_of(text), 1, None):
+    for line in islice(re.finditer(r"[^\r\n]+", text), 1, None):  # one by one, however long the text is
         words = line[0].split(maxsplit=7)  # a name and six numbers at most, or too many of them
         if len(words) == 1:  # the next frame's number
             break

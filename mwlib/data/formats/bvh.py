@@ -25,7 +25,7 @@ from mwlib.data.meaning import FASTEST, FILE, FORMAT, SLOWEST, Hints, Reading, S
 from mwlib.data.mirroring import own_skeleton
 
 from mwlib.data.untrusted import (  # isort: skip
-    LARGEST, LONGEST_WORD, MOST_JOINTS, MOST_POINTS, MotionFormatError, allowed, number, number_table, read_text, words_of,
+    LARGEST, LONGEST_WORD, MOST_JOINTS, MOST_POINTS, MotionFormatError, allowed, number, number_table, read_text,
 )  # fmt: skip
 from mwlib.files import write_atomic
 from mwlib.settings import of_kind
@@ -108,7 +108,8 @@ def read_bvh(file: Path, hints: Hints) -> Reading:
     split = re.search(r"^[ \t]*MOTION\b", text, re.MULTILINE)
     if split is None:
         raise MotionFormatError(file, "end of HIERARCHY", "no MOTION section", "a line MOTION")
-    nodes = _hierarchy(chain(words_of(text, split.start()), repeat(END)), file)
+    words = (word[0] for word in re.compile(r"\S+").finditer(text, 0, split.start()))  # one by one: the first wrong one ends it
+    nodes = _hierarchy(chain(words, repeat(END)), file)
     tree = own_skeleton(tuple(n.name for n in nodes), tuple(n.parent for n in nodes))
     skeleton, picked = bvh_skeleton(nodes, tree)
     if len(skeleton) < 2:
@@ -140,53 +141,45 @@ def read_bvh(file: Path, hints: Hints) -> Reading:
 
 def _hierarchy(words: Iterator[str], file: Path) -> list[Node]:
     """The nodes in file order: parents before children."""
-    if (first := next(words)) != "HIERARCHY":
-        raise MotionFormatError(file, "start", repr(first[:40]), "HIERARCHY")
     nodes: list[Node] = []
-    stack: list[int] = []
     columns = count()
-    while (word := next(words)) != END:
-        node = nodes[stack[-1]] if stack else None
-        place = f"joint {node.name}" if node else "HIERARCHY"
-        if word in ("ROOT", "JOINT", "End"):
-            if (word == "ROOT") == bool(stack) or (nodes and not stack):
-                raise MotionFormatError(file, place, word, "one ROOT, everything else inside it")
-            _open(word, words, nodes, stack, file, place)
-        elif node and word == "}":
-            if node.missing:
-                raise MotionFormatError(file, place, f"no {' and no '.join(node.missing)}", "both")
-            stack.pop()
-        elif node and word in node.missing:
-            node.missing.remove(word)
-            if word == "OFFSET":
+
+    def add(kind: str, parent: int, depth: int) -> None:
+        """The joint or End Site that begins here, and all that hangs from it."""
+        name = " ".join(takewhile(lambda part: part != "{", islice(words, LONGEST_WORD)))
+        above, is_end = (nodes[parent].name if nodes else "HIERARCHY"), kind == "End"
+        if (kind == "ROOT") == bool(nodes) or not 0 < len(name) <= LONGEST_WORD or (is_end and name != "Site"):
+            expected = f"ROOT, JOINT inside it, and a name of at most {LONGEST_WORD} characters, or End Site, then {{"
+            raise MotionFormatError(file, above, f"{kind[:40]} {name[:40]}", expected)
+        own = len(nodes)
+        nodes.append(Node(f"{above}/End" if is_end else name, parent, is_end, ["OFFSET", "CHANNELS"][: 2 - is_end]))
+        if own >= MOST_JOINTS or depth > DEEPEST:
+            found = f"{own + 1} joints, {depth} deep"
+            raise MotionFormatError(file, "HIERARCHY", found, f"at most {MOST_JOINTS}, {DEEPEST} deep")
+        node, place = nodes[own], f"joint {nodes[own].name}"
+        while (word := next(words)) != "}":
+            if word in ("JOINT", "End") and not is_end:
+                add(word, own, depth + 1)
+            elif word not in node.missing:
+                found = f"{depth} open braces at its end" if word == END else repr(word[:40])
+                raise MotionFormatError(file, place, found, "JOINT, End Site, one OFFSET, one CHANNELS or }")
+            elif word == "OFFSET":
                 node.offset = [number(next(words), file, f"{place}, OFFSET") for _ in range(3)]
             else:
                 node.channels = {name: next(columns) for name in _channel_names(words, file, place)}
-        else:
-            raise MotionFormatError(file, place, repr(word[:40]), "JOINT, End Site, one OFFSET, one CHANNELS or }")
-    if stack or not nodes:
-        raise MotionFormatError(file, "end of HIERARCHY", f"{len(stack)} open braces, {len(nodes)} joints", "a closed ROOT")
+            node.missing = [what for what in node.missing if what != word]
+        if node.missing:
+            raise MotionFormatError(file, place, f"no {' and no '.join(node.missing)}", "both")
+
+    if (first := next(words)) != "HIERARCHY":
+        raise MotionFormatError(file, "start", repr(first[:40]), "HIERARCHY")
+    add(next(words), -1, 1)
+    if (rest := next(words)) != END:
+        raise MotionFormatError(file, "HIERARCHY", repr(rest[:40]), "one ROOT, everything else inside it")
     names = [n.name for n in nodes if not n.is_end]
     if twice := [name for i, name in enumerate(names) if name in names[:i]]:
         raise MotionFormatError(file, "HIERARCHY", f"two joints named {twice[0]!r}", "different names")
     return nodes
-
-
-def _open(word: str, words: Iterator[str], nodes: list[Node], stack: list[int], file: Path, place: str) -> None:
-    """Append the node that begins here and step into it."""
-    name = " ".join(takewhile(lambda part: part != "{", islice(words, LONGEST_WORD)))
-    parent, is_end = stack[-1] if stack else -1, word == "End"
-    if not 0 < len(name) <= LONGEST_WORD or (is_end and name != "Site") or (stack and nodes[parent].is_end):
-        expected = f"ROOT or JOINT and a name of at most {LONGEST_WORD} characters, or End Site, then {{"
-        raise MotionFormatError(file, place, f"{word} {name[:40]}", expected)
-    stack.append(len(nodes))
-    if is_end:
-        nodes.append(Node(f"{nodes[parent].name}/End", parent, True, ["OFFSET"]))
-    else:
-        nodes.append(Node(name, parent, False, ["OFFSET", "CHANNELS"]))
-    if len(nodes) > MOST_JOINTS or len(stack) > DEEPEST:
-        found = f"{len(nodes)} joints, {len(stack)} deep"
-        raise MotionFormatError(file, "HIERARCHY", found, f"at most {MOST_JOINTS}, {DEEPEST} deep")
 
 
 def _channel_names(words: Iterator[str], file: Path, place: str) -> list[str]:
@@ -309,9 +302,7 @@ def asked_for(motion: object, file: object, ending: str, up: str) -> tuple[Path,
 
 def _places(rig: Rig, joint: int) -> Float[np.ndarray, "T 3"]:
     """What position channels would say, metres."""
-    if joint == 0:
-        return rig.root
-    return rig.moves[:, joint] if rig.moves is not None else np.broadcast_to(rig.offsets[joint], rig.root.shape)
+    return np.broadcast_to(rig.spans[:, joint], rig.root.shape) if joint else rig.root
 
 
 def _enough(rig: Rig, joint: int) -> tuple[str, ...] | None:

@@ -22,8 +22,9 @@ from mwlib.data.untrusted import MotionFormatError, array_header, bounded, label
 from mwlib.files import write_atomic
 
 KNOWN = {17: (H36M17, 50.0), 15: (HUMANEVA15, 60.0)}  # joints -> skeleton and frames per second
-PARENTS_32 = [int(p) for p in "-1 0 1 2 3 4 0 6 7 8 9 0 11 12 13 14 12 16 17 18 19 20 19 22 12 24 25 26 27 28 27 30".split()]
 KEPT = tuple(map(int, "0 1 2 3 6 7 8 12 13 14 15 17 18 19 25 26 27".split()))
+# For each of the 32 joints which of the 17 stands there: itself, or the next one above that is kept.
+STANDS = [*map(int, "0 1 2 3 3 3 4 5 6 6 6 0 7 8 9 10 7 11 12 13 13 13 13 13 7 14 15 16 16 16 16 16".split())]
 CORRUPT = {
     ("S11", "Directions"), ("Train/S3", "Walking 1 chunk0"), ("Train/S3", "Walking 1 chunk2"), ("Validate/S3", "Walking 1 chunk4")
 }  # fmt: skip
@@ -83,9 +84,6 @@ def write_h36m(path: str | Path, motions: Sequence[Motion]) -> None:
     Raises:
         ValueError: a motion cannot be carried over to H36M17, or would be named like a sequence that readers drop.
     """
-    stands: list[int] = []  # for each of the 32 joints which of the 17
-    for joint, parent in enumerate(PARENTS_32):
-        stands.append(KEPT.index(joint) if joint in KEPT else stands[parent])
     tree: dict[str, dict[str, np.ndarray]] = {}
     for motion in motions:
         motion = motion.retarget(H36M17).with_up("z").resample(50.0)
@@ -94,7 +92,7 @@ def write_h36m(path: str | Path, motions: Sequence[Motion]) -> None:
         name = next(name for name in numbered if name not in actions)
         if (motion.subject, name) in CORRUPT:
             raise ValueError(f"{motion.subject} {name} is a sequence that readers drop; expected another name")
-        actions[name] = motion.positions[:, stands]
+        actions[name] = motion.positions[:, STANDS]
     stream = io.BytesIO()
     np.savez_compressed(stream, positions_3d=np.array(tree, dtype=object))
     write_atomic(Path(path), stream.getvalue())

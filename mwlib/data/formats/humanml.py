@@ -7,9 +7,10 @@ whose rules on lengths and time stamps are kept.
 import math
 import posixpath
 import warnings
-from collections import Counter
+from collections import defaultdict
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
+from itertools import accumulate
 from pathlib import Path
 from typing import NamedTuple, Self, TypeVar
 
@@ -124,7 +125,7 @@ class FeatureLayout:
             "yaw_rate": 1, "root_velocity": 2, "height": 1, "positions": 3 * others, "rotations": 6 * others,
             "velocities": 3 * others + 3, "contacts": 4,
         }  # fmt: skip
-        ends = np.cumsum([*sizes.values()]).tolist()
+        ends = accumulate(sizes.values())
         return {name: slice(end - size, end) for (name, size), end in zip(sizes.items(), ends, strict=True)}
 
     def rests(self, heading: str) -> Float[np.ndarray, "J 3"]:
@@ -133,10 +134,7 @@ class FeatureLayout:
         Own choice: KIT's published ones have left and right exchanged, so that hips are half a turn from rest, where the
         shortest rotation has no axis.
         """
-        axes = np.zeros((len(self.rest), 3))
-        for joint, word in enumerate(self.rest):
-            if word != "0":
-                axes[joint, "xyz".index(word[1])] = 1 if word[0] == "+" else -1
+        axes = np.array([[(word[1:] == axis) * (-1 if word[0] == "-" else 1) for axis in "xyz"] for word in self.rest], float)
         if heading == "correct":
             for joints, sign in ((self.skeleton.left, 1), (self.skeleton.right, -1)):
                 axes[list(joints), 0] = sign * np.abs(axes[list(joints), 0])
@@ -251,10 +249,11 @@ class FolderContents(NamedTuple):
 
     def reasons(self) -> list[str]:
         """A line for each reason, the most frequent first."""
-        names: dict[str, list[str]] = {reason: [] for reason, _ in Counter(self.left_out.values()).most_common()}
+        names: dict[str, list[str]] = defaultdict(list)
         for name, reason in self.left_out.items():
             names[reason].append(name)
-        return [f"{len(n)} left out, {reason}: {', '.join(n[:5])}{' ...' * (len(n) > 5)}" for reason, n in names.items()]
+        frequent = sorted(names.items(), key=lambda item: -len(item[1]))
+        return [f"{len(n)} left out, {reason}: {', '.join(n[:5])}{' ...' * (len(n) > 5)}" for reason, n in frequent]
 
     def broken(self) -> list[str]:
         """Those lines that say what should not be; a wrong length is no fault."""

@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-import random
 import re
-from pathlib import Path
 
-import numpy as np
 import pytest
 
-from mwlib import Motion, MotionFormatError, load_motions
-from tests.sample_motions import AMC, ASF, BENCHMARK, BVH, mutate
+from mwlib import MotionFormatError, load_motions
+from tests.sample_motions import AMC, ASF, BENCHMARK, BVH
 
 WHOLE = {"clip.bvh": BVH, "05_01.amc": AMC, "05.asf": ASF, "clip.txt": BENCHMARK}
 DEEP = "HIERARCHY\n" + "".join(f"{'JOINT' if i else 'ROOT'} j{i} {{ OFFSET 0 0 0 CHANNELS 0\n" for i in range(100_000))
@@ -22,6 +19,7 @@ INJURIES = {
         ("HIERARCHY", "HIERARCHIE", "expected HIERARCHY"),
         ("MOTION\n", "", "no MOTION"),
         ("Frames: 3", "Frames: 1000000000000", "Frames: found '1000000000000'"),
+        ("Frames: 3", "Frames: 1000000", "Frames: found '1000000'; expected .* at most 428571 for 7 joints"),
         ("Frames: 3", "Frames: 4", "3 rows; expected 4"),
         ("Frames: 3", "Frames: 0", "positive number of frames"),
         ("Frame Time: .0083333", "Frame Time: nan", "Frame Time"),
@@ -91,34 +89,21 @@ INJURIES = {
         ("  begin\n     id 2", "     id 2", "begin to end"),
         (ASF, "", "0 whole bones"),
     ],
+    "clip.txt": [
+        (BENCHMARK, BENCHMARK + ",0", "number of columns"),
+        (BENCHMARK, BENCHMARK.replace(",", " "), "could not convert"),
+        (BENCHMARK, "1,2,3", "3 columns; expected lines of 117"),
+        ("17.7", "nan", r"entry \(0, 1\): found nan"),
+        (BENCHMARK, "", "no line"),
+    ],
 }
-
-
-def read(folder: Path, spoilt: str, content: bytes) -> Motion:
-    """The clip of whole files, one of them replaced."""
-    for name in ("05.asf", "05_01.amc") if spoilt in ("05.asf", "05_01.amc") else (spoilt,):
-        (folder / name).write_bytes(content if name == spoilt else WHOLE[name].encode())
-    (motion,) = load_motions(folder / ("05_01.amc" if spoilt == "05.asf" else spoilt))
-    return motion
 
 
 @pytest.mark.parametrize("file, old, new, message", [(file, *row) for file, rows in INJURIES.items() for row in rows])
 def test_a_spoilt_file_is_refused_by_name_and_place(tmp_path, file, old, new, message):
     assert old in WHOLE[file]
+    for name in ("05.asf", "05_01.amc") if file in ("05.asf", "05_01.amc") else (file,):
+        (tmp_path / name).write_text(WHOLE[name].replace(old, new, 1) if name == file else WHOLE[name])
     with pytest.raises(MotionFormatError, match=message) as caught:
-        read(tmp_path, file, WHOLE[file].replace(old, new, 1).encode())
-    assert re.search(r"clip.bvh|05_01.amc|05.asf", str(caught.value))
-
-
-@pytest.mark.parametrize("seed, file", [*enumerate(WHOLE)])
-def test_no_injury_gets_past_the_reader(tmp_path, seed, file):
-    rng, outcomes = random.Random(seed), set()
-    for _ in range(800):
-        try:
-            motion = read(tmp_path, file, mutate(WHOLE[file].encode(), rng))
-        except MotionFormatError:
-            outcomes.add("refused")
-        else:
-            outcomes.add("read")
-            assert np.isfinite(motion.positions).all()
-    assert outcomes == {"refused", "read"}
+        load_motions(tmp_path / ("05_01.amc" if file == "05.asf" else file))
+    assert re.search(r"clip.bvh|05_01.amc|05.asf|clip.txt", str(caught.value))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 import os
 import pickle
 import random
@@ -94,7 +93,7 @@ HEAD = b"\x80\x04"
     ("content", "message"),
     [
         (HEAD + b"})" + b"2\x86" * 60 + b"K\x01s.", "an instruction DUP"),
-        (HEAD + b"})" + b"\x85" * 1_000_000 + b"K\x01s.", "more than 250000 instructions"),
+        (HEAD + b"})" + b"\x85" * 30_000 + b"K\x01s.", "more than 20000 instructions"),
         (HEAD + b"})" + b"\x85" * 10_000 + b"K\x01s.", "a key that is no text"),
         (
             HEAD + b"}" + b"".join(b"\x8a\x0a" + (i * (2**61 - 1)).to_bytes(10, "little") + b"Ns" for i in range(60)) + b".",
@@ -116,7 +115,8 @@ HEAD = b"\x80\x04"
         (b".", "a pickle of"),
     ],
 )
-def test_instructions_that_arrays_do_not_need_are_refused(content, message):
+def test_instructions_that_arrays_do_not_need_are_refused(monkeypatch, content, message):
+    monkeypatch.setattr("mwlib.data.formats.pickles.MOST_STEPS", 20_000)
     with pytest.raises(MotionFormatError, match=message):
         tree_of(content)
 
@@ -162,22 +162,14 @@ def test_arrays_have_at_most_four_dimensions_and_as_many_numbers_as_the_file_may
         tree_of(size)
 
 
-def test_no_injury_gets_past_the_reader(tmp_path):
-    rng = random.Random(3)
-    buffer = io.BytesIO()
-    np.savez(buffer, positions_3d=np.array(TREE, dtype=object))
-    files = {"archive": buffer.getvalue(), "pickle": pickle.dumps(np.array(TREE, dtype=object), protocol=2)}
-    outcomes = set()
-    for kind in [*["archive"] * 300, *["pickle"] * 700]:
-        data = mutate(files[kind], rng)
+def test_no_injury_gets_past_the_reader():
+    """Behind the checksums of an archive, which `tests.fuzz` spoils."""
+    rng, outcomes, whole = random.Random(3), set(), pickle.dumps(np.array(TREE, dtype=object), protocol=2)
+    for _ in range(700):
         try:
-            if kind == "pickle":
-                tree_of(data)
-            else:
-                (tmp_path / "h.npz").write_bytes(data)
-                assert np.isfinite(load_motions(tmp_path / "h.npz", unit="m", up="z")[0].positions).all()
+            tree_of(mutate(whole, rng))
         except MotionFormatError:
-            outcomes.add((kind, "refused"))
+            outcomes.add("refused")
         else:
-            outcomes.add((kind, "read"))
-    assert len(outcomes) == 4
+            outcomes.add("read")
+    assert outcomes == {"refused", "read"}

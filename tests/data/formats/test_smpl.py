@@ -73,7 +73,7 @@ def test_joints_of_amass(tmp_path, family):
 @pytest.mark.parametrize("family", FAMILIES)
 def test_a_body_comes_back_from_bvh_with_all_its_rotations(tmp_path, family):
     write_model(tmp_path / "body_models", family)
-    motion = read(tmp_path, family)
+    motion = read(tmp_path, family).cut(0, 8)
     mw.write_bvh(motion, tmp_path / "out.bvh", unit=motion.rig.metres)
     (back,) = load_motions(tmp_path / "out.bvh")
     order = [motion.rig.skeleton.joints.index(name) for name in back.skeleton.joints]

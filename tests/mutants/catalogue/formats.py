@@ -100,10 +100,10 @@ MUTANTS = [
     ),
     *of(
         "data/formats/bvh.py", "data/formats/test_malformed.py",
-        ("two-roots", 'if (word == "ROOT") == bool(stack) or (nodes and not stack):', 'if (word == "ROOT") == bool(stack):'),
+        ("two-roots", "if (rest := next(words)) != END:", 'if (rest := next(words)) not in ("ROOT", END):'),
         ("joints-of-one-name", "enumerate(names) if name in names[:i]", "enumerate(names) if False"),
         ("fewer-rows-than-said", "if len(table) != int(rows):", "if len(table) > int(rows):"),
-        ("endless-hierarchies", "if len(nodes) > MOST_JOINTS or len(stack) > DEEPEST:", "if False:"),
+        ("endless-hierarchies", "if own >= MOST_JOINTS or depth > DEEPEST:", "if False:"),
     ),
     *of(
         "data/formats/asf_amc.py", "data/formats/test_malformed.py",
