@@ -62,19 +62,11 @@ def test_a_row_that_makes_no_sense_is_refused(tmp_path, row):
 
 def test_arguments_that_make_no_sense_are_refused(tmp_path):
     (tmp_path / "a.bvh").write_text(BVH)
-    for argument in (
-        {"up": ["y"]},
-        {"unit": []},
-        {"unit": True},
-        {"skeleton": 5},
-        {"skeleton": ["H36M17"]},
-        {"up": "x"},
-        {"unit": "furlong"},
-        {"file_fps": 0.0},
-        {"file_fps": float("nan")},
-    ):
-        with pytest.raises(ValueError, match=f"{next(iter(argument))} is .*; expected"):
-            load_motions(tmp_path / "a.bvh", **argument)
+    units, rates = [("unit", [])], [("file_fps", 0.0), ("file_fps", float("nan"))]
+    units += [("unit", True), ("unit", "furlong")]
+    for name, value in (("up", ["y"]), ("up", "x"), ("skeleton", 5), ("skeleton", ["H36M17"]), *units, *rates):
+        with pytest.raises(ValueError, match=f"{name} is .*; expected"):
+            load_motions(tmp_path / "a.bvh", **{name: value})
     with pytest.raises(ValueError, match="source is ''; expected a path"):
         load_motions("")
 
