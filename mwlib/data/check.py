@@ -415,8 +415,14 @@ def _read(path: Path | None, given: Hints) -> tuple[list[Clip], list[str], list[
     return [Clip(*each) for each in found], [*map(str, broken)], rows_without_files(files)
 
 
+def in_columns(rows: Sequence[Sequence[str]]) -> list[str]:
+    """Rows of words as lines, each column as wide as its widest."""
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    return ["  ".join(map(str.ljust, row, widths)).rstrip() for row in rows]
+
+
 def _table(kinds: dict[tuple, list[Clip]]) -> list[str]:
-    """Rows of words, each column as wide as its widest."""
+    """A row for each kind of file."""
     rows: list[tuple[str, ...]] = [COLUMNS]
     for (files, skeleton, fps, up, unit), group in kinds.items():
         motions = [clip.reading.motion for clip in group]
@@ -427,8 +433,7 @@ def _table(kinds: dict[tuple, list[Clip]]) -> list[str]:
             f"{skeleton}, {len(motions[0].skeleton)} joints", f"{up.value} ({up.source})", f"{unit.value:.4g} ({unit.source})",
             f"{min(tall):.2f} to {max(tall):.2f}",
         ))  # fmt: skip
-    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
-    return ["  ".join(map(str.ljust, row, widths)).rstrip() for row in rows]
+    return in_columns(rows)
 
 
 def _describe(motions: list[Motion], protocol: Protocol | None) -> Iterator[Line]:
