@@ -154,15 +154,10 @@ def test_unit_axis_and_rate_of_the_files_are_settings(tmp_path):
             split_motions(SourceConfig(data=str(tmp_path), **given))
 
 
-@pytest.mark.parametrize(
-    ("changes", "message"),
-    [
-        ({"unit": "inches"}, "unit is 'inches'; expected one of .*inch.*did you mean 'inch'"),
-        ({"up": "x"}, "up is 'x'; expected one of"),
-        ({"unti": "cm"}, "did you mean 'unit'"),
-        ({"file_fps": -1}, "file_fps is -1"),
-    ],
-)
+@pytest.mark.parametrize(("changes", "message"), [
+    ({"unit": "inches"}, "unit is 'inches'; expected one of .*inch.*did you mean 'inch'"),
+    ({"up": "x"}, "up is 'x'; expected one of"), ({"unti": "cm"}, "did you mean 'unit'"), ({"file_fps": -1}, "file_fps is -1"),
+])  # fmt: skip
 def test_a_misspelt_statement_is_refused(changes, message):
     with pytest.raises(ValueError, match=message):
         Config.preset("tiny", **changes)
