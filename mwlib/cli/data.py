@@ -147,9 +147,6 @@ def _accepts() -> bool:
 
 
 def _print_overview(to: Path) -> None:
-    rows = fetching.overview(to)
-    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
-    for row in rows:
-        print("  ".join(word.ljust(width) for word, width in zip(row, widths, strict=True)).rstrip())
+    print(*checking.in_columns(fetching.overview(to)), sep="\n")
     said = "" if os.environ.get("MWLIB_DATA") else " (MWLIB_DATA is not set)"
     print(f"\nThe folder of data is {to}{said}. mwlib fetch NAME brings a collection there; --to FOLDER another one.")

@@ -138,6 +138,7 @@ def _contents(clips: Sequence[CaptionedClip]) -> Iterator[bytes | str]:
 
 SHORTENED = 1 / 3  # of the pieces
 Item = TypeVar("Item")
+Frames = Int[Tensor, " B"]  # numbers of them
 BUCKETS = 8  # groups of clips of like lengths, one of which a batch comes from: own choice, a third less padding
 
 
@@ -146,13 +147,11 @@ class Batch(NamedTuple):
 
     y: Float[Tensor, "B T D"]
     mask: Bool[Tensor, "B T"]
-    lengths: Int[Tensor, " B"]
+    lengths: Frames
     captions: list[str]
 
 
-def piece(
-    full: Int[Tensor, " B"], shorter: Float[Tensor, " B"], place: Float[Tensor, " B"]
-) -> tuple[Int[Tensor, " B"], Int[Tensor, " B"]]:
+def piece(full: Frames, shorter: Float[Tensor, " B"], place: Float[Tensor, " B"]) -> tuple[Frames, Frames]:
     """Lengths of pieces of clips, and where they start.
 
     Source: Guo et al., 2022, their loader: the length is cut to a multiple of 4, one time in three by 4 more; the piece starts
@@ -205,7 +204,7 @@ class ClipBatches:
         picked = torch.tensor(numbers)
         return self._batch(picked, torch.zeros_like(picked), self.frames.lengths[picked] // UNIT * UNIT, list(captions))
 
-    def _batch(self, clip: Tensor, start: Tensor, lengths: Int[Tensor, " B"], captions: list[str]) -> Batch:
+    def _batch(self, clip: Tensor, start: Tensor, lengths: Frames, captions: list[str]) -> Batch:
         y = self.frames.take(clip, start, self.padded or int(lengths.max()))
         mask = (torch.arange(y.shape[1]) < lengths[:, None]).to(y.device)
         return Batch(y * mask[..., None], mask, lengths.to(y.device), captions)

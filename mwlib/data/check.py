@@ -16,7 +16,7 @@ from mwlib.body.kinematics import bone_lengths
 from mwlib.body.motion import Motion
 from mwlib.data.captioned import CaptionsConfig
 from mwlib.data.collections import COLLECTIONS, Protocol, h36m, named_source
-from mwlib.data.doubts import MOST_NAMES, Clips, begin_with_a_jump, doubted, other_axis, rows_without_files, some
+from mwlib.data.doubts import MOST_NAMES, Clips, doubted, jump, other_axis, rows_without_files, some, told
 from mwlib.data.load import expect_source, find_source, first_of, motion_files, read_files, unread_entries
 from mwlib.data.mirroring import unmirrored
 from mwlib.data.untrusted import MotionFormatError, bare_suffix
@@ -42,16 +42,19 @@ FAR, FACTOR = 0.5, 2.0
 PUBLISHED_IDS = {HUMANML3D.name: (23_384, 1_460, 4_384)}  # in train, val and test; counted in the published lists
 
 
+Line = tuple[str, str]  # of a report: a word and what is said of it
+
+
 class CaptionedFolder(NamedTuple):
     """What is in a folder of captioned clips.
 
     Args:
-        lines: a word and what is said of it, of each property.
+        lines: of each property.
         left_out: what training and evaluation will not see, though nothing is wrong with it.
         wrong: faults of lists, captions, features and statistics.
     """
 
-    lines: list[tuple[str, str]]
+    lines: list[Line]
     left_out: list[str]
     wrong: list[str]
 
@@ -95,7 +98,7 @@ def _splits(path: Path, clips: Sequence[CaptionedClip]) -> str:
     return f"{told}; published {', '.join(map(str, known))}" if known else told
 
 
-def _clips(clips: Sequence[CaptionedClip]) -> list[tuple[str, str]]:
+def _clips(clips: Sequence[CaptionedClip]) -> list[Line]:
     """How many for what, and how long they are."""
     layout, longest = _layout(clips), CaptionsConfig().longest
     counts = ", ".join(f"{sum(clip.split == split for clip in clips)} {split}" for split in SPLITS)
@@ -109,7 +112,7 @@ def _clips(clips: Sequence[CaptionedClip]) -> list[tuple[str, str]]:
     ]
 
 
-def _caption_lines(clips: Sequence[CaptionedClip]) -> list[tuple[str, str]]:
+def _caption_lines(clips: Sequence[CaptionedClip]) -> list[Line]:
     """How many there are, how long, and which lack parts of speech."""
     each = [len(clip.captions) for clip in clips]
     words = [words_of(caption) for clip in clips for caption in clip.captions]
@@ -147,8 +150,9 @@ def _statistics(path: Path, clips: Sequence[CaptionedClip]) -> tuple[str, str]:
 STANDARD = Protocol(50.0, 25, 100, 25)
 
 
-def _line(word: str, text: str) -> str:
-    return f"  {word:<9} {text}"
+def _block(title: str, lines: Iterable[Line]) -> list[str]:
+    """A paragraph of a report."""
+    return [title, *(f"  {word:<9} {text}" for word, text in lines), ""]
 
 
 def _protocol(motion: Motion) -> Protocol:
@@ -180,35 +184,35 @@ def _frames(row: dict[str, str]) -> str:
     return row.get("frames") or row.get("rows", "")
 
 
-def _t_poses(clips: Sequence[Clip]) -> Iterator[str]:
+def _t_poses(clips: Sequence[Clip]) -> Iterator[Line]:
     """A line on the clips whose first row is left out without a word of the user's."""
     if names := [clip.name for clip in clips if clip.reading.first.value and not clip.reading.first.is_users]:
-        yield _line("T-pose", f"row 0 of {some(names, 3)} is an added T-pose and left out; first_frame 0 in clips.csv keeps it")
+        yield "T-pose", f"row 0 of {some(names, 3)} is an added T-pose and left out; first_frame 0 in clips.csv keeps it"
 
 
-def _known_frames(clips: Sequence[Clip]) -> Iterator[str]:
+def _known_frames(clips: Sequence[Clip]) -> Iterator[Line]:
     """Lines on how many clips are as long as clips.csv says."""
     rows = [(clips_row(clip.file)[0], clip.reading.motion) for clip in clips if clip.file]
     if faults := [_frames_fault(row, motion) for row, motion in rows if _frames(row)]:
-        yield _line("known", f"frames as clips.csv says in {faults.count('')} of {len(faults)} clips")
-        yield from (_line("DIFFERS", fault) for fault in faults if fault)
+        yield "known", f"frames as clips.csv says in {faults.count('')} of {len(faults)} clips"
+        yield from (("DIFFERS", fault) for fault in faults if fault)
 
 
-def _known_windows(motions: list[Motion]) -> Iterator[str]:
+def _known_windows(motions: list[Motion]) -> Iterator[Line]:
     """Published counts beside those found, for data in VideoPose3D's layout."""
     found = {m.name: _window_count(m, _protocol(m)) for m in motions if m.subject in h36m.TEST_SUBJECTS}
     if motions[0].skeleton.name == "HUMANEVA15":
         test = sum(_window_count(m, _protocol(m)) for m in motions if m.subject.startswith("Validate/"))
-        yield _line("known", f"{test} test windows in Validate/*; published never, at most {h36m.HUMANEVA_MOST_WINDOWS}")
+        yield "known", f"{test} test windows in Validate/*; published never, at most {h36m.HUMANEVA_MOST_WINDOWS}"
     elif motions[0].skeleton.name == "H36M17" and (found or any(m.subject in h36m.TRAIN_SUBJECTS for m in motions)):
         for subject in (*h36m.TEST_SUBJECTS, ""):
             here, there = (sum(n for name, n in counts.items() if name.startswith(subject)) for counts in (found, h36m.WINDOWS))
-            yield _line("known", f"{subject or 'S9 + S11'}: {here} test windows, published {there}")
+            yield "known", f"{subject or 'S9 + S11'}: {here} test windows, published {there}"
         names = [name for name in h36m.WINDOWS | found if found.get(name) != h36m.WINDOWS.get(name)]
         wrong = [f"{n}: {found.get(n, 'none')}, published {h36m.WINDOWS.get(n, 'none')}" for n in names]
-        yield from (_line("DIFFERS", text) for text in first_of(wrong, MOST_NAMES, "more sequences"))
+        yield from (("DIFFERS", text) for text in first_of(wrong, MOST_NAMES, "more sequences"))
         if not names:
-            yield _line("known", _known_neighbours(motions))
+            yield "known", _known_neighbours(motions)
 
 
 def _known_neighbours(motions: list[Motion]) -> str:
@@ -245,8 +249,8 @@ def _doubts(clips: Clips, people: bool) -> Iterator[str]:
 
     Lists of clips part them already, whoever the `people` are.
     """
-    yield from _bodies(clips)
-    yield from begin_with_a_jump(clips)
+    for reason, sentence in DOUBTS:
+        yield from told(clips, reason, sentence)
     same: dict[str, list[str]] = {}
     for name, reading in clips:
         content = np.ascontiguousarray(reading.motion.positions, dtype=np.float32)
@@ -260,26 +264,35 @@ def _doubts(clips: Clips, people: bool) -> Iterator[str]:
     yield from _skeletons(clips)
 
 
-def _bodies(clips: Clips) -> Iterator[str]:
-    """Size, up-axis and speed."""
-    small, other, wild = [], [], []
-    for name, reading in clips:
-        m = reading.motion
-        tall, stands = height(m.positions, m.skeleton), standing(m.positions, m.skeleton, m.up)
-        found = tall / reading.unit.value
-        better = [f"{found * UNITS[unit]:.3g} m in {unit}" for unit in fitting(found, ADULT)]
-        small += [f"{name} ({', '.join([f'{tall:.3g} m', *better])})"] if not ADULT[0] <= tall <= ADULT[1] else []
-        lies = (stands.is_clear or stands.share < UPRIGHT) and not other_axis(reading)
-        other += [f"{name} (along {stands.axis})"] if lies else []
-        speed, frame, joint = fastest(m)
-        wild += [f"{name} ({speed:.0f} m/s, {joint} in row {reading.first.value + frame})"] if speed > GLITCH else []
-    for names, said, remedy in (
-        (small, "no adult's height", "State the unit if that is wrong"),
-        (other, "not upright along the up-axis", "People who lie, or another axis is up"),
-        (wild, f"faster than {GLITCH:g} m/s, so perhaps glitches", "The column first_frame in clips.csv cuts a beginning off"),
-    ):
-        if names:
-            yield f"{said}: {some(names)}. {remedy}"
+def _size(reading: Reading) -> str:
+    """The size of a body that is no adult's, and units in which it would be one's."""
+    tall = height(reading.motion.positions, reading.motion.skeleton)
+    if ADULT[0] <= tall <= ADULT[1]:
+        return ""
+    found = tall / reading.unit.value
+    return ", ".join([f"{tall:.3g} m", *(f"{found * UNITS[unit]:.3g} m in {unit}" for unit in fitting(found, ADULT))])
+
+
+def _other_way(reading: Reading) -> str:
+    """Along which axis a body is stretched that is not upright; "" also where `doubted` tells of it."""
+    m = reading.motion
+    stands = standing(m.positions, m.skeleton, m.up)
+    return f"along {stands.axis}" if (stands.is_clear or stands.share < UPRIGHT) and not other_axis(reading) else ""
+
+
+def _glitch(reading: Reading) -> str:
+    """How fast the fastest joint is, and where, if that is too fast."""
+    speed, frame, joint = fastest(reading.motion)
+    return f"{speed:.0f} m/s, {joint} in row {reading.first.value + frame}" if speed > GLITCH else ""
+
+
+# What may be as it looks -> a sentence on the clips.
+DOUBTS = (
+    (_size, "no adult's height: {}. State the unit if that is wrong"),
+    (_other_way, "not upright along the up-axis: {}. People who lie, or another axis is up"),
+    (_glitch, f"faster than {GLITCH:g} m/s, so perhaps glitches: {{}}. The column first_frame in clips.csv cuts a beginning off"),
+    (jump, "they begin with a jump, as after an added T-pose: {}; such a column in clips.csv cuts that off, or keeps it"),
+)
 
 
 def _skeletons(clips: Clips) -> Iterator[str]:
@@ -361,7 +374,7 @@ def check_data(
     source, _ = named_source(source)
     path = None if source == "synthetic" else find_source(source)
     clips, broken, alone = _read(path, given)
-    captioned = _captions(path)
+    captioned = captioned_folder(path) if path and is_captioned(path) else None
     cuts = captioned is None or any(given is not None for given in (fps, history, future))
     kinds: dict[tuple, list[Clip]] = {}
     for clip in clips:
@@ -373,11 +386,12 @@ def check_data(
         motions = [clip.reading.motion for clip in group]
         usual = _protocol(motions[0])
         protocol = Protocol(fps or usual.fps, history or usual.history, future or usual.future, usual.stride)
-        lines += [*_describe(motions, protocol if cuts else None, group[0].files), *_unread(group), *_t_poses(group)]
-        lines += [*_known_frames(group), *_known_windows(motions), ""]
+        about = [*_describe(motions, protocol if cuts else None), *_unread(group), *_t_poses(group)]
+        about += [*_known_frames(group), *_known_windows(motions)]
+        lines += _block(f"{group[0].files} with skeleton {motions[0].skeleton.name} at {motions[0].fps:g} Hz", about)
         short += _left_out(group, protocol) if cuts else []
     if captioned:
-        lines += ["lists and captions", *(_line(*each) for each in captioned.lines), ""]
+        lines += _block("lists and captions", captioned.lines)
         short += captioned.left_out
     named = [(clip.name, clip.reading) for clip in clips]
     lists, unsaid = captioned.wrong if captioned else [], doubted(named)
@@ -385,11 +399,6 @@ def check_data(
     lines += _list("looks wrong", [*alone, *lists, *unsaid, *_doubts(named, people=captioned is None)])
     lines += [f"{len(broken)} files cannot be read" if broken else "every file could be read"]
     return Check("\n".join(lines), not (broken or alone or lists or unsaid), clips)
-
-
-def _captions(path: Path | None) -> CaptionedFolder | None:
-    """What is in a folder laid out as HumanML3D or KIT-ML; None of another source."""
-    return captioned_folder(path) if path and is_captioned(path) else None
 
 
 def _read(path: Path | None, given: Hints) -> tuple[list[Clip], list[str], list[str]]:
@@ -406,8 +415,14 @@ def _read(path: Path | None, given: Hints) -> tuple[list[Clip], list[str], list[
     return [Clip(*each) for each in found], [*map(str, broken)], rows_without_files(files)
 
 
+def in_columns(rows: Sequence[Sequence[str]]) -> list[str]:
+    """Rows of words as lines, each column as wide as its widest."""
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    return ["  ".join(map(str.ljust, row, widths)).rstrip() for row in rows]
+
+
 def _table(kinds: dict[tuple, list[Clip]]) -> list[str]:
-    """Rows of words, each column as wide as its widest."""
+    """A row for each kind of file."""
     rows: list[tuple[str, ...]] = [COLUMNS]
     for (files, skeleton, fps, up, unit), group in kinds.items():
         motions = [clip.reading.motion for clip in group]
@@ -418,32 +433,30 @@ def _table(kinds: dict[tuple, list[Clip]]) -> list[str]:
             f"{skeleton}, {len(motions[0].skeleton)} joints", f"{up.value} ({up.source})", f"{unit.value:.4g} ({unit.source})",
             f"{min(tall):.2f} to {max(tall):.2f}",
         ))  # fmt: skip
-    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
-    return ["  ".join(map(str.ljust, row, widths)).rstrip() for row in rows]
+    return in_columns(rows)
 
 
-def _describe(motions: list[Motion], protocol: Protocol | None, files: str) -> Iterator[str]:
+def _describe(motions: list[Motion], protocol: Protocol | None) -> Iterator[Line]:
     """One line for each property of clips of one kind; one of windows, if a protocol cuts them."""
-    yield f"{files} with skeleton {motions[0].skeleton.name} at {motions[0].fps:g} Hz"
-    yield _line("subjects", _counts(m.subject for m in motions))
-    yield _line("actions", _counts(m.action for m in motions))
+    yield "subjects", _counts(m.subject for m in motions)
+    yield "actions", _counts(m.action for m in motions)
     if protocol:
         fps, history, future, stride = protocol
         count = sum(_window_count(m, protocol) for m in motions)
-        yield _line("windows", f"{count} of {history} + {future} frames at {fps:g} Hz, every {stride} frames")
+        yield "windows", f"{count} of {history} + {future} frames at {fps:g} Hz, every {stride} frames"
     stretch = max(float(np.ptp(bone_lengths(m.positions, m.skeleton), axis=0).max()) for m in motions)
-    yield _line("bones", f"lengths change by up to {1000 * stretch:.1f} mm within a clip")
+    yield "bones", f"lengths change by up to {1000 * stretch:.1f} mm within a clip"
     speeds = [fastest(m)[0] for m in motions]
-    yield _line("fastest", f"joint {max(speeds):.1f} m/s; {sum(s > GLITCH for s in speeds)} clips above {GLITCH:g} m/s")
+    yield "fastest", f"joint {max(speeds):.1f} m/s; {sum(s > GLITCH for s in speeds)} clips above {GLITCH:g} m/s"
 
 
-def _unread(clips: Sequence[Clip]) -> Iterator[str]:
+def _unread(clips: Sequence[Clip]) -> Iterator[Line]:
     """Lines on entries of archives that nothing is read from."""
     found: dict[str, list[str]] = {}
     for file in dict.fromkeys(clip.file for clip in clips if clip.file and clip.files == "npz"):
         if names := unread_entries(file):
             found.setdefault(some(names), []).append(file.name)
-    return (_line("unread", f"entries {names} of {some(holders, 3)}") for names, holders in found.items())
+    return (("unread", f"entries {names} of {some(holders, 3)}") for names, holders in found.items())
 
 
 def _list(title: str, found: Sequence[str]) -> list[str]:

@@ -26,7 +26,7 @@ MOST_NAMES = 12
 
 def doubted(clips: Clips) -> list[str]:
     """A sentence on each kind of doubt about what numbers mean, with the clips and what settles it."""
-    return [*_up_doubts(clips), *_told(clips, recorded_slower, SLOWER), *_people_doubts(clips), *_told(clips, misnamed, MISNAMED)]
+    return [*_up_doubts(clips), *told(clips, recorded_slower, SLOWER), *_people_doubts(clips), *told(clips, misnamed, MISNAMED)]
 
 
 SLOWER = "CMU recorded them at 60 Hz, and their files say otherwise: {}; say fps 60 in clips.csv, or file_fps=60"
@@ -34,22 +34,16 @@ MISNAMED = (
     "joints likely have each other's names: {}; expected joint names in the order of the columns, left ones on the left, and "
     "right-handed axes"
 )
-JUMP = "they begin with a jump, as after an added T-pose: {}; such a column in clips.csv cuts that off, or keeps it"
 
 
-def _told(clips: Clips, reason: Callable[[Reading], str], sentence: str) -> list[str]:
+def told(clips: Clips, reason: Callable[[Reading], str], sentence: str) -> list[str]:
     """A sentence on the clips for which there is a reason; none if there is none for any."""
     names = [f"{name} ({why})" for name, reading in clips if (why := reason(reading))]
     return [sentence.format(some(names))] if names else []
 
 
-def begin_with_a_jump(clips: Clips) -> list[str]:
-    """A sentence on the clips that begin with a jump, as an added T-pose makes it; none where first_frame was stated."""
-    return _told(clips, _jump, JUMP)
-
-
-def _jump(reading: Reading) -> str:
-    """From which row a clip jumps to which; "" if it does not, or if the user keeps it so."""
+def jump(reading: Reading) -> str:
+    """From which row a clip jumps to which, as an added T-pose makes it; "" if it does not, or if the user keeps it so."""
     count = 0 if reading.first.is_users else unsettled(reading.motion)
     first, pose = reading.first.value, ", which is the rest pose" if _is_at_rest(reading.motion) else ""
     return f"from row {first}{pose}, to row {first + count}: first_frame {first + count}" if count else ""

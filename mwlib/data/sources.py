@@ -57,6 +57,7 @@ def split_motions(
     source: SourceConfig,
     ready: Callable[[Sequence[Motion], float], list[Motion]] = prepare,
     loaded: Sequence[Motion] | None = None,
+    more: Sequence[str] = (),
 ) -> Split:
     """Load the configured data and part it by subject, so that nobody in the test set was ever trained on.
 
@@ -67,8 +68,11 @@ def split_motions(
         source: which clips.
         ready: what makes clips at their own rate, given `source.fps`, into what a training takes.
         loaded: the clips as `load_source` gives them; None: they are loaded.
+        more: sources as `load_motions` takes them, whose people are trained on besides, but for those who are held out. A
+            source that does not name its people is taken whole: look who they are.
 
     Raises:
+        FileNotFoundError: as `load_motions`.
         ValueError: a named subject does not occur or stands in two lists, the clips differ in skeleton, or nothing is left to
             train or to test on.
     """
@@ -94,32 +98,10 @@ def split_motions(
     for name, part in (("training", parts.train), ("test", parts.test)):
         if not part:
             raise ValueError(f"no {name} clips: {found}; expected {REMEDY}")
-    return parts
-
-
-def with_more(
-    split: Split,
-    sources: Sequence[str],
-    fps: float,
-    ready: Callable[[Sequence[Motion], float], list[Motion]] = prepare,
-) -> Split:
-    """The same with the people of these sources to train on besides, but for those who are held out.
-
-    A source that does not name its people is taken whole: look who they are.
-
-    Args:
-        split: what the configured data gave.
-        sources: as `load_motions` takes them.
-        fps: of the clips.
-        ready: as for `split_motions`.
-
-    Raises:
-        FileNotFoundError, ValueError: as `load_motions`; or the skeletons differ.
-    """
-    held_out = {m.subject for m in (*split.validation, *split.test)}
-    more = [m for source in sources for m in ready(load_motions(source), fps) if m.subject not in held_out]
-    Bodies.of([*split.train, *more])
-    return split._replace(train=split.train + more)
+    held_out = {m.subject for m in (*parts.validation, *parts.test)}
+    added = [m for each in more for m in ready(load_motions(each), source.fps) if m.subject not in held_out]
+    Bodies.of([*parts.train, *added])
+    return parts._replace(train=parts.train + added)
 
 
 def _check_lists(lists: dict[str, tuple[str, ...]], present: Sequence[str], data: str) -> None:

@@ -11,7 +11,7 @@ from torch import Tensor
 from tqdm import tqdm
 
 from mwlib.body.motion import Motion
-from mwlib.data.sources import Split, split_motions, with_more
+from mwlib.data.sources import Split, split_motions
 from mwlib.data.windows import prepare
 from mwlib.inbetweening.baselines import GaussianBetween, between
 from mwlib.inbetweening.bridge import Bridge
@@ -71,7 +71,7 @@ def load_data(cfg: Config, loaded: Sequence[Motion] | None = None) -> Split:
         ValueError: as in `split_motions`.
     """
     as_taken = ready if cfg.task.state == "rotations" else prepare
-    return with_more(split_motions(cfg.data, as_taken, loaded), cfg.task.more_data, cfg.data.fps, as_taken)
+    return split_motions(cfg.data, as_taken, loaded, cfg.task.more_data)
 
 
 def make_fill(cfg: Config, get_model: Callable[[], Bridge], split: Split, space: Space) -> Fill:

@@ -8,7 +8,7 @@ import torch
 from torch import Tensor
 
 from mwlib.body.motion import Motion
-from mwlib.data.sources import Split, split_motions, with_more
+from mwlib.data.sources import Split, split_motions
 from mwlib.data.windows import Bodies, Windows, too_short, windows
 from mwlib.metrics import Column, MetricTable, multimodal_apd, multimodal_futures
 from mwlib.metrics.evaluation import REALISM, SEAM
@@ -138,8 +138,7 @@ def load_data(cfg: Config, loaded: Sequence[Motion] | None = None) -> Split:
     Raises:
         ValueError: as in `split_motions`, or no clip of a part is longer than a window.
     """
-    split, frames = split_motions(cfg.data, loaded=loaded), cfg.windows.frames
-    split = with_more(split, cfg.windows.more_data, cfg.data.fps)
+    split, frames = split_motions(cfg.data, loaded=loaded, more=cfg.windows.more_data), cfg.windows.frames
     at = f"{frames} frames (history + future) at {cfg.data.fps:g} Hz"
     for name, part in split._asdict().items():
         short = [m.name or "a clip without a name" for m in too_short(part, frames)]

@@ -9,7 +9,7 @@ from scipy.ndimage import gaussian_filter1d
 
 from mwlib.synthetic.movements import GAITS, PoseTrack, gait_pose, gesture_tracks, stand_pose
 from mwlib.synthetic.person import AT, POSE, SIDES, Figure, PerFrame, Positions, draw_figure, figure_positions
-from mwlib.synthetic.sentences import PAIRS, RECIPES, Attributes, captions_of, completed, draw_attributes, read_table
+from mwlib.synthetic.sentences import PAIRS, RECIPES, Attributes, actions_of, captions_of, completed, draw_attributes, read_table
 
 RATE = 40.0  # frames per second at which poses are made; every second one is kept
 LONGEST = 6.1  # seconds
@@ -127,7 +127,7 @@ def act_out(attributes: Attributes, figure: Figure, rng: np.random.Generator) ->
         (T, 22, 3) metres, y up, 20 frames a second, 41 to 121 frames, one more than a multiple of four.
     """
     clip, end = Performance(figure, rng), 0.0
-    actions = [attributes[key] for key in ("action", "then") if key in attributes]
+    actions = actions_of(attributes)
     for action in actions:
         end = _ACTS[action](clip, end + (0.0 if action in _GOING else rng.uniform(0.2, 0.45)), attributes)
     end += 0.0 if actions[-1] in _GOING else rng.uniform(0.15, 0.4)

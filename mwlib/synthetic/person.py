@@ -10,9 +10,9 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Bool, Float
 from scipy.ndimage import gaussian_filter1d
-from scipy.spatial.transform import Rotation
 
 from mwlib.body.kinematics import forward_kinematics
+from mwlib.body.rotation import euler_matrices
 from mwlib.body.skeleton import H36M17, HUMANML22, Skeleton
 
 FPS = 50.0
@@ -107,9 +107,9 @@ def positions_of(pose: Poses, heading: PerFrame, body: Body) -> Positions:
     where it is; in flight it keeps the speed it had around. Own choice: any sequence of poses then stands, walks or jumps without
     sliding, at no cost in the root-relative channels that models see.
     """
-    pitch, roll, yaw = np.moveaxis(joint_angles(pose, H36M17, ("spine", "thorax")), -1, 0)
-    local = _about("y", pitch) @ _about("x", roll) @ _about("z", yaw)
-    _set_upright(local, _about("z", heading), H36M17)
+    angles = joint_angles(pose, H36M17, ("spine", "thorax"))
+    local = euler_matrices("yxz", angles.reshape(-1, 3)).reshape(*angles.shape, 3)
+    _set_upright(local, euler_matrices("z", heading[:, None]), H36M17)
     standing = forward_kinematics(local, body.offsets, np.zeros((len(pose), 3)), H36M17)
     return standing + root_path(standing[:, FEET], pose[:, AT["lift"]])[:, None]
 
@@ -121,12 +121,6 @@ def _set_upright(local: Turns, heading: Turns, skeleton: Skeleton) -> None:
         hip = skeleton.joints.index(f"{side}_hip")
         local[:, hip] = np.swapaxes(pelvis, -1, -2) @ local[:, hip]
     local[:, 0] = heading @ pelvis
-
-
-def _about(axis: str, angle: Float[np.ndarray, "*axes"]) -> Turns:
-    """Rotation matrices about one axis. By rotation vectors: SciPy's Euler angles take twenty times as long."""
-    vectors = angle[..., None] * np.eye(3)["xyz".index(axis)]
-    return Rotation.from_rotvec(vectors.reshape(-1, 3)).as_matrix().reshape(*vectors.shape, 3)
 
 
 def joint_angles(pose: Poses, skeleton: Skeleton, spine: tuple[str, ...]) -> Positions:
@@ -234,8 +228,12 @@ def figure_positions(
         fps: frames per second.
         travel: metres forward and to the left, in the world, that the body covers besides, in flight.
     """
-    turns = _local_turns(joint_angles(pose, HUMANML22, _SPINE))
-    _set_upright(turns, _local_turns(np.stack([0 * heading, 0 * heading, heading], axis=-1)), HUMANML22)
+    angles = joint_angles(pose, HUMANML22, _SPINE)
+    for side, sign in SIDES.items():  # arms lift their collar bones
+        collar, shoulder = (HUMANML22.joints.index(f"{side}_{joint}") for joint in ("collar", "shoulder"))
+        angles[:, collar, 1] = sign * SCAPULA * np.linalg.norm(angles[:, shoulder, :2], axis=-1)
+    turns = _local_turns(angles)
+    _set_upright(turns, _local_turns(heading[:, None] * [0.0, 0.0, 1.0]), HUMANML22)
     joints = forward_kinematics(turns, figure.offsets, np.zeros((len(pose), 3)), HUMANML22)
     joints += root_path(joints[:, ANKLES], pose[:, AT["lift"]], fps)[:, None]
     joints[..., :2] += travel
@@ -245,12 +243,7 @@ def figure_positions(
 
 
 def _local_turns(angles: Float[np.ndarray, "*axes 3"]) -> Turns:
-    """Rotation matrices for angles about y, then x, then z, moving axes; arms lift their collar bones."""
-    angles = angles.copy()
-    if angles.ndim == 3:
-        for side, sign in SIDES.items():
-            collar, shoulder = (HUMANML22.joints.index(f"{side}_{joint}") for joint in ("collar", "shoulder"))
-            angles[:, collar, 1] = sign * SCAPULA * np.linalg.norm(angles[:, shoulder, :2], axis=-1)
+    """Rotation matrices for angles about y, then x, then z, moving axes."""
     (cy, cx, cz), (sy, sx, sz) = np.moveaxis(np.cos(angles), -1, 0), np.moveaxis(np.sin(angles), -1, 0)
     rows = (
         (cy * cz + sy * sx * sz, sy * sx * cz - cy * sz, sy * cx),

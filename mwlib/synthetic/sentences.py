@@ -68,9 +68,14 @@ def draw_attributes(rng: np.random.Generator) -> Attributes:
     return _drawn(actions, rng)
 
 
+def actions_of(attributes: Attributes) -> tuple[str, ...]:
+    """The action of a clip or a sentence, or both."""
+    return tuple(attributes[name] for name in ("action", "then") if name in attributes)
+
+
 def completed(said: Attributes, rng: np.random.Generator) -> Attributes:
     """What a sentence says of a clip, and for the rest what is usual, or drawn where nothing is."""
-    actions = tuple(str(said[name]) for name in ("action", "then") if name in said)
+    actions = actions_of(said)
     if said.get("direction") == "backward":
         actions = ("backward", *actions[1:])
     return _drawn(actions, rng, usual=True) | said

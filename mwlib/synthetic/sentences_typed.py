@@ -13,7 +13,7 @@ from itertools import chain
 from typing import Any, NamedTuple
 
 from mwlib.networks.text import words_of
-from mwlib.synthetic.sentences import PAIRS, RECIPES, RULES, SLOT, Attributes, read_table, vocabulary
+from mwlib.synthetic.sentences import PAIRS, RECIPES, RULES, SLOT, Attributes, actions_of, read_table, vocabulary
 
 # The grammar's verbs by their action; the last, of no name, take part in several.
 ACTIONS = read_table("""
@@ -173,8 +173,7 @@ def is_plain(text: str) -> bool:
     """
     subject = next((who for who in RULES["subject"].split(" | ") if text.startswith(f"{who} ")), "")
     clauses = [clause.strip() for clause in THEN.split(text.removeprefix(subject).strip().removeprefix("first "))]
-    said = claims(text)
-    asked = tuple(said[name] for name in ("action", "then") if name in said)
+    asked = actions_of(claims(text))
     return bool(subject) and len(asked) == len(clauses) and (len(asked) == 1 or asked in PAIRS) and _clauses().issuperset(clauses)
 
 
@@ -215,16 +214,12 @@ def forms() -> dict[str, str]:
     """Other forms of the grammar's verbs -> the one that it has."""
     found = dict(PAST)
     for said in " ".join(ACTIONS.values()).split():
-        base = _base(said)
+        base = re.sub(r"(?<=sh|ch)es$|(?<=x|o)es$|s$", "", said)
         stem = base.removesuffix("e")
         if re.fullmatch(r"(?:qu|[^aeiou])*[aeiou][^aeiouwxy]", base):  # one short vowel: running
             stem += base[-1]
         found |= {base: said, f"{stem}ing": said, f"{stem}ed": said}
     return found
-
-
-def _base(said: str) -> str:
-    return re.sub(r"(?<=sh|ch)es$|(?<=x|o)es$|s$", "", said)
 
 
 def _somebody(words: list[str]) -> list[str]:

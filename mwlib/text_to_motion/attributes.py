@@ -26,7 +26,6 @@ PerFrame = Float[np.ndarray, " T"]
 PerSide = Float[np.ndarray, "2 T"]
 Places = Float[np.ndarray, "T 3"]
 SIDES = ("left", "right")
-_AT = {name: joint for joint, name in enumerate(HUMANML22.joints)}
 
 
 class BodySignals:
@@ -49,7 +48,7 @@ class BodySignals:
 
     def joint(self, name: str) -> Places:
         """Positions of one joint."""
-        return self.positions[:, _AT[name]]
+        return self.positions[:, HUMANML22.joints.index(name)]
 
     def both(self, name: str) -> Float[np.ndarray, "2 T 3"]:
         """Positions of a joint of the left and of the right side."""

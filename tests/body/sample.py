@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import torch
 
@@ -54,6 +56,12 @@ def animators_motion(
     tree = own_skeleton(names, parents)
     rig = Rig(tree, offsets, turns, root, tuple(joints), (MOVES + ORDERS[1], *channels[1:]))
     return Motion(rig.positions().astype(np.float32), fps, skeleton, name="animated", up="y", rig=rig)
+
+
+def rigged(motion: Motion, **changes) -> Motion:
+    """The motion that its rig makes when some of it is changed."""
+    rig = replace(motion.rig, **changes)
+    return replace(motion, positions=rig.positions().astype(np.float32), rig=rig)
 
 
 def _depth_first(above: dict[str, tuple]) -> list[str]:

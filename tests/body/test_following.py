@@ -14,9 +14,8 @@ from mwlib.body.motion import Motion
 from mwlib.body.rig import ANGLES
 from mwlib.body.rotation import multiply
 from mwlib.body.skeleton import H36M17, Skeleton, to_h36m17
-from tests.body.sample import PREFIX, animators_motion, apart
-from tests.body.test_rig import standing
-from tests.inbetweening.sample import lafan_motion
+from tests.body.sample import PREFIX, animators_motion, apart, rigged
+from tests.body.test_rig import on_the_floor
 
 # Joints whose rotations places of the 17 show, but for twists: what lies between two of these is not among them.
 SHOWN = ("Hips", "Spine1", "Neck", "LeftUpLeg", "LeftLeg", "RightUpLeg", "RightLeg", "LeftArm", "LeftForeArm", "RightArm")
@@ -83,11 +82,9 @@ def test_a_shoulder_twists_so_that_the_elbow_bends_as_the_model_says():
     cos, sin = np.cos(angle / 2), np.sin(angle / 2)  # times a turn about the bone, which lies along x
     turns[:, arm] = np.stack([w * cos - x * sin, w * sin + x * cos, y * cos + z * sin, z * cos - y * sin], axis=1)
     turns[:, elbow] = [np.cos(0.6), 0, 0, np.sin(0.6)]
-    rig = replace(motion.rig, rotations=turns.astype(np.float32))
-    motion = replace(motion, positions=rig.positions().astype(np.float32), rig=rig)
+    motion = rigged(motion, rotations=turns.astype(np.float32))
     made = on_rig(motion.retarget(H36M17), picked(motion, 0, 24), [0, 24])
-    assert apart(made.rig.rotations[:, arm], rig.rotations[:, arm]).max() < 4  # of 52
-    assert apart(made.rig.rotations[:, elbow], rig.rotations[:, elbow]).max() < 4
+    assert apart(made.rig.rotations, motion.rig.rotations)[:, [arm, elbow]].max() < 4  # of 52
 
 
 @pytest.mark.parametrize("off, twist", [(0.05, 0.0), (0.1, 2.0)])
@@ -99,12 +96,11 @@ def test_an_arm_that_swings_past_the_half_turn_does_not_flip(off, twist):
     axis = np.array([np.sin(off), 0, np.cos(off)])  # the bone lies along x
     circle = torch.from_numpy(np.concatenate([np.cos(angle)[:, None], np.sin(angle)[:, None] * axis], axis=1))
     turns[:, arm] = multiply(torch.from_numpy(turns[:, arm]), circle).numpy()
-    rig = replace(motion.rig, rotations=turns.astype(np.float32))
-    motion = replace(motion, positions=rig.positions().astype(np.float32), rig=rig)
+    motion = rigged(motion, rotations=turns.astype(np.float32))
     made = on_rig(motion.retarget(H36M17), picked(motion, 0, 48), [0, 48])
     shown = to_h36m17(motion.skeleton)
     np.testing.assert_allclose(made.positions[:, shown], motion.positions[:, shown], atol=3e-6)
-    assert apart(made.rig.rotations[[0, 48]], rig.rotations[[0, 48]]).max() < 1e-4
+    assert apart(made.rig.rotations[[0, 48]], motion.rig.rotations[[0, 48]]).max() < 1e-4
     steps = apart(made.rig.rotations[1:, arm], made.rig.rotations[:-1, arm])
     assert steps.max() < 40, steps
 
@@ -138,8 +134,8 @@ def test_frames_before_and_behind_the_motion_are_poses_only():
 
 def test_a_body_that_hangs_from_a_joint_on_the_floor_moves_by_its_hips():
     """And every joint keeps the place that its file gives it."""
-    rig = standing()
-    motion = Motion(rig.positions().astype(np.float32), 10.0, lafan_motion(12).skeleton, up="z", rig=rig)
+    motion = on_the_floor()
+    rig = motion.rig
     made = on_rig(replace(motion, rig=None), picked(motion, 0, 11), [0, 11])
     np.testing.assert_allclose(made.positions, motion.positions, atol=1e-5)
     np.testing.assert_array_equal(made.rig.root, rig.root)
@@ -154,8 +150,7 @@ def test_a_joint_turns_about_the_axes_of_its_channels_only():
     channels[elbow] = ("zrotation",)
     turns = motion.rig.rotations.copy()
     turns[:, elbow] = [np.cos(0.3), 0, 0, np.sin(0.3)]
-    rig = replace(motion.rig, channels=tuple(channels), rotations=turns)
-    hinged = replace(motion, positions=rig.positions().astype(np.float32), rig=rig)
+    hinged = rigged(motion, channels=tuple(channels), rotations=turns)
     made = on_rig(motion.retarget(H36M17), picked(hinged, 0, 24), [0, 24])  # another elbow than it can have
     assert np.abs(made.rig.rotations[:, elbow, 1:3]).max() < 1e-6 and np.ptp(made.rig.rotations[:, elbow, 3]) > 1e-3
 
@@ -173,8 +168,7 @@ def test_a_point_where_another_stands_turns_nothing_above_it():
     motion = animators_motion(moving=SHOWN)
     offsets = motion.rig.offsets.copy()
     offsets[column(motion, "Spine2")] = [0.001, 0, 0]
-    rig = replace(motion.rig, offsets=offsets)
-    motion = replace(motion, positions=rig.positions().astype(np.float32), rig=rig)
+    motion = rigged(motion, offsets=offsets)
     model = motion.retarget(H36M17)
     thorax = H36M17.joints.index("thorax")
     model.positions[1:-1, thorax] += [0, 0, 0.005]

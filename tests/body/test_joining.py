@@ -12,8 +12,8 @@ from mwlib.body.joining import ROUGHLY, aligned, check_one_body, joined
 from mwlib.body.kinematics import bone_lengths, heading
 from mwlib.body.motion import Motion
 from mwlib.body.skeleton import H36M17, Skeleton
-from tests.body.sample import PREFIX, animators_motion
-from tests.body.test_rig import standing
+from tests.body.sample import PREFIX, animators_motion, rigged
+from tests.body.test_rig import on_the_floor
 from tests.inbetweening.sample import lafan_motion
 
 
@@ -22,8 +22,7 @@ def longer(motion: Motion, name: str, by: float) -> Motion:
     joint = motion.rig.skeleton.joints.index(PREFIX + name)
     offsets = motion.rig.offsets.copy()
     offsets[joint] *= 1 + by / np.linalg.norm(offsets[joint])
-    rig = replace(motion.rig, offsets=offsets)
-    return replace(motion, positions=rig.positions().astype(np.float32), rig=rig)
+    return rigged(motion, offsets=offsets)
 
 
 def test_one_body_in_two_clips_is_one():
@@ -41,9 +40,11 @@ def test_one_body_in_two_clips_is_one():
 
 def test_another_body_is_refused_with_what_differs():
     one = animators_motion()
-    with pytest.raises(ValueError, match=r"start and end are of different bodies: from mixamorig:LeftUpLeg to mixamorig:LeftLeg"):
-        check_one_body(one, longer(one, "LeftLeg", 0.02))
-    with pytest.raises(ValueError, match=r"it is 0.435 m in start and 0.455 m in end; expected bones of the same length"):
+    told = (
+        "start and end are of different bodies: from mixamorig:LeftUpLeg to mixamorig:LeftLeg it is 0.435 m in start and "
+        "0.455 m in end; expected bones of the same length"
+    )
+    with pytest.raises(ValueError, match=told):
         check_one_body(one, longer(one, "LeftLeg", 0.02))
     with pytest.raises(ValueError, match="only end has Head under Neck; expected the same joints .52 are not"):
         check_one_body(one, lafan_motion())
@@ -80,11 +81,9 @@ def test_joined_they_follow_each_other_on_the_rig_of_the_first():
     np.testing.assert_allclose(both.positions, np.concatenate([one.positions, other.positions]), atol=1e-6)
     np.testing.assert_allclose(both.rig.positions(), both.positions, atol=1e-6)
     assert both.rig.channels == one.rig.channels and len(both) == 12
-    rig = standing()
-    floor = Motion(rig.positions().astype(np.float32), 10.0, lafan_motion(12).skeleton, up="z", rig=rig)
+    floor = on_the_floor()
     np.testing.assert_allclose(joined(floor.cut(0, 4), floor.cut(4, 12)).positions, floor.positions, atol=1e-6)
-    fixed = replace(rig.pick(slice(4, 12)), moves=None)  # no places of its own for each joint
-    fixed = replace(floor.cut(4, 12), positions=fixed.positions().astype(np.float32), rig=fixed)
+    fixed = rigged(floor.cut(4, 12), moves=None)  # no places of its own for each joint
     np.testing.assert_allclose(joined(floor.cut(0, 4), fixed).positions[4:], fixed.positions, atol=1e-6)
     with pytest.raises(ValueError, match="animated has positions only; expected rotations"):
         joined(one, replace(other, rig=None))

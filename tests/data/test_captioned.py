@@ -8,16 +8,7 @@ import numpy as np
 import pytest
 import torch
 
-from mwlib.data.captioned import (
-    CaptionsConfig,
-    ClipBatches,
-    Parts,
-    captioned_people,
-    fingerprint,
-    load_clips,
-    one_caption_each,
-    thinned,
-)
+from mwlib.data.captioned import CaptionsConfig, ClipBatches, captioned_people, fingerprint, load_clips, one_caption_each, thinned
 from mwlib.data.formats.humanml import HUMANML3D, KIT, joints_of
 from mwlib.data.normalisation import Statistics
 from mwlib.synthetic.acts import captioned_positions
@@ -55,20 +46,16 @@ def test_one_in_three_is_four_frames_shorter():
     assert set(lengths.tolist()) == {16, 20} and abs(float((lengths == 16).float().mean()) - 1 / 3) < 0.04
 
 
-def test_whole_clips_captions_and_thinned_clips():
+def test_whole_clips_and_their_captions():
     clips = toy().train
     batch = ClipBatches(clips, UNIT, padded=24).whole([3, 1], ["a", "b"])
     assert batch.captions == ["a", "b"] and batch.y.shape[1] == 24
     for y, i, n in zip(batch.y, (3, 1), batch.lengths.tolist(), strict=True):
         assert n == len(clips[i].features) // 4 * 4 and equal(clips[i], 0, y[:n].numpy()) and not y[n:].any()
-    clips = toy().train
     first = one_caption_each(clips, 0)
     assert first == one_caption_each(clips, 0) != one_caption_each(clips, 1)
     assert all(text in clip.captions for text, clip in zip(first, clips, strict=True))
     assert len({*first}) == 4
-    clips = toy().train
-    assert thinned(clips, 0) == clips == thinned(clips, 99)
-    assert [c.name for c in thinned(clips, 3)] == [clips[0].name, clips[14].name, clips[29].name]
 
 
 def test_thinned_clips_are_spread_evenly():
@@ -77,15 +64,20 @@ def test_thinned_clips_are_spread_evenly():
     assert [c.name for c in thinned(clips, 3)] == [clips[0].name, clips[14].name, clips[29].name]
 
 
-def test_a_folder_is_looked_up_where_data_are(tmp_path, monkeypatch):
-    folder = tmp_path / "data" / "own"
+def kit_folder(folder: Path, frames: tuple[int, ...], **lists: str) -> Path:
+    """A folder with clips 1, 2, ... of so many frames, and lists of them."""
     for name in ("new_joint_vecs", "texts"):
         (folder / name).mkdir(parents=True)
-    for name, split, frames in (("1", "train", 30), ("2", "test", 60), ("3", "train", 26)):
-        np.save(folder / "new_joint_vecs" / f"{name}.npy", np.ones((frames, KIT.width), np.float32))
+    for name, many in enumerate(frames, 1):
+        np.save(folder / "new_joint_vecs" / f"{name}.npy", np.ones((many, KIT.width), np.float32))
         (folder / "texts" / f"{name}.txt").write_text("a person walks#a/DET#0.0#0.0\n")
-        with (folder / f"{split}.txt").open("a") as listed:
-            listed.write(f"{name}\n")
+    for split, names in lists.items():
+        (folder / f"{split}.txt").write_text(names)
+    return folder
+
+
+def test_a_folder_is_looked_up_where_data_are(tmp_path, monkeypatch):
+    kit_folder(tmp_path / "data" / "own", (30, 60, 26), train="1\n3\n", test="2\n")
     monkeypatch.setenv("MWLIB_DATA", str(tmp_path / "data"))
     monkeypatch.chdir(tmp_path)
     parts = load_clips(CaptionsConfig(data="own", shortest=28, longest=40))
@@ -93,19 +85,6 @@ def test_a_folder_is_looked_up_where_data_are(tmp_path, monkeypatch):
     assert parts.layout is KIT
     with pytest.raises(FileNotFoundError, match="data is 'other', which is neither here nor .*data.*; expected people, cmu, or"):
         load_clips(CaptionsConfig(data="other"))
-
-
-@pytest.fixture
-def captions(tmp_path) -> Path:
-    """A folder with one clip to train and one to test on."""
-    for name in ("new_joint_vecs", "texts"):
-        (tmp_path / name).mkdir()
-    for name, split in (("1", "train"), ("2", "test"), ("3", "")):
-        np.save(tmp_path / "new_joint_vecs" / f"{name}.npy", np.ones((60, KIT.width), np.float32))
-        (tmp_path / "texts" / f"{name}.txt").write_text("a person walks#a/DET#0.0#0.0\n")
-        if split:
-            (tmp_path / f"{split}.txt").write_text(f"{name}\n")
-    return tmp_path
 
 
 @pytest.mark.parametrize(
@@ -119,7 +98,8 @@ def captions(tmp_path) -> Path:
         (lambda folder: np.save(folder / "new_joint_vecs" / "2.npy", np.ones((64, KIT.width), np.float32)), 1),
     ],
 )
-def test_a_folder_that_changed_is_read_again_and_is_other_data(captions, change, part):
+def test_a_folder_that_changed_is_read_again_and_is_other_data(tmp_path, change, part):
+    captions = kit_folder(tmp_path, (60, 60, 60), train="1\n", test="2\n")
     source = CaptionsConfig(data=str(captions))
     before = load_clips(source)
     assert load_clips(source).train[0] is before.train[0], "what did not change is not read again"
@@ -141,7 +121,6 @@ def test_people_are_parted_and_known_again():
     assert fingerprint(parts.train) != fingerprint(parts.train[1:])
     with pytest.raises(ValueError, match="people has 0 clips to train and 0 to test on, of 150 frames"):
         load_clips(CaptionsConfig(clips=80, shortest=150))
-    assert isinstance(parts, Parts)
 
 
 def test_a_clip_that_was_cut_claims_nothing():

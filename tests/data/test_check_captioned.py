@@ -105,14 +105,11 @@ def test_clips_that_are_too_short_are_left_out_and_broken_ones_are_wrong(kit):
     assert "3 train, 0 val, 0 test" not in found.lines[1][1] and "0 val, 0 test" in found.lines[1][1]
 
 
-@pytest.mark.parametrize(
-    ("line", "told"),
-    [
-        ("M000001", "test.txt, line 3: found M000001, as 000001 in train.txt, line 3; expected clips that no other list has"),
-        ("000003", "test.txt, line 3: found 000003, as 000003 in val.txt, line 1; expected clips that no other list has"),
-        ("000004", "test.txt, line 3: found 000004, as in line 1; expected every clip once"),
-    ],
-)
+@pytest.mark.parametrize(("line", "told"), [
+    ("M000001", "test.txt, line 3: found M000001, as 000001 in train.txt, line 3; expected clips that no other list has"),
+    ("000003", "test.txt, line 3: found 000003, as 000003 in val.txt, line 1; expected clips that no other list has"),
+    ("000004", "test.txt, line 3: found 000004, as in line 1; expected every clip once"),
+])  # fmt: skip
 def test_a_clip_of_two_lists_or_its_mirror_image_is_refused(kit, capsys, line, told):
     (kit / "test.txt").write_text(f"000004\n000005\n{line}\n")
     assert any(told in fault for fault in captioned_folder(kit).wrong)

@@ -15,6 +15,7 @@ from mwlib.data.formats.frames import starts_in_tpose
 from mwlib.data.load import motion_files, readings
 from mwlib.data.meaning import CALLER, UNITS, height, hints, infer_unit, said_by, standing
 from mwlib.synthetic.motions import synthetic_motions
+from tests.body.test_correspondence import tree
 from tests.sample_motions import AMC, ASF, BENCHMARK, BVH, write_positions_3d
 
 WALK = synthetic_motions(subjects=1, seconds=2.0)[0]
@@ -62,19 +63,11 @@ def test_a_row_that_makes_no_sense_is_refused(tmp_path, row):
 
 def test_arguments_that_make_no_sense_are_refused(tmp_path):
     (tmp_path / "a.bvh").write_text(BVH)
-    for argument in (
-        {"up": ["y"]},
-        {"unit": []},
-        {"unit": True},
-        {"skeleton": 5},
-        {"skeleton": ["H36M17"]},
-        {"up": "x"},
-        {"unit": "furlong"},
-        {"file_fps": 0.0},
-        {"file_fps": float("nan")},
-    ):
-        with pytest.raises(ValueError, match=f"{next(iter(argument))} is .*; expected"):
-            load_motions(tmp_path / "a.bvh", **argument)
+    units, rates = [("unit", [])], [("file_fps", 0.0), ("file_fps", float("nan"))]
+    units += [("unit", True), ("unit", "furlong")]
+    for name, value in (("up", ["y"]), ("up", "x"), ("skeleton", 5), ("skeleton", ["H36M17"]), *units, *rates):
+        with pytest.raises(ValueError, match=f"{name} is .*; expected"):
+            load_motions(tmp_path / "a.bvh", **{name: value})
     with pytest.raises(ValueError, match="source is ''; expected a path"):
         load_motions("")
 
@@ -110,35 +103,28 @@ def test_a_known_skeleton_in_its_usual_unit_needs_no_word(tmp_path):
 
 def cmu_tree(tall: float, scheme: int) -> Motion:
     """A body of CMU's tree under the names of one of its publications, so many units tall."""
-    above = SCHEMES[scheme].above
-    root = next(parent for parent in above.values() if parent not in above)
-    joints = [root]
-    while len(joints) <= len(above):
-        joints += [joint for joint, parent in above.items() if parent in joints and joint not in joints]
-    skeleton = Skeleton("own", tuple(joints), (-1, *(joints.index(above[joint]) for joint in joints[1:])))
-    places = np.zeros((4, len(joints), 3), np.float32)
+    skeleton = tree(SCHEMES[scheme].above)
+    places = np.zeros((4, len(skeleton), 3), np.float32)
     for parent, joint in skeleton.bones:
         places[:, joint] = places[:, parent] + [0, 1, 0.01 * joint]
     return Motion(places * np.float32(tall / height(places, skeleton)), 30.0, skeleton, up="y")
 
 
+TALL = {30.0: "cmu", 24.0: "cmu", 67.0: "inch", 55.0: "inch", 170.0: "cm", 1.7: "m", 1700.0: "mm"}
+
+
 @pytest.mark.parametrize("scheme", range(3))
-@pytest.mark.parametrize(
-    ("units", "unit"), [(30.0, "cmu"), (24.0, "cmu"), (67.0, "inch"), (55.0, "inch"), (170.0, "cm"), (1.7, "m"), (1700.0, "mm")]
-)
+@pytest.mark.parametrize(("units", "unit"), TALL.items())
 def test_of_cmu_s_people_the_unit_is_told_by_names_and_size(scheme, units, unit):
     found = infer_unit((m := cmu_tree(units, scheme)).positions, m.skeleton, Path("a.bvh"))
     assert (found.value, found.source) == (UNITS[unit], "the skeleton")
 
 
-@pytest.mark.parametrize(
-    ("units", "names", "message"),
-    [
-        (44.0, 0, "a person of 2.48 m if the unit is cmu or 1.12 m if the unit is inch; expected a human"),
-        (67.0, None, "a person of 1.70 m if the unit is inch or 0.67 m if the unit is cm; expected a human"),
-        (30.0, None, "a person of 1.69 m if the unit is cmu or 0.76 m if the unit is inch; expected a human"),
-    ],
-)
+@pytest.mark.parametrize(("units", "names", "message"), [
+    (44.0, 0, "a person of 2.48 m if the unit is cmu or 1.12 m if the unit is inch; expected a human"),
+    (67.0, None, "a person of 1.70 m if the unit is inch or 0.67 m if the unit is cm; expected a human"),
+    (30.0, None, "a person of 1.69 m if the unit is cmu or 0.76 m if the unit is inch; expected a human"),
+])  # fmt: skip
 def test_a_unit_that_cannot_be_told_is_refused_with_both_readings(units, names, message):
     m = cmu_tree(units, names or 0)
     skeleton = m.skeleton if names is not None else replace(m.skeleton, joints=tuple(f"j{i}" for i in range(len(m.skeleton))))
@@ -157,9 +143,8 @@ def test_size_does_not_depend_on_where_the_root_is():
 def test_a_body_that_stands_along_another_axis_is_refused(tmp_path):
     (tmp_path / "skeleton.json").write_text(json.dumps(SKELETON | {"unit": "m"}))
     np.save(tmp_path / "a.npy", WALK.with_up("y").positions)
-    with pytest.raises(
-        MotionFormatError, match="a.npy, up-axis: found a body that stands along y; expected z up, as the default"
-    ):
+    told = "a.npy, up-axis: found a body that stands along y; expected z up, as the default"
+    with pytest.raises(MotionFormatError, match=told):
         load_motions(tmp_path)
     (motion,) = load_motions(tmp_path, up="y")
     np.testing.assert_allclose(motion.with_up("z").positions, WALK.positions, atol=1e-6)

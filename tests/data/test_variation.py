@@ -86,27 +86,22 @@ def test_arms_of_another_hang_where_the_own_ones_did_and_face_the_same_way(up):
     hung, donated = (above(p[:, :, ARMS] - p[:, :, [TRUNK]]) for p in (found, others))
     angle = heading(x[:, pivot], H36M17, up) - heading(donors[:, pivot], H36M17, up)
     torch.testing.assert_close(hung, donated * torch.polar(torch.ones_like(angle), angle)[:, None, None])
-    upright = 2 if up == "z" else 1
-    torch.testing.assert_close(
-        (found[:, :, ARMS] - found[:, :, [TRUNK]])[..., upright], (others[:, :, ARMS] - others[:, :, [TRUNK]])[..., upright]
-    )
+    heights = ((p[:, :, ARMS] - p[:, :, [TRUNK]])[..., 2 if up == "z" else 1] for p in (found, others))
+    torch.testing.assert_close(*heights)
 
 
 def test_arms_come_from_other_windows_of_the_batch():
     """Everybody's arms are taken from somebody, each donor once; the bones of the arms tell whose they are."""
     x = some(64)
     varied, which = changed(Variation(arms=1.0, pivot=4), x)
-    lengths, own = (
-        bones_of(p[:, 0], H36M17).norm(dim=-1)[:, [joint for joint in ARMS if joint not in (10, 13)]] for p in (varied, x)
-    )
+    bones = [joint for joint in ARMS if joint not in (10, 13)]
+    lengths, own = (bones_of(p[:, 0], H36M17).norm(dim=-1)[:, bones] for p in (varied, x))
     donor = torch.cdist(lengths, own).argmin(1)
     assert sorted(donor.tolist()) == list(range(64)) and which.double().mean() > 0.9
 
 
 def test_arms_hung_at_the_root_stay_at_the_root():
-    pair = Skeleton(
-        "pair", ("root", "left_hand", "right_hand"), (-1, 0, 0), (1,), (2,), parts={"left_arm": (1,), "right_arm": (2,)}
-    )
+    pair = Skeleton("pair", ("root", "left", "right"), (-1, 0, 0), (1,), (2,), {"left_arm": (1,), "right_arm": (2,)})
     x = torch.tensor([1.0, 0.0, 2.0, -1.0, 0.0, 2.0]).expand(1, 3, 6)
     donors = torch.tensor([0.0, 3.0, 1.0, 0.0, -3.0, 1.0]).expand(1, 3, 6)
     found = other_arms(x, donors, pair, "z", 0)

@@ -102,7 +102,8 @@ def test_captions_are_counted_or_refused_as_training_does(tmp_path, capsys):
 @pytest.mark.parametrize(("faults", "code"), [([], 0), (["test.txt, line 2: found 3, as in line 1"], 1)])
 def test_a_fault_of_a_list_alone_is_a_fault(tmp_path, monkeypatch, capsys, faults, code):
     (tmp_path / "a.bvh").write_text(BVH)
-    monkeypatch.setattr("mwlib.data.check._captions", lambda source: CaptionedFolder([], [], faults))
+    monkeypatch.setattr("mwlib.data.check.is_captioned", lambda path: True)
+    monkeypatch.setattr("mwlib.data.check.captioned_folder", lambda path: CaptionedFolder([], [], faults))
     assert main(["check-data", str(tmp_path)]) == code
     assert all(fault in capsys.readouterr().out for fault in faults)
 

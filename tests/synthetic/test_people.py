@@ -9,19 +9,10 @@ from mwlib.body.kinematics import bone_lengths
 from mwlib.body.skeleton import H36M17, HUMANML22
 from mwlib.synthetic.motions import ACTIONS, synthetic_motions
 from mwlib.synthetic.movements import GESTURES, MARCH, RUN, WALK, gait_pose, gesture_tracks, stand_pose
-from mwlib.synthetic.person import (
-    ANKLES,
-    AT,
-    FEET,
-    FPS,
-    POSE,
-    SIDES,
-    TOES,
-    draw_body,
-    draw_figure,
-    figure_positions,
-    positions_of,
-)
+
+from mwlib.synthetic.person import (  # isort: skip
+    ANKLES, AT, FEET, FPS, POSE, SIDES, TOES, draw_body, draw_figure, figure_positions, positions_of,
+)  # fmt: skip
 
 JOINT = {name: i for i, name in enumerate(H36M17.joints)}
 
@@ -130,9 +121,8 @@ def test_mirrored_poses_and_gestures_mirror_the_body(body):
         share = np.linspace(0, 1, 7)
         (left, a), (right, b) = (gesture_tracks(name, side, share) for side in ("left", "right"))
         sign = [-1.0 if POSE[i].endswith(("_roll", "_yaw")) else 1.0 for i in left]
-        assert [POSE[i].removeprefix("left_").removeprefix("right_") for i in left] == [
-            POSE[i].removeprefix("left_").removeprefix("right_") for i in right
-        ]
+        limbs, others = ([POSE[i].removeprefix("left_").removeprefix("right_") for i in side] for side in (left, right))
+        assert limbs == others
         np.testing.assert_allclose(a, b * sign)
 
 
@@ -248,7 +238,7 @@ def test_limbs_point_where_those_of_17_joints_do(figure):
             np.testing.assert_allclose(new, old[:, [1, 2, 0]], atol=1e-9)
 
 
-def test_feet_of_walkers_stand_push_off_and_fly_in_a_run(figure):
+def test_feet_of_walkers_stand_and_push_off(figure):
     joints = walking(figure)
     toes = joints[:, TOES]
     assert abs(toes[..., 1].min()) < 1e-9
@@ -258,15 +248,12 @@ def test_feet_of_walkers_stand_push_off_and_fly_in_a_run(figure):
     step = np.linalg.norm(np.diff(toes[..., [0, 2]], axis=0), axis=-1) * RATE
     assert np.quantile(step[stands[1:] & stands[:-1]], 0.9) < 0.15
     assert joints[-1, 0, 2] - joints[0, 0, 2] > 2.0
-    joints = walking(figure)
     rest = figure.offsets[TOES[0], 2]
     pitch = joints[:, TOES[0], 1] - joints[:, ANKLES[0], 1] - rest  # positive: toes higher than when flat
     behind = joints[:, ANKLES[0], 2] - joints[:, 0, 2]
     assert pitch[behind < np.quantile(behind, 0.1)].mean() < -0.03
     ahead = (behind > np.quantile(behind, 0.9)) & (joints[:, ANKLES[0], 1] > -rest + 0.01)
     assert pitch[ahead].max() > 0.01
-    lowest = {gait.cadence: walking(figure, gait)[:, TOES, 1].min(axis=1) for gait in (WALK, RUN)}
-    assert lowest[WALK.cadence].max() < 0.01 and (lowest[RUN.cadence] > 0.02).mean() > 0.1
 
 
 def test_a_runner_is_in_the_air_now_and_then_and_a_walker_never(figure):
