@@ -47,12 +47,10 @@ def write_index(build: Path, notebooks: Sequence[Path], manifest: Path = MANIFES
         FileNotFoundError: there is no such build folder.
         ValueError: the manifest is not valid, a notebook is none, or does not have a parameter that was given.
     """
-    if not build.is_dir():
-        raise FileNotFoundError(f"{build} is no folder; expected one with a sub-folder per notebook, as run-notebook leaves them")
+    chapters = read_build(build, [path.stem for path in notebooks])
     (found, broken), stems = saved_exhibits(build), {path.stem for path in notebooks}
     rows = [row for row in read_manifest(manifest) if row.notebook in stems]
     listed, fingerprint = {(row.notebook, row.stem) for row in rows}, cache(data_fingerprint)
-    chapters = read_build(build, [path.stem for path in notebooks])
     body = rendered(
         "course/build.md.jinja",
         name=build.resolve().name,

@@ -133,10 +133,17 @@ class Board:
         motions: everything that will be drawn, one array (..., 2) of metres about the root per motion; they set the scale.
         labels: one per row; titles: one per column.
         observed: how many columns, from the first, lie in the past; they are shaded.
+        below: room beneath the bodies, inches.
     """
 
     def __init__(
-        self, skeleton: Skeleton, motions: Sequence[np.ndarray], labels: Sequence[str], titles: Sequence[str], observed: int = 0
+        self,
+        skeleton: Skeleton,
+        motions: Sequence[np.ndarray],
+        labels: Sequence[str],
+        titles: Sequence[str],
+        observed: int = 0,
+        below: float = 0.0,
     ) -> None:
         self.skeleton = skeleton
         half, bottom, top = _extent(motions)
@@ -148,15 +155,13 @@ class Board:
         self.spacing = max(self.spacing, min(TITLE, (WIDTH - margin) / len(titles)) / scale)
         width = max(self.spacing * len(titles) * scale + margin, 2.4)
         height = self.height * len(labels) * scale
-        self.fig = Figure(figsize=(width, height + header))
-        self.ax = self.fig.add_axes((margin / width, 0.0, 1 - margin / width, height / (height + header)))
+        whole = height + header + below
+        self.fig = Figure(figsize=(width, whole))
+        self.ax = self.fig.add_axes((margin / width, below / whole, 1 - margin / width, height / whole))
         self.ax.set_axis_off()
         middle, reach = (len(titles) - 1) * self.spacing / 2, (width - margin) / scale / 2
         self.ax.set(xlim=(middle - reach, middle + reach), ylim=(top - len(labels) * self.height, top), aspect="equal")
         self.top = top
-        self._caption(labels, titles, observed)
-
-    def _caption(self, labels: Sequence[str], titles: Sequence[str], observed: int) -> None:
         near = {"textcoords": "offset points", "annotation_clip": False}
         if observed:
             edge = (observed - 0.5) * self.spacing
@@ -179,12 +184,6 @@ class Board:
         place = Rectangle(corner, self.spacing, self.height, transform=self.ax.transData)
         for artist in draw_bodies(self.ax, points + (x, y), self.skeleton, kind, alpha, width):
             artist.set_clip_path(place)
-
-    def lift(self, inches: float) -> None:
-        """Make so much room below the bodies."""
-        (wide, high), place = self.fig.get_size_inches(), self.ax.get_position()
-        self.fig.set_size_inches(wide, high + inches)
-        self.ax.set_position((place.x0, inches / (high + inches), place.width, place.height * high / (high + inches)))
 
 
 def _extent(motions: Sequence[np.ndarray]) -> tuple[float, float, float]:

@@ -26,7 +26,7 @@ from mwlib.body.motion import Motion
 from mwlib.body.skeleton import Skeleton
 from mwlib.files import write_atomic
 from mwlib.plots.bodies import Array, Board, body_kind, camera, draw_bodies, placed, poses, project, seconds_text
-from mwlib.plots.look import FAINT, OBSERVED, PREDICTED, WIDTH, array, style
+from mwlib.plots.look import FAINT, OBSERVED, PREDICTED, WIDTH, array
 from mwlib.plots.saving import described
 from mwlib.settings import Positive
 
@@ -126,12 +126,12 @@ def placed_pose(name: str, pose: Shown, actor: Actor) -> Float[np.ndarray, "join
 
 def _named(motions: object) -> dict[str, Shown]:
     """Every motion by a name of its own; several in one array are counted."""
-    if not isinstance(motions, Mapping):
+    if isinstance(motions, Mapping):
+        items = [*motions.items()]
+    else:
         several = isinstance(motions, Sequence)
         each = enumerate(motions if several else [motions], 1)
         items = [(_called(motion) or f"motion {number}" * several, motion) for number, motion in each]
-    else:
-        items = [*motions.items()]
     found: dict[str, Shown] = {}
     for name, motion in items:
         parts: dict[Any, Any] = {name: motion}
@@ -299,7 +299,6 @@ def loop(
         width = max(NARROWEST, int(0.95 * width * most_bytes / size))  # lines grow with the width, not with the area
 
 
-@style()
 def _drawn(shown: Film, frames: Sequence[int], azimuth: float | None, width: int) -> Iterator[Image.Image]:
     """Each moment as a picture; what stands still is drawn once."""
     first = next(iter(shown.actors.values()))
@@ -307,9 +306,9 @@ def _drawn(shown: Film, frames: Sequence[int], azimuth: float | None, width: int
     centred = {name: poses(actor.positions, actor.skeleton) for name, actor in shown.actors.items()}
     bodies = {name: project(np.stack([body * [1.0, 1.0, 0.0], body]), view) for name, body in centred.items()}
     everything = np.concatenate([body.reshape(-1, 2) for _, body in bodies.values()])  # no body is cut off
-    board = Board(first.skeleton, [everything * np.array([1.08, 1.0])], [""], [*bodies])  # a head is wider than its point
+    everything *= np.array([1.08, 1.0])  # a head is wider than its point
+    board = Board(first.skeleton, [everything], [""], [*bodies], below=BAR)
     board.fig.set_dpi(width / WIDTH)
-    board.lift(BAR)
     line, text = _timeline(board.fig, shown)
     canvas = FigureCanvasAgg(board.fig)
     canvas.draw()

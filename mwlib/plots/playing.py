@@ -229,10 +229,11 @@ def player(
     shown = film(motions, skeleton, fps, history)
     first = next(iter(shown.actors.values()))
     marks = numbers_of(keyframes, shown.frames, "the film")
+    wanders = any(np.linalg.norm(np.ptp(actor.positions[:, 0, :2], axis=0)) > LONG_WAY for actor in shown.actors.values())
     payload = {
         "alt": described(alt) if alt is not None else _counted(shown), "fps": shown.fps, "frames": shown.frames,
         "history": history, "layout": layout, "speed": speed, "loop": loop, "autoplay": autoplay, "height": height,
-        "follow": _wanders(shown) if follow is None else follow, "elevation": ELEVATION, "colours": THEMES,
+        "follow": wanders if follow is None else follow, "elevation": ELEVATION, "colours": THEMES,
         "azimuth": camera(first.positions[0], first.skeleton, azimuth),
         "bodies": [
             {"name": name, "kind": body_kind(name, 0, 0), "start": actor.start, **_drawn(actor.positions, actor.skeleton, shown)}
@@ -275,10 +276,6 @@ def _ghosts(shown: Film, marks: Mapping[int, int], keyframes: object) -> list[di
             ghost = _drawn(pose[None], actor.skeleton, shown)
             found.setdefault(f"{frame} {ghost['data']}", {**ghost, "frame": frame, "start": 0, "of": []})["of"].append(number)
     return list(found.values())
-
-
-def _wanders(shown: Film) -> bool:
-    return any(np.linalg.norm(np.ptp(actor.positions[:, 0, :2], axis=0)) > LONG_WAY for actor in shown.actors.values())
 
 
 def _counted(shown: Film) -> str:

@@ -63,11 +63,9 @@ def passages(
     motions = {name: motion.with_up("z") for name, motion in (rows if isinstance(rows, Mapping) else {"": rows}).items()}
     if not motions or every < 1:
         raise ValueError(f"{len(motions)} rows with a body every {every} frames; expected at least one row and one frame")
-    given = {name: numbers_of(keyframes, len(motion), name or "the motion") for name, motion in motions.items()}
-    frames = {name: _frames(len(motion), every, given[name]) for name, motion in motions.items()}
     flat: dict[str, _Row] = {}
     for group in _groups(motions):
-        flat |= _flatten(group, frames, given, spread)
+        flat |= _flatten(group, every, keyframes, spread)
     return _sheet({name: flat[name] for name in motions})
 
 
@@ -91,10 +89,10 @@ def _groups(motions: Mapping[str, Motion]) -> list[dict[str, Motion]]:
     return groups
 
 
-def _flatten(
-    motions: Mapping[str, Motion], frames: Mapping[str, list[int]], given: Mapping[str, Collection[int]], spread: bool | None
-) -> dict[str, _Row]:
+def _flatten(motions: Mapping[str, Motion], every: int, keyframes: Sequence[int], spread: bool | None) -> dict[str, _Row]:
     """Rows of one group as their camera sees them; either all of them stand at their places or none."""
+    given = {name: numbers_of(keyframes, len(motion), name or "the motion") for name, motion in motions.items()}
+    frames = {name: _frames(len(motion), every, given[name]) for name, motion in motions.items()}
     first = next(iter(motions.values()))
     start = first.positions[0]
     floor = np.array([*start[0, :2], min(motion.positions[..., 2].min() for motion in motions.values())])
@@ -145,7 +143,13 @@ def _sheet(rows: dict[str, _Row]) -> Panel:
         left = -float(fitted.bodies[..., 0].min())
         _draw(ax, fitted, np.array([left, floor]), "truth" if name == "truth" else "predicted", scale)
         _times(ax, fitted, left, floor + low - 0.04 / scale, scale)
-    _foot(ax, scale, all(spread), any(row.given for row in rows.values()))
+    right, foot = (wide - 2 * SIDE) / scale, 0.12 / scale
+    any_given = any(row.given for row in rows.values())
+    said = "time (s)" + "; keyframes are black" * any_given + "; bodies spread by time" * all(spread)
+    ax.text(0, foot, said, ha="left", va="bottom")
+    if not all(spread):  # a metre
+        ax.plot([right - 1.0, right], [foot] * 2, color=INK, linewidth=2.0)
+        ax.text(right - 0.5, foot + 0.03 / scale, "1 m", ha="center", va="bottom", size=9)
     return fig, ax
 
 
@@ -182,13 +186,3 @@ def _times(ax: Axes, row: _Row, left: float, height: float, scale: float) -> Non
         if all(abs(x - other) * scale >= LABEL for other in written):
             written.append(x)
             ax.text(x, height, f"{seconds:.2f}", ha="center", va="top", size=9)
-
-
-def _foot(ax: Axes, scale: float, spread: bool, keyframes: bool) -> None:
-    """What the numbers are, and a metre where bodies stand at their places."""
-    right, height = ax.get_xlim()[1] - SIDE / scale, 0.12 / scale
-    said = "time (s)" + "; keyframes are black" * keyframes + "; bodies spread by time" * spread
-    ax.text(0, height, said, ha="left", va="bottom")
-    if not spread:
-        ax.plot([right - 1.0, right], [height] * 2, color=INK, linewidth=2.0)
-        ax.text(right - 0.5, height + 0.03 / scale, "1 m", ha="center", va="bottom", size=9)

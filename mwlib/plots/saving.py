@@ -7,7 +7,7 @@ import csv
 import io
 import json
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from itertools import zip_longest
 from pathlib import Path
 from typing import Any
@@ -56,16 +56,12 @@ def save(
         ValueError: the alternative text or the data are empty, or the stem is not a plain file name.
         TypeError: the provenance holds something that JSON cannot.
     """
-    wide = column()
+    wide, about = column(), origin("figure", stem, provenance).encode()
+    words = {"txt": (described(alt) + "\n").encode(), "csv": as_csv(data).encode()}
     pdf = printed(fig, wide, METADATA["pdf"]) if wide else b""
-    contents = {
-        "txt": (described(alt) + "\n").encode(),
-        "csv": as_csv(data).encode(),
-        "png": _render(fig, "png", SAVE_DPI),
-        "pdf": pdf or _render(fig, "pdf", SAVE_DPI),
-        "json": origin("figure", stem, provenance).encode(),
-    }
-    return _write_all(folder, stem, contents)
+    png = _render(fig, "png", SAVE_DPI)
+    pictures = {"png": png, "pdf": pdf or _render(fig, "pdf", SAVE_DPI)}
+    return _write_all(folder, stem, {**words, **pictures, "json": about})
 
 
 def save_table(
@@ -128,7 +124,10 @@ def as_csv(data: Mapping[str, np.ndarray | Tensor] | Sequence[Mapping[str, objec
     if not data:
         raise ValueError("data are empty; expected what the picture or table shows, as columns or rows")
     if isinstance(data, Mapping):
-        columns = dict(column for name, values in data.items() for column in _columns(name, np.atleast_1d(array(values))))
+        columns: dict[str, np.ndarray] = {}
+        for name, values in data.items():
+            several = np.atleast_1d(array(values))
+            columns |= {"_".join([name, *map(str, place)]): several[:, *place] for place in np.ndindex(several.shape[1:])}
         lines = [columns, *zip_longest(*columns.values(), fillvalue="")]
     else:
         rows = [_unpaired(row) for row in data]
@@ -201,11 +200,6 @@ def _unpaired(row: Mapping[str, object]) -> dict[str, object]:
     for name, value in row.items():
         cells |= {name: value[0], f"{name}, deviation": value[1]} if isinstance(value, tuple) else {name: value}
     return cells
-
-
-def _columns(name: str, values: np.ndarray) -> Iterator[tuple[str, np.ndarray]]:
-    for place in np.ndindex(values.shape[1:]):
-        yield "_".join([name, *map(str, place)]), values[:, *place]
 
 
 def _cell(value: object) -> object:

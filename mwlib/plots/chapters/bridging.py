@@ -7,7 +7,6 @@ from textwrap import fill
 
 import numpy as np
 from jaxtyping import Float
-from matplotlib.axes import Axes
 from matplotlib.ticker import LogLocator
 
 from mwlib.plots.lines import draw, plain
@@ -87,7 +86,10 @@ def spectra(rows: Curves, *, fps: float, frames: int) -> Panels:
     for ax in axes[:, 0]:
         ax.set_yscale("log")
         ax.grid(axis="y")
-    _ratio_axis(bottom)
+    low, high = bottom.get_ylim()
+    bottom.set_ylim(min(low, 0.4), max(high, 2.5))  # never so near to 1 that chance looks large
+    bottom.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if high < 50 * low else (1.0,)))
+    plain(bottom.yaxis)
     legend(top)
     return fig, axes[:, 0]
 
@@ -186,11 +188,3 @@ def _looks(rows: Mapping[str, object]) -> list[Look]:
     """Colours and dashes for rows; the truth is black and solid, and takes those of nobody."""
     others = iter(AFTER_TRUTH * 2)
     return [{"color": TRUTH} if name == "truth" else next(others) for name in rows]
-
-
-def _ratio_axis(ax: Axes) -> None:
-    """Logarithmic, with plain numbers, and never so near to 1 that chance looks large."""
-    low, high = ax.get_ylim()
-    ax.set_ylim(min(low, 0.4), max(high, 2.5))
-    ax.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if high < 50 * low else (1.0,)))
-    plain(ax.yaxis)

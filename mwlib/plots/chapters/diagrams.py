@@ -110,46 +110,39 @@ def overview(x: Matrix, y: Matrix, y_t: Matrix, futures: Float[Array, "S F C"], 
         futures: sampled futures of its history, metres.
         history: observed frames H.
     """
+    x, futures = array(x), array(futures)
     fig, ax = sheet(5.3)
-    _overview_training(ax, array(x), y, y_t, skeleton, history)
+    headings(ax, {"0.08 5.1": "Training", "0.08 2.85": "Prediction"})
     ax.plot([0.08, WIDTH - 0.08], [3.05, 3.05], color=OBSERVED, linewidth=0.8)
-    _overview_prediction(ax, array(x), y, array(futures), skeleton, history)
-    return fig, ax
-
-
-def _overview_training(ax: Axes, x: Array, y: Array, y_t: Array, skeleton: Skeleton, history: int) -> None:
-    """The upper half."""
-    headings(ax, {"0.08 5.1": "Training"})
     moments = [(x[[0, history - 1]], "observed"), (x[[len(x) // 2, -1]], "truth")]
     row_of_bodies(ax, "0.05 3.4 1.75 1.1", "motion $\\mathbf{x}$, $T\\times C$", moments, skeleton)
-    boxes(ax, {"2.05 3.7 0.6 0.5": "DWT", "2.05 4.76 0.6 0.32": "DWT"})
-    image(ax, "2.95 3.4 0.95 1.1", "$\\mathbf{y}^{(0)}$, $K\\times4D$", y)
-    arrows(ax, "3.9 3.95 4.4 3.95", text="noise")
-    image(ax, "4.4 3.4 0.95 1.1", "$\\mathbf{y}^{(t)}$", y_t)
-    boxes(ax, {"5.6 3.62 0.75 0.66": "network\n$\\epsilon_\\theta$"}, CYCLE[0])
-    words(ax, {"5.97 3.56": "learns to\nremove noise"}, va="top")
-    ax.plot([0.3, 0.3, 2.05], [4.5, 4.92, 4.92], color=INK, linewidth=1.3)
-    words(ax, {"1.4 4.97": "history, padded"}, va="bottom")
-    ax.plot([2.65, 5.97, 5.97], [4.92, 4.92, 4.5], color=INK, linewidth=1.3)
-    arrows(ax, "1.8 3.95 2.05 3.95 | 2.65 3.95 2.95 3.95 | 5.36 3.95 5.6 3.95 | 5.97 4.6 5.97 4.28")
-
-
-def _overview_prediction(ax: Axes, x: Array, y: Array, futures: Array, skeleton: Skeleton, history: int) -> None:
-    """The lower half."""
-    headings(ax, {"0.08 2.85": "Prediction"})
     last = x[[0, history // 2, history - 1]]
     row_of_bodies(ax, "0.05 1.35 1.3 1.1", "history, padded", [(last, "observed")], skeleton)
-    boxes(ax, {"1.5 1.65 0.55 0.5": "DWT", "3.75 0.47 0.6 0.5": "iDWT"})
-    network = {"2.45 1.5 0.95 0.8": "network\n$\\epsilon_\\theta$\n+ CFG, TABG", "2.45 0.45 0.95 0.55": "DDIM step,\nWMSG"}
-    boxes(ax, network, CYCLE[0])
-    words(ax, {"2.92 0.18": "repeat, $t=M,\\dots,1$"})
-    image(ax, "1.1 0.25 0.8 0.75", "start: noise", np.random.default_rng(0).normal(size=y.shape))
     row_of_bodies(ax, "4.55 0.2 1.8 1.15", "many futures (last frames)", [(futures[:4, -1], "predicted")], skeleton)
+    image(ax, "2.95 3.4 0.95 1.1", "$\\mathbf{y}^{(0)}$, $K\\times4D$", y)
+    image(ax, "4.4 3.4 0.95 1.1", "$\\mathbf{y}^{(t)}$", y_t)
+    image(ax, "1.1 0.25 0.8 0.75", "start: noise", np.random.default_rng(0).normal(size=y.shape))
+    transforms = {"2.05 3.7 0.6 0.5": "DWT", "2.05 4.76 0.6 0.32": "DWT", "1.5 1.65 0.55 0.5": "DWT", "3.75 0.47 0.6 0.5": "iDWT"}
+    boxes(ax, transforms)
+    networks = {
+        "5.6 3.62 0.75 0.66": "network\n$\\epsilon_\\theta$",
+        "2.45 1.5 0.95 0.8": "network\n$\\epsilon_\\theta$\n+ CFG, TABG",
+        "2.45 0.45 0.95 0.55": "DDIM step,\nWMSG",
+    }
+    boxes(ax, networks, CYCLE[0])
+    words(ax, {"2.92 0.18": "repeat, $t=M,\\dots,1$"})
+    words(ax, {"5.97 3.56": "learns to\nremove noise"}, va="top")
+    words(ax, {"1.4 4.97": "history, padded"}, va="bottom")
+    ax.plot([0.3, 0.3, 2.05], [4.5, 4.92, 4.92], color=INK, linewidth=1.3)
+    ax.plot([2.65, 5.97, 5.97], [4.92, 4.92, 4.5], color=INK, linewidth=1.3)
+    arrows(ax, "3.9 3.95 4.4 3.95", text="noise")
     arrows(
         ax,
-        "1.35 1.9 1.5 1.9 | 2.05 1.9 2.45 1.9 | 3.15 1.5 3.15 1.0 | 2.7 1.0 2.7 1.5 | 1.9 0.65 2.45 0.72"
+        "1.8 3.95 2.05 3.95 | 2.65 3.95 2.95 3.95 | 5.36 3.95 5.6 3.95 | 5.97 4.6 5.97 4.28"
+        " | 1.35 1.9 1.5 1.9 | 2.05 1.9 2.45 1.9 | 3.15 1.5 3.15 1.0 | 2.7 1.0 2.7 1.5 | 1.9 0.65 2.45 0.72"
         " | 3.4 0.72 3.75 0.72 | 4.35 0.72 4.6 0.72",
     )
+    return fig, ax
 
 
 @style()
@@ -177,7 +170,14 @@ def tabg_diagram(
     }
     boxes(ax, networks, CYCLE[0])
     image(ax, "2.55 2.65 1.15 1.15", "attention, middle blocks", attention, "viridis")
-    _hits(ax, "4.55 2.65 1.3 1.15", array(a_t), array(mask), threshold)
+    a_t, top = array(a_t), 1.05 * float(array(a_t).max())
+    hits = inset(ax, "4.55 2.65 1.3 1.15", "$A_t$ and the mask $M_t$")
+    hits.stairs(top * array(mask), np.arange(len(a_t) + 1) - 0.5, fill=True, color=CYCLE[1], alpha=0.3)
+    hits.plot(a_t, color=CYCLE[0])
+    hits.axhline(threshold, color=INK, linewidth=0.9, linestyle="--")
+    hits.set(ylim=(0, top), xlim=(-0.5, len(a_t) - 0.5))
+    hits.yaxis.tick_right()
+    hits.set_yticks([threshold], ["$\\varphi$"], fontsize=10)
     arrows(ax, "3.7 3.22 4.55 3.22", text="sum over\nqueries")
     image(ax, "4.7 0.65 1.0 1.15", "$\\hat{\\mathbf{y}}^{\\,(t)}$: those rows noised", np.clip(y_hat.T, -shown, shown))
     ax.plot([0.6, 0.6, 6.25, 6.25], [4.1, 4.3, 4.3, 1.22], color=INK, linewidth=1.3)
@@ -195,17 +195,6 @@ def tabg_diagram(
     return fig, ax
 
 
-def _hits(ax: Axes, place: Place, a_t: np.ndarray, mask: np.ndarray, threshold: float) -> None:
-    """A_t over its threshold; rows in the mask shaded."""
-    curve, top = inset(ax, place, "$A_t$ and the mask $M_t$"), float(a_t.max()) * 1.05
-    curve.stairs(top * mask, np.arange(len(a_t) + 1) - 0.5, fill=True, color=CYCLE[1], alpha=0.3)
-    curve.plot(a_t, color=CYCLE[0])
-    curve.axhline(threshold, color=INK, linewidth=0.9, linestyle="--")
-    curve.set(ylim=(0, top), xlim=(-0.5, len(a_t) - 0.5))
-    curve.yaxis.tick_right()
-    curve.set_yticks([threshold], ["$\\varphi$"], fontsize=10)
-
-
 @style()
 def bridging_overview(
     x: Float[Array, "T ..."], y: Matrix, y_t: Matrix, samples: Float[Array, "S T ..."], skeleton: Skeleton
@@ -219,62 +208,47 @@ def bridging_overview(
         samples: in-betweens of its keyframes, as x.
         skeleton: of all of them.
     """
+    x, y, y_t, samples = map(array, (x, y, y_t, samples))
     fig, ax = sheet(4.95)
     headings(ax, {"0.08 4.78": "Training", "2.3 4.78": "Network", "4.3 4.78": "Sampling"})
     for place in (2.16, 4.2):
         ax.plot([place, place], [0.08, 4.87], color=OBSERVED, linewidth=0.8)
-    _bridging_training(ax, array(x), array(y), array(y_t), skeleton)
-    _bridging_network(ax)
-    _bridging_sampling(ax, array(x), array(samples), array(y).shape, skeleton)
-    return fig, ax
-
-
-def _bridging_training(ax: Axes, x: np.ndarray, y: np.ndarray, y_t: np.ndarray, skeleton: Skeleton) -> None:
-    """On the left: a whole clip, its coefficients, noise, losses."""
-    moments = np.linspace(0, len(x) - 1, 4).round().astype(int)
+    ends, moments = x[[0, -1]], np.linspace(0, len(x) - 1, 4).round().astype(int)
     row_of_bodies(ax, "0.08 3.5 1.95 0.9", "whole clip $\\mathbf{x}$", [(x[moments], "truth")], skeleton)
-    boxes(ax, {"0.2 2.85 0.6 0.35": "DCT"})
+    row_of_bodies(ax, "4.32 3.65 0.95 0.8", "start, end", [(ends, "truth")], skeleton)
+    filled = [(ends[:1], "truth"), (samples[:3, samples.shape[1] // 2], "predicted"), (ends[1:], "truth")]
+    row_of_bodies(ax, "4.25 0.1 2.1 0.92", "start, middles of samples, end", filled, skeleton)
     for place, title, values in (("0.12 1.6 0.76 0.8", "$\\mathbf{y}_0$", y), ("1.25 1.6 0.76 0.8", "$\\mathbf{y}_t$", y_t)):
         low = values[:24]  # what lies above is next to nothing
         top = limit(np.quantile(np.abs(low[1:]), 0.98))
         image(ax, place, title, np.clip(low, -top, top))
-    words(ax, {"1.07 2.46": "noise"})
-    losses = "losses: noise; after iDCT\ndiversity, smoothness,\nbone length, bone angle"
-    boxes(ax, {"0.12 0.2 1.9 0.95": losses}, CYCLE[1])
-    arrows(ax, "0.5 3.5 0.5 3.2 | 0.5 2.85 0.5 2.58 | 0.88 2.0 1.25 2.0 | 2.01 2.15 2.45 4.05 | 2.45 0.68 2.02 0.68")
-
-
-def _bridging_network(ax: Axes) -> None:
-    """In the middle: what becomes of the coefficients."""
+    image(ax, "5.5 3.72 0.7 0.7", "noise $\\mathbf{y}_M$", np.random.default_rng(0).normal(size=y[:24].shape))
+    boxes(ax, {"0.2 2.85 0.6 0.35": "DCT", "5.5 2.92 0.7 0.42": "iDCT"})
+    own = {
+        "0.12 0.2 1.9 0.95": "losses: noise; after iDCT\ndiversity, smoothness,\nbone length, bone angle",
+        "4.32 2.92 0.95 0.42": "noise of\nstep $t$",
+        "4.32 2.2 1.88 0.4": "© join over time, DCT",
+    }
+    boxes(ax, own, CYCLE[1])
     layers = {
         "2.45 3.7 1.5 0.62": "linear layer,\n+ step $t$, + frequency",
         "2.45 2.6 1.5 0.62": "self-attention over\nall frequencies",
         "2.45 1.6 1.5 0.62": "linear layers",
         "2.45 0.4 1.5 0.55": "linear layer:\nnoise $\\hat\\epsilon$",
+        "4.32 1.5 1.88 0.4": "network, step $t\\to t-1$",
     }
     boxes(ax, layers, CYCLE[0])
-    arrows(ax, "3.2 3.7 3.2 3.22 | 3.2 2.6 3.2 2.22 | 3.2 1.6 3.2 0.95")
     ax.add_patch(FancyBboxPatch((2.36, 1.48), 1.68, 1.86, boxstyle="round,pad=0,rounding_size=0.08", fill=False, linestyle="--"))
+    words(ax, {"1.07 2.46": "noise"})
     words(ax, {"3.27 1.3": "repeated"}, ha="left")
-
-
-def _bridging_sampling(ax: Axes, x: np.ndarray, samples: np.ndarray, shape: tuple[int, ...], skeleton: Skeleton) -> None:
-    """On the right: keyframes join at each step, noised as much as what lies between."""
-    row_of_bodies(ax, "4.32 3.65 0.95 0.8", "start, end", [(x[[0, -1]], "truth")], skeleton)
-    noise = np.random.default_rng(0).normal(size=(min(shape[0], 24), shape[1]))
-    image(ax, "5.5 3.72 0.7 0.7", "noise $\\mathbf{y}_M$", noise)
-    boxes(ax, {"4.32 2.92 0.95 0.42": "noise of\nstep $t$", "4.32 2.2 1.88 0.4": "© join over time, DCT"}, CYCLE[1])
-    boxes(ax, {"5.5 2.92 0.7 0.42": "iDCT"})
-    boxes(ax, {"4.32 1.5 1.88 0.4": "network, step $t\\to t-1$"}, CYCLE[0])
     ax.plot([6.2, 6.31, 6.31], [1.7, 1.7, 3.13], color=INK, linewidth=1.3)
-    middles = samples[:3, samples.shape[1] // 2]
-    rows = [(x[:1], "truth"), (middles, "predicted"), (x[-1:], "truth")]
-    row_of_bodies(ax, "4.25 0.1 2.1 0.92", "start, middles of samples, end", rows, skeleton)
     arrows(
         ax,
-        "4.8 3.65 4.8 3.34 | 5.85 3.72 5.85 3.34 | 4.8 2.92 4.8 2.6 | 5.85 2.92 5.85 2.6 | 5.2 2.2 5.2 1.9"
-        " | 6.34 3.13 6.2 3.13 | 5.2 1.5 5.2 1.24",
+        "0.5 3.5 0.5 3.2 | 0.5 2.85 0.5 2.58 | 0.88 2.0 1.25 2.0 | 2.01 2.15 2.45 4.05 | 2.45 0.68 2.02 0.68"
+        " | 3.2 3.7 3.2 3.22 | 3.2 2.6 3.2 2.22 | 3.2 1.6 3.2 0.95 | 4.8 3.65 4.8 3.34 | 5.85 3.72 5.85 3.34"
+        " | 4.8 2.92 4.8 2.6 | 5.85 2.92 5.85 2.6 | 5.2 2.2 5.2 1.9 | 6.34 3.13 6.2 3.13 | 5.2 1.5 5.2 1.24",
     )
+    return fig, ax
 
 
 @style()

@@ -211,7 +211,13 @@ def noising(
         middle.plot(array(x[:, channel]), color=TRUTH, linestyle=(0, (3, 1)), linewidth=1.5, label="clean curve")
         middle.set_xlabel("frame")
         _pose(bottom, motion[-1], x[-1], skeleton)
-    _name_bands(axes[0], tf, clean)
+    edges = np.cumsum([0, *(band.shape[-1] for band in tf.split(clean).values())]) - 0.5
+    for top in axes[0]:
+        top.set(xticks=(edges[:-1] + edges[1:]) / 2, xticklabels=list(BAND_NAMES))
+        top.tick_params(axis="x", length=0)
+        for edge in edges[1:-1]:
+            top.axvline(edge, color=INK, linewidth=0.8)
+    axes[0, 0].set_ylabel("row k (time)")
     axes[1, 0].set_ylabel(f"{skeleton.joints[1 + channel // 3].replace('_', ' ')}, {'xyz'[channel % 3]} (m)")
     axes[2, 0].set_ylabel(f"pose, frame {len(x) - 1}")
     axes[1, 0].plot([], [], color=TRUTH, alpha=0.35, label="clean pose")
@@ -309,14 +315,3 @@ def _pose(ax: Axes, noisy: Tensor, clean: Tensor, skeleton: Skeleton) -> None:
     ax.set(xlim=middle[0] + reach * np.array([-0.7, 0.7]), ylim=middle[1] + reach * np.array([-1, 1]), xticks=[], yticks=[])
     ax.set_aspect("equal")
     ax.spines[:].set_visible(False)
-
-
-def _name_bands(axes: np.ndarray, tf: LinearTransform, y: Tensor) -> None:
-    """Mark and name the sub-bands in pictures of coefficients, time downwards."""
-    edges = np.cumsum([0, *(band.shape[-1] for band in tf.split(y).values())]) - 0.5
-    axes[0].set_ylabel("row k (time)")
-    for ax in axes:
-        ax.set(xticks=(edges[:-1] + edges[1:]) / 2, xticklabels=list(BAND_NAMES))
-        ax.tick_params(axis="x", length=0)
-        for edge in edges[1:-1]:
-            ax.axvline(edge, color=INK, linewidth=0.8)

@@ -79,14 +79,12 @@ def padding_modes(
     """
     signal = array(signal)
     fig, axes = tiled(len(modes), frame=0.5, each=1.5)
-    for ax, mode in zip(axes.flat, modes, strict=False):
-        longer = pywt.pad(signal, pad, mode)
+    for ax, longer in titled(axes, {mode: pywt.pad(signal, pad, mode) for mode in modes}):
         places, end = np.arange(len(longer)) - pad, pad + len(signal) - 1  # periodization makes an odd length even first
         for outside in (slice(pad + 1), slice(end, None)):
             ax.plot(places[outside], longer[outside], color=CYCLE[1], linestyle=(0, (2, 0.8)))
         ax.plot(signal, color=INK)
         ax.axvspan(0, len(signal) - 1, color=FAINT, linewidth=0, zorder=0)
-        ax.set_title(mode)
     low, high = min(signal.min(), 0.0), max(signal.max(), 0.0)
     room = 0.7 * ((high - low) or 1.0)
     axes[0, 0].set_ylim(low - room, high + room)

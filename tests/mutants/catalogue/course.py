@@ -23,7 +23,7 @@ MUTANTS = [
         ("an-exit-passes", 'if output.output_type == "error":', "if False:",
          "course/test_drills.py::test_a_run_that_breaks_is_not_done"),
         ("any-result-counts", '"finished") is None:', '"finished") == 3:',
-         "course/test_drills.py::test_a_run_that_breaks_is_not_done"),
+         "course/test_drills.py::test_a_result_that_is_cut_or_of_other_parameters_does_not_count"),
         ("old-exhibits-stay", 'about.get("notebook") == notebook and', "False and",
          "course/test_drills.py::test_what_an_earlier_run_left_is_removed_and_nothing_else"),
         ("stderr-is-kept", 'if output.get("name") != "stderr" else None', "if True else None",

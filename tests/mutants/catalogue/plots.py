@@ -117,7 +117,7 @@ MUTANTS = [
     ),
     *of(
         "plots/chapters/diagrams.py", "plots/test_guidance.py::test_diagrams_hold_the_data_they_are_given",
-        ("noise-left-out-of-the-diagram", ", y_t)\n    boxes(ax, {\"5.6", ", y)\n    boxes(ax, {\"5.6"),
+        ("noise-left-out-of-the-diagram", '"$\\\\mathbf{y}^{(t)}$", y_t)', '"$\\\\mathbf{y}^{(t)}$", y)'),
     ),
     *of(
         "plots/chapters/guidance.py", "plots/test_guidance.py",
