@@ -78,11 +78,6 @@ class Settings:
         return {item.name: group for group, kind in cls.groups().items() for item in fields(kind)}
 
     @classmethod
-    def advanced(cls) -> set[str]:
-        """Names of the fields that are marked `Advanced`."""
-        return {name for kind in cls.groups().values() for name, hint in _hints(kind).items() if ADVANCED in get_args(hint)}
-
-    @classmethod
     def preset(cls, name: str, **changes: Any) -> Self:
         """A named preset with some fields changed, e.g. ``Config.preset("tiny", lr=1e-3)``.
 

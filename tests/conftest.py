@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 
 import jaxtyping
@@ -49,6 +50,18 @@ def unchecked() -> Iterator[None]:
     jaxtyping.config.update("jaxtyping_disable", True)
     yield
     jaxtyping.config.update("jaxtyping_disable", False)
+
+
+@pytest.fixture(scope="module")
+def grids_read_once() -> Iterator[None]:
+    """The course's grids are read once for all tests of a file, as that takes a second."""
+    from mwlib.experiments import claims, grids
+
+    known = cache(grids.read_grids)
+    with pytest.MonkeyPatch.context() as patch:
+        for module in (claims, grids):
+            patch.setattr(module, "read_grids", known)
+        yield
 
 
 @pytest.fixture(scope="session")

@@ -20,6 +20,7 @@ from mwlib.course.notebooks import RANGE, chapter_number, course, from_text, rea
 from mwlib.experiments.grids import system
 from mwlib.settings import parse_changes
 
+pytestmark = pytest.mark.usefixtures("grids_read_once")
 ROOT = Path(__file__).parents[1]
 DOCS = ROOT / "docs"
 PAGES = sorted((DOCS / "howto").glob("*.md"))

@@ -153,16 +153,20 @@ def jobs(todo: str) -> dict[str, int]:
     return {rule: int(count) for rule, count in re.findall(r"^(\w*notebook) +(\d+)$", todo, re.M)}
 
 
+def as_if_run(folder: Path, *stems: str) -> None:
+    """Notebooks, data, and what a build of them leaves."""
+    for stem in stems:
+        save(runnable(), folder / "notebooks", stem)
+        write_atomic(folder / "out" / stem / "metrics.json", "{}")
+    for name in ("out/index.html", "data/a.bvh"):
+        write_atomic(folder / name, "a")
+    (folder / "grids.yaml").write_text("grids: {}")
+    snakemake(folder, "--touch")
+
+
 def test_snakemake_runs_again_what_changed_and_nothing_else(tmp_path):
     """Neither an executed notebook nor a touched file schedules anything; a source, a preset or the data do."""
-    for stem in ("01_first", "06_training", "09_attention"):
-        save(runnable(), tmp_path / "notebooks", stem)
-        write_atomic(tmp_path / "out" / stem / "metrics.json", "{}")
-    for name in ("out/index.html", "data/a.bvh"):
-        write_atomic(tmp_path / name, "a")
-    (tmp_path / "grids.yaml").write_text("grids: {}")
-    snakemake(tmp_path, "--touch")  # as if all had been run
-
+    as_if_run(tmp_path, "01_first", "06_training", "09_attention")
     executed = runnable()
     executed.cells[-1].execution_count = 7
     save(executed, tmp_path / "notebooks", "01_first")
@@ -185,13 +189,7 @@ def test_snakemake_runs_again_what_changed_and_nothing_else(tmp_path):
 
 def test_a_clock_that_was_put_back_hides_no_change(tmp_path):
     """Then a file that changed is older than what was made of it before."""
-    for stem in ("01_first", "02_second"):
-        save(runnable(), tmp_path / "notebooks", stem)
-        write_atomic(tmp_path / "out" / stem / "metrics.json", "{}")
-    for name in ("out/index.html", "data/a.bvh"):
-        write_atomic(tmp_path / name, "a")
-    (tmp_path / "grids.yaml").write_text("grids: {}")
-    snakemake(tmp_path, "--touch")
+    as_if_run(tmp_path, "01_first", "02_second")
     tomorrow = time.time() + 86400
     for file in [*(tmp_path / "out").glob("*/metrics.json"), tmp_path / "out" / "index.html"]:
         os.utime(file, (tomorrow, tomorrow))

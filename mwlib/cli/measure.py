@@ -226,10 +226,11 @@ def reproduction(*, claims: Path | None = None, tables: Path | None = None, out:
         tables: folder of measured tables (default: figures/cmu).
         out: the page; its picture goes to figures/verdicts.png beside it.
     """
-    measured = claiming.Tables(tables)
-    write_atomic(out, claiming.reproduction(claims, measured))
+    claims, measured = claims or claiming.claims_file(), claiming.Tables(tables)
+    found = claiming.findings(claims, measured)
+    write_atomic(out, claiming.reproduction(claims, measured, found))
     strips: dict[str, list[float]] = {}
-    for row in (rows := claiming.scores(claiming.findings(claims, measured))):
+    for row in (rows := claiming.scores(found)):
         strips.setdefault(row["theme"], []).append(row["errors"])
     if rows:
         figure, _ = evidence(strips, beyond=claiming.BEYOND)
@@ -338,11 +339,11 @@ def _verdict(benchmark: Benchmark, missed: Sequence[str]) -> str:
 
 def _beside(rows: Sequence[Mapping[str, Any]], metric: str) -> plots.Table:
     """One metric of all methods, a column for each number of frames; what was measured and published of a method together."""
-    methods: dict[str, dict[str, list[float | None]]] = {}
-    for row in rows:
-        methods.setdefault(row["method"], {}).setdefault(row["source"], []).append(row[metric])
+    order, found = [row["method"] for row in rows], {}
+    for row in sorted(rows, key=lambda row: order.index(row["method"])):
+        found.setdefault((row["method"], row["source"]), []).append(row[metric])
     cells = []
-    for method, source, values in ((m, s, values) for m, sources in methods.items() for s, values in sources.items()):
+    for (method, source), values in found.items():
         if known := [value for value in values if value is not None]:
             digits = DIGITS[metric] if source == MEASURED else max(len(str(value).partition(".")[2]) for value in known)
             cells.append((method, source, *("–" if value is None else f"{value:.{digits}f}" for value in values)))

@@ -4,7 +4,7 @@ import io
 import json
 import re
 import sys
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, Literal
 
@@ -43,8 +43,7 @@ def predict(*, out: Path = Path("predictions.npz"), **continued: Any) -> None:
         out: the file.
     """
     expect_ending("out", out, ".npz")
-    predictor, sampled = _continued(**continued)
-    found = sampled(False)
+    predictor, found = _continued(False, **continued)
     bodies, skeleton, buffer = predictor.bodies, predictor.bodies.skeleton, io.BytesIO()
     about: dict[str, Any] = {"joints": skeleton.joints, "parents": skeleton.parents, "fps": bodies.fps, "up": bodies.up}
     arrays = {name: np.stack([motion.positions for motion in row]) for name, row in found.items()}
@@ -66,8 +65,8 @@ def export_bvh(*, format: Literal["bvh", "glb"] = "bvh", out: Path = Path("build
         format: of the files: bvh, or glb, which has a plain body around the skeleton, for viewers.
         out: folder.
     """
-    _, sampled = _continued(**continued)
-    files = {out / f"{name}_sample{i}.{format}": motion for name, row in sampled(True).items() for i, motion in enumerate(row, 1)}
+    _, found = _continued(True, **continued)
+    files = {out / f"{name}_sample{i}.{format}": motion for name, row in found.items() for i, motion in enumerate(row, 1)}
     shown = tqdm(files.items(), "writing", disable=not sys.stderr.isatty())
     errors = [(away.mean, away.max) for file, motion in shown if (away := _written(motion, file))]
     if own := len(files) - len(errors):
@@ -249,9 +248,9 @@ def generate(
 
 
 def _continued(
-    run: Path, source: str, *, samples: int = 3, seed: int = 0, clips: int = 0, **meaning: Any
-) -> tuple[Predictor, Callable[[bool], dict[str, list[Motion]]]]:
-    """The model, and what samples continuations of each clip, by a file name, on their own rigs or not.
+    own_rig: bool, /, run: Path, source: str, *, samples: int = 3, seed: int = 0, clips: int = 0, **meaning: Any
+) -> tuple[Predictor, dict[str, list[Motion]]]:
+    """The model, and sampled continuations of each clip, by a file name, on their own rigs or not.
 
     Args:
         run: folder of a finished training run, as train prints it.
@@ -262,9 +261,8 @@ def _continued(
     """
     predictor = sampling.model_of(run, Predictor, "prediction")
     motions = load_motions(source, **meaning)[: whole("clips", clips) or None]
-    return predictor, lambda own_rig: dict(
-        zip(_names(motions), predicted_motions(predictor, motions, samples, seed, sys.stderr.isatty(), own_rig), strict=True)
-    )
+    found = predicted_motions(predictor, motions, samples, seed, sys.stderr.isatty(), own_rig)
+    return predictor, dict(zip(_names(motions), found, strict=True))
 
 
 def _names(motions: list[Motion]) -> list[str]:

@@ -17,7 +17,6 @@ from mwlib.plots.tables import significant
 from mwlib.settings import read_yaml
 
 KINDS = ("holds", "contradicted", "inconclusive", "not tested", "slip in the paper")  # of verdicts
-WITH_A_REASON = KINDS[3:]
 BEYOND = 2.0  # standard errors that decide a comparison
 
 REFERENCE = re.compile(r"\{([^{}|]+)\|([^{}|]+)\|([^{}|]+)\}")  # {table|row|column}
@@ -333,7 +332,7 @@ def _claim(where: Place, body: Any) -> Claim:
         check_fields(where.of(body, words="shown"), place, {"notebook", "section"}, SHOWN)
     said = body.get("verdict", "")
     kind, _, reason = map(str.strip, said.partition(":"))
-    if said and (kind not in KINDS or (kind in WITH_A_REASON and not reason)):
+    if said and (kind not in KINDS or (kind in KINDS[3:] and not reason)):
         raise ValueError(
             f"{where}: the verdict is {said!r}; expected one of {', '.join(KINDS)}, the last two with a reason after a colon"
         )
@@ -381,23 +380,17 @@ def decide(where: str, claim: Claim, tables: Tables) -> Finding:
     return Finding(claim, claim.verdict or verdict([*outcomes]), because, outcomes)
 
 
-def findings(file: Path | None = None, tables: Tables | None = None, notebooks: Path | None = None) -> list[Finding]:
-    """All claims with their verdicts, each place in a notebook looked up.
-
-    Args:
-        file: of the claims; None = `figures/claims.yaml`.
-        tables: measured; None = the course's.
-        notebooks: their folder; None = the course's.
+def findings(file: Path, tables: Tables) -> list[Finding]:
+    """All claims of a file with their verdicts, each place in a notebook of the course looked up.
 
     Raises:
         FileNotFoundError, ValueError: a file is missing, a verdict does not follow from its comparisons, or a notebook lacks a
             heading or an output; the message names the file and the claim.
     """
-    file, tables, notebooks = file or claims_file(), tables or Tables(), notebooks or course_folder() / "notebooks"
     found = []
     for claim in read_claims(file):
         for place in claim.shown:
-            look(notebooks, place, claim.id)
+            look(course_folder() / "notebooks", place, claim.id)
         found.append(decide(str(file), claim, tables))
     return found
 
@@ -410,14 +403,13 @@ def scores(found: list[Finding]) -> list[dict[str, Any]]:
     ]  # fmt: skip
 
 
-def reproduction(file: Path | None = None, tables: Tables | None = None, notebooks: Path | None = None) -> str:
-    """The page about the claims, as Markdown; links start from the folder of the course.
+def reproduction(file: Path, tables: Tables, found: list[Finding]) -> str:
+    """The page about what was found of the claims, as Markdown; links start from the folder of the course.
 
     Args:
-        file, tables, notebooks: as for `findings`, which raises the same. The file's `conclusions` open the page.
+        file, tables: as for `findings`. The file's `conclusions` open the page.
+        found: what `findings` gives.
     """
-    file, tables = file or claims_file(), tables or Tables()
-    found = findings(file, tables, notebooks)
     counts = Counter(finding.kind for finding in found)
     errors = [abs(outcome.score) for finding in found for outcome in finding.outcomes if outcome.error]
     return rendered(

@@ -204,6 +204,7 @@ def _of_prediction(model: Predictor) -> dict[str, Any]:
     """How histories become conditions and coefficients futures, if the transform is one matrix along time; else no matrices."""
     seen, bodies, s = model.representation, model.bodies, model.sampling
     scales = {"": seen.motion, "condition_": seen.condition}
+    rows = model.transform.time_rows()
     return {
         "system": "prediction", "prediction": model.cfg.diffusion.prediction, "shape": [*model.transform.shape],
         "history": seen.history, "frames": seen.frames, "fps": bodies.fps, "up": bodies.up, "relative": seen.relative,
@@ -213,21 +214,14 @@ def _of_prediction(model: Predictor) -> dict[str, Any]:
             "form": s.guidance_form, "decoding": s.decoding, "bones": s.bones,
             "spread": temperatures(DRAWN, 1.0, s.temperature_spread).tolist(),
         },
-        "matrices": _matrices(model), "scales": {
+        # Analysis (all, T), and of the continuation what acts on coefficients (F, all) and on the history (F, H).
+        "matrices": None if rows is None else {
+            "analysis": _numbers(rows), "of_coefficients": _numbers(model.continuation.of_coefficients.array),
+            "of_history": _numbers(model.continuation.of_history.array),
+        },
+        "scales": {
             f"{of}{name}": _numbers(getattr(scale, name)) for of, scale in scales.items() for name in ("mean", "deviation")
         },
-    }  # fmt: skip
-
-
-def _matrices(model: Predictor) -> dict[str, Any] | None:
-    """Analysis (all, T), and of the continuation what acts on coefficients (F, all) and on the history (F, H)."""
-    rows = model.transform.time_rows()
-    if rows is None:
-        return None
-    ahead = model.continuation
-    return {
-        "analysis": _numbers(rows), "of_coefficients": _numbers(ahead.of_coefficients.array),
-        "of_history": _numbers(ahead.of_history.array),
     }  # fmt: skip
 
 

@@ -46,15 +46,11 @@ def outlook(source: str | Path, motions: Sequence[Motion], fps: float | None = N
         return _carried(motions, split)
 
     lines = []
-    if motions and (fps is not None or not _has_captions(source)):
+    place, _ = named_source(source)
+    if motions and (fps is not None or place == "synthetic" or not is_captioned(find_source(place))):
         lines = [f"prediction: {_or_refused(predicted)}"]
         lines += [f"in-betweening, {state}: {_or_refused(between, state)}" for state in ("positions", "rotations")]
     return [*lines, f"text to motion: {_or_refused(_captioned, source)}"]
-
-
-def _has_captions(source: str | Path) -> bool:
-    source, _ = named_source(source)
-    return source != "synthetic" and is_captioned(find_source(source))
 
 
 def _or_refused(say: Callable[..., str], *given: Any) -> str:

@@ -223,10 +223,8 @@ def get_result(cfg: Settings, data: Data | None = None, progress: bool = False) 
         now. A file that is no result is measured again.
     """
     run = Run(cfg, data)
-    if (found := run.result(run.file)) is None:
-        place = run._place(run.file, "measuring")
-        if place != run.file and (found := run.result(place)) is not None:
-            return found
+    found = run.result(run.file) or run.result(run._place(run.file, "measuring"))
+    if found is None:
         with results.locked(run.file.with_suffix(".lock")):
             found = run.result(run.file) or run.measure(progress)
     return found
@@ -293,8 +291,8 @@ def load_run(folder: str | Path) -> Any:
 def _check_sampling(cfg: Settings, folder: Path) -> None:
     """Refuse settings of sampling that are not those of the finished run, where its result has them."""
     result, now = results.read_tree(folder / results.RESULT), cfg.sampled()
-    before = result.get("depends", {}).get("sampling", now)
-    if others := changes({name: value for name, value in before.items() if name in now}, {n: now[n] for n in now if n in before}):
+    before = result.get("depends", {}).get("sampling", {})  # of another version, perhaps, which had other settings
+    if others := changes({name: before.get(name, value) for name, value in now.items()}, now):
         raise ValueError(f"{folder / CONFIG} was edited: {others}. {NOT_BY_EDITING}")
     if (key := result.get("about", {}).get("settings", cfg.hash())) != cfg.hash():  # of a model that comes with the package
         raise ValueError(

@@ -249,17 +249,14 @@ def _usual_seconds(text: str) -> float | None:
 
 def _frames(model: TextToMotion, texts: Sequence[str], seconds: float | Sequence[float] | None) -> list[int]:
     """Lengths in whole movements, one for each sentence."""
+    fps, (shortest, longest) = model.layout.fps, model.lengths
     if seconds is None:
-        usual = [_usual_seconds(text) if _has_grammar(model) else None for text in texts]
-        return [
-            min(max(round((one or SECONDS) * model.layout.fps / UNIT) * UNIT, model.lengths[0]), model.lengths[1])
-            for one in usual
-        ]
+        usual = [(_usual_seconds(text) if _has_grammar(model) else None) or SECONDS for text in texts]
+        return [min(max(round(one * fps / UNIT) * UNIT, shortest), longest) for one in usual]
     if isinstance(seconds, int | float) or getattr(seconds, "ndim", 1) == 0:
         lasting = [real("seconds", seconds)] * len(texts)
     else:
         lasting = [real(f"seconds[{i}]", one) for i, one in enumerate(several("seconds", seconds, "numbers, or one"))]
-    fps, (shortest, longest) = model.layout.fps, model.lengths
     frames = [round(one * fps / UNIT) * UNIT for one in lasting]
     if wrong := [one for one, count in zip(lasting, frames, strict=True) if not shortest <= count <= longest]:
         expected = f"{shortest / fps:g} to {longest / fps:g}, {shortest} to {longest} frames at {fps:g} Hz"

@@ -15,7 +15,7 @@ from safetensors.torch import save
 from torch import Tensor, nn
 from torch.optim.swa_utils import get_ema_multi_avg_fn
 
-from mwlib.files import write_atomic, write_json
+from mwlib.files import write_atomic
 from mwlib.hashing import sha256
 from mwlib.paths import CONFIG
 from mwlib.settings import Settings
@@ -172,32 +172,19 @@ class State:
         scaler = json.dumps(self.scaler.state_dict() if self.scaler else {})
         metadata = {"step": str(self.step), "key": self.key, "seconds": f"{self.seconds:.1f}", "scaler": scaler}
         if is_last:
-            self._finish(folder)
+            self.mend(folder)
         if (folder / CHECKPOINT).exists():
             os.replace(folder / CHECKPOINT, folder / PREVIOUS)
         save_tensors(folder / CHECKPOINT, self.tensors(), metadata)
 
     def mend(self, folder: Path) -> None:
-        """After the last step: write model and curves again where a file is missing or holds anything else."""
-        expected = {name: tensor.cpu() for name, tensor in self._model().items()}
-        try:
-            found, about = load_tensors(folder / MODEL)
-            same = about.get("key") == self.key and found.keys() == expected.keys()
-            same = same and all(torch.equal(found[name], tensor) for name, tensor in expected.items())
-        except (FileNotFoundError, DamagedFileError):
-            same = False
-        if not same or read_curves(folder) != json.loads(json.dumps(self._curves())):
-            self._finish(folder)
-
-    def _finish(self, folder: Path) -> None:
-        save_tensors(folder / MODEL, self._model(), {"key": self.key, **self.about})
-        write_json(folder / CURVES, self._curves())
-
-    def _model(self) -> Tensors:
-        return _prefixed("net.", self.average.averaged().state_dict()) | _prefixed("objective.", self.learnt)
-
-    def _curves(self) -> dict[str, Any]:
-        return {"loss": self.curve, "validation": self.validation}
+        """After the last step: write model and curves where a file is missing or holds anything else."""
+        model = _prefixed("net.", self.average.averaged().state_dict()) | _prefixed("objective.", self.learnt)
+        curves = json.dumps({"loss": self.curve, "validation": self.validation}, indent=1)
+        finished = {MODEL: packed(model, {"key": self.key, **self.about}), CURVES: curves.encode()}
+        for name, content in finished.items():
+            if not (folder / name).exists() or (folder / name).read_bytes() != content:
+                write_atomic(folder / name, content)
 
 
 def read_checkpoint(folder: Path | None, key: str) -> tuple[Tensors, dict[str, str]]:
@@ -311,7 +298,7 @@ def flat(tree: Mapping[str, Any]) -> dict[str, Any]:
 
 def read_outcome(folder: Path) -> dict[str, Any]:
     """Of a finished training: last loss, last validation loss (None without one), and seconds over all restarts."""
-    curves = json.loads((folder / CURVES).read_text(encoding="utf-8"))
+    curves: Any = read_curves(folder)
     validation = curves["validation"][-1][1] if curves["validation"] else None
     seconds = float(load_tensors(folder / CHECKPOINT)[1]["seconds"])
     return {"loss": curves["loss"][-1], "validation": validation, "steps": len(curves["loss"]), "seconds": seconds}

@@ -1,4 +1,4 @@
-"""Kill a run before, amid and after everything that it writes; what is left must go on to the same bits.
+"""Kill a run before and amid everything that it writes; what is left must go on to the same bits. After one is before the next.
 
     python -m tests.experiments.placed_kills FOLDER
 
@@ -35,13 +35,12 @@ class Places:
             os._exit(9)
         self.passed += 1
 
-    def around(self, action: Callable) -> Callable:
-        """The action between two places."""
+    def before(self, action: Callable) -> Callable:
+        """The action after a place."""
 
         def watched(*arguments, **options):
             self()
             action(*arguments, **options)
-            self()
 
         return watched
 
@@ -51,7 +50,6 @@ class Places:
         file.write_bytes(content[: len(content) // 2])
         self()
         file.write_bytes(content)
-        self()
 
 
 def run(folder: Path, deadly: int) -> int:
@@ -59,7 +57,7 @@ def run(folder: Path, deadly: int) -> int:
     os.environ["MWLIB_RUNS"] = str(folder)
     places = Places(deadly)
     files._write = places.writing
-    os.replace, Path.unlink = places.around(os.replace), places.around(Path.unlink)
+    os.replace, Path.unlink = places.before(os.replace), places.before(Path.unlink)
     get_run(CFG, two_people())
     return places.passed
 

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import csv
+import io
 import json
 import re
+from contextlib import redirect_stdout
 from pathlib import Path
 
 import pytest
@@ -44,10 +46,7 @@ def test_a_part_of_the_files_cannot_be_compared(folder, tmp_path, capsys):
     assert l2q.count("measured here") == l2p.count("measured here") == npss.count("measured here") == 2
     assert "0.56 | 1.10 | 1.51 | 1.81" in l2q and "1.5230 | 3.6944 | 6.6002 | 9.3289" in l2p
     assert "0.4493" in npss and "TG-complete" not in npss and "0.65 | – | 2.24" in l2p
-    rows, about = (
-        rows_of(tmp_path / "new" / "out" / "benchmark.csv"),
-        json.loads((tmp_path / "new/out/benchmark.json").read_text()),
-    )
+    rows, about = rows_of(tmp_path / "new/out/benchmark.csv"), json.loads((tmp_path / "new/out/benchmark.json").read_text())
     measured = [row for row in rows if row["source"] == "measured here"]
     assert [(row["method"], row["N"], row["windows"]) for row in measured] == [
         (method, n, "4") for method in ("zero velocity", "interpolation") for n in ("5", "15", "30", "45")
@@ -100,41 +99,44 @@ def run(folder, tmp_path_factory):
     return trained(tmp_path_factory.mktemp("runs"), folder, seed=0)
 
 
-def test_a_trained_model_gets_its_rows(folder, run, tmp_path, capsys):
-    given = ["lafan1-benchmark", "--data", str(folder), "--model", str(run), "--samples", "2"]
-    assert main([*given, "--out", str(tmp_path)]) == 0
-    told = " ".join(capsys.readouterr().out.split())
-    rows = [row for row in rows_of(tmp_path / "benchmark_model.csv") if row["source"] == measure.MEASURED]
-    names = [
-        "zero velocity",
-        "interpolation",
-        f"{run.name}, single samples",
-        f"{run.name}, average of 2",
-        f"{run.name}, its curve",
-    ]
+def scored(folder: Path, out: Path, *models: str, seed: str = "0") -> list[dict[str, str]]:
+    """The table that the command writes of models, two samples each."""
+    words = ["lafan1-benchmark", "--data", str(folder), "--samples", "2", "--seed", seed, "--out", str(out)]
+    assert main([*words, *(f"--model={model}" for model in models)]) == 0
+    return rows_of(out / "benchmark_model.csv")
+
+
+@pytest.fixture(scope="module")
+def alone(folder, run, tmp_path_factory) -> tuple[Path, str]:
+    """The folder of one run's table, and what the command printed."""
+    out = tmp_path_factory.mktemp("alone")
+    with redirect_stdout(io.StringIO()) as printed:
+        scored(folder, out, str(run))
+    return out, " ".join(printed.getvalue().split())
+
+
+def test_a_trained_model_gets_its_rows(folder, run, alone, tmp_path):
+    out, told = alone
+    rows = [row for row in rows_of(out / "benchmark_model.csv") if row["source"] == measure.MEASURED]
+    names = ["zero velocity", "interpolation"]
+    names += [f"{run.name}, {what}" for what in ("single samples", "average of 2", "its curve")]
     assert [row["method"] for row in rows] == [name for name in names for _ in range(4)]
     for row, metric, digits in ((rows[9], "L2P", 4), (rows[14], "L2Q", 3)):
         assert f"| {float(row[metric]):.{digits}f} |" in told
-    about = json.loads((tmp_path / "benchmark_model.json").read_text())
+    about = json.loads((out / "benchmark_model.json").read_text())
     (model,) = about["models"]
     assert model["run"] == model["name"] == run.name and model["past"] == 10 and model["samples"] == 2
     assert len(model["file"]) == 64 and model["people"]["train"] == ["1", "2", "4"]
     assert about["seeds"] == "0, of the models' noise"
     assert about["command"].endswith(f'--model "{run.name}={run.name}" --samples 2 --seed 0')
-    assert (
-        main([*given, "--out", str(tmp_path / "again")]) == main([*given, "--seed", "1", "--out", str(tmp_path / "other")]) == 0
-    )
-    again, other = (rows_of(tmp_path / name / "benchmark_model.csv") for name in ("again", "other"))
-    assert again == rows_of(tmp_path / "benchmark_model.csv") != other
+    assert scored(folder, tmp_path, str(run), seed="1") != rows_of(out / "benchmark_model.csv")
 
 
-def test_runs_of_one_name_are_averaged(folder, run, tmp_path):
+def test_runs_of_one_name_are_averaged(folder, run, alone, tmp_path):
+    """And the same seed gives the same numbers: the run is measured again."""
     other = trained(tmp_path, folder, seed=1)
-    given = ["lafan1-benchmark", "--data", str(folder), "--samples", "2", "--out"]
-    alone = [[*given, str(tmp_path / f"{i}"), "--model", f"one={path}"] for i, path in enumerate((run, other))]
-    both = [*given, str(tmp_path / "both"), "--model", f"one={run}", "--model", f"one={other}"]
-    assert [main(words) for words in (*alone, both)] == [0, 0, 0]
-    first, second, together = (rows_of(tmp_path / name / "benchmark_model.csv")[8:20] for name in ("0", "1", "both"))
+    first, second = rows_of(alone[0] / "benchmark_model.csv")[8:20], scored(folder, tmp_path, f"{run.name}={other}")[8:20]
+    together = scored(folder, tmp_path / "both", f"{run.name}={run}", f"{run.name}={other}")[8:20]
     assert first != second
     for a, b, mean in zip(first, second, together, strict=True):
         assert mean["method"] == a["method"] == b["method"] and mean["trainings"] == "2"

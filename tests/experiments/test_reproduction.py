@@ -12,10 +12,12 @@ import pytest
 import yaml
 
 from mwlib.cli import main
+from mwlib.experiments import grids
 from mwlib.experiments.claims import (
     KINDS,
     MADE_WITH,
     REFERENCE,
+    Claim,
     Comparison,
     Outcome,
     Tables,
@@ -23,16 +25,16 @@ from mwlib.experiments.claims import (
     decide,
     findings,
     read_claims,
+    reproduction,
     scores,
     verdict,
 )
-from mwlib.experiments.claims import reproduction as report
-from mwlib.experiments.grids import read_grids
 from mwlib.plots.lines import evidence
 from mwlib.plots.look import CYCLE, OBSERVED
 
+pytestmark = pytest.mark.usefixtures("grids_read_once")
 ROOT = Path(__file__).parents[2]
-CLAIMS = ROOT / "figures" / "claims.yaml"
+COMMITTED = (ROOT / "REPRODUCTION.md").read_text(encoding="utf-8")
 LOWER = {"lower": "table_6|linear", "than": "cosine", "in": "APD"}
 ONE = {
     "id": "linear-apd", "theme": "Schedules", "title": "Linear is narrow", "paper": "Table 6", "claim": "APD is 5.370.",
@@ -63,6 +65,16 @@ def tables(tmp_path) -> Tables:
     return Tables(folder)
 
 
+@pytest.fixture(scope="module")
+def claims() -> list[Claim]:
+    """Those of the course."""
+    return read_claims()
+
+
+def report(file: Path, tables: Tables) -> str:
+    return reproduction(file, tables, findings(file, tables))
+
+
 def write(folder: Path, *claims: dict) -> Path:
     """A file of claims."""
     path = folder / "claims.yaml"
@@ -77,27 +89,25 @@ def without(claim: dict, *names: str) -> dict:
 
 def test_the_committed_report_is_what_the_command_writes(tmp_path, capsys):
     assert main(["reproduction", "--out", str(tmp_path / "now.md")]) == 0
-    now = (tmp_path / "now.md").read_text(encoding="utf-8")
-    assert (ROOT / "REPRODUCTION.md").read_text(encoding="utf-8") == now, "run `mwlib reproduction` and read what changed"
+    assert (tmp_path / "now.md").read_text(encoding="utf-8") == COMMITTED, "run `mwlib reproduction` and read what changed"
     assert capsys.readouterr().out.strip() == str(tmp_path / "now.md")
     drawn = [folder / "figures" / "verdicts.csv" for folder in (ROOT, tmp_path)]
     assert drawn[0].read_text(encoding="utf-8") == drawn[1].read_text(encoding="utf-8"), "its picture"
 
 
-def test_every_verdict_follows_and_is_counted():
-    claims, tables = read_claims(), Tables()
+def test_every_verdict_follows_and_is_counted(claims):
+    tables = Tables()
     verdicts = [decide("claims.yaml", claim, tables).kind for claim in claims]
     assert len(claims) >= 70 and {*verdicts} == {*KINDS}
-    text = report()
     for kind in KINDS:
-        assert f"| {kind} | {verdicts.count(kind)} |" in text
-    assert f"| all | {len(claims)} |" in text
+        assert f"| {kind} | {verdicts.count(kind)} |" in COMMITTED
+    assert f"| all | {len(claims)} |" in COMMITTED
     for claim in claims:
-        assert text.count(f'<a id="{claim.id}"></a>') == text.count(f"](#{claim.id})") == 1
+        assert COMMITTED.count(f'<a id="{claim.id}"></a>') == COMMITTED.count(f"](#{claim.id})") == 1
 
 
 def test_every_link_of_the_report_leads_somewhere():
-    links = {link for link in re.findall(r"\]\(([^)#]+)\)", report()) if not link.startswith("http")}
+    links = {link for link in re.findall(r"\]\(([^)#]+)\)", COMMITTED) if not link.startswith("http")}
     assert links and all((ROOT / link).exists() for link in links)
 
 
@@ -119,7 +129,7 @@ def test_a_claim_waits_for_a_table_of_a_known_grid(tmp_path, tables):
 
 
 def test_numbers_come_out_of_the_table(tmp_path, tables):
-    text = report(write(tmp_path, ONE), tables, ROOT / "notebooks")
+    text = report(write(tmp_path, ONE), tables)
     assert "**Verdict: holds.** Linear has 4.65 ± 0.23, cosine 6.30, over 273 windows; error 0.0407." in text
     assert "table_6: linear − cosine, APD: -1.65 ± 0.28, as claimed‡." in text
     assert (
@@ -129,7 +139,7 @@ def test_numbers_come_out_of_the_table(tmp_path, tables):
 
 
 def test_a_proxy_is_told_where_the_verdict_begins(tmp_path, tables):
-    text = report(write(tmp_path, {**ONE, "proxy": "We measure width."}), tables, ROOT / "notebooks")
+    text = report(write(tmp_path, {**ONE, "proxy": "We measure width."}), tables)
     assert "**Verdict, by a proxy: holds.** We measure width. Linear has" in text
 
 
@@ -208,7 +218,7 @@ PLACE = {"notebook": "00_start_here", "section": "5 · Back, exactly"}
 )
 def test_what_is_wrong_is_refused_by_name(tmp_path, tables, change, message):
     with pytest.raises((ValueError, FileNotFoundError), match=message) as refused:
-        report(write(tmp_path, {**ONE, **change}), tables, ROOT / "notebooks")
+        report(write(tmp_path, {**ONE, **change}), tables)
     assert f"claim {change.get('id', 'linear-apd')}" in str(refused.value), "which claim"
 
 
@@ -266,9 +276,9 @@ def with_changed_cell(folder: Path, row: str, column: str, value: float) -> Tabl
     return Tables(folder)
 
 
-def test_a_changed_table_flips_a_committed_verdict(tmp_path):
+def test_a_changed_table_flips_a_committed_verdict(tmp_path, claims):
     """One number of one committed table: bones that keep their lengths leave the paper's own doubt open."""
-    (claim,) = (each for each in read_claims() if each.id == "plausibility")
+    (claim,) = (each for each in claims if each.id == "plausibility")
     assert decide("", claim, Tables()).verdict == "holds"
     rigid = with_changed_cell(tmp_path / "cmu", "cosine", "bone jitter (mm)", 0.01)
     assert decide("", claim, rigid).kind == "inconclusive"
@@ -279,7 +289,7 @@ def test_the_picture_has_each_comparison_that_decides(tmp_path, tables):
     number = {"higher": "table_6|cosine", "than": 6, "in": "APD"}
     written = {**ONE, "id": "written", "verdict": "not tested: too short", "shown": [PLACE]}
     path = write(tmp_path, {**ONE, "measured": [LOWER, number, {**LOWER, "than": 5, "in": "seeds"}]}, written)
-    first, second = scores(findings(path, tables, ROOT / "notebooks"))
+    first, second = scores(findings(path, tables))
     assert first["claim"] == second["claim"] == "linear-apd" and first["theme"] == "Schedules"
     assert first["errors"] > 2 and second["errors"] == pytest.approx((6.2968 - 6) / 0.2079)
     colours = [line.get_color() for line in evidence({"A": [3.0, -3.0, 0.5, 30.0], "B": [0.5]})[1].lines]
@@ -290,18 +300,18 @@ def test_conclusions_open_the_page_with_their_numbers(tmp_path, tables):
     path = write(tmp_path, ONE)
     told = {"conclusions": ["Linear has {table_6|linear|APD ± sd}."]}
     path.write_text(yaml.safe_dump(yaml.safe_load(path.read_text(encoding="utf-8")) | told), encoding="utf-8")
-    assert "* Linear has 4.65 ± 0.23.\n" in report(path, tables, ROOT / "notebooks").partition("| verdict |")[0]
+    assert "* Linear has 4.65 ± 0.23.\n" in report(path, tables).partition("| verdict |")[0]
 
 
 def test_sentences_print_three_digits_and_spreads_two(tables):
     assert tables.filled("{table_6|linear|APD} {table_6|linear|APD sd} {table_6|linear|APD ± se}") == "4.65 0.225 4.65 ± 0.041"
 
 
-def test_rows_that_claims_name_stand_in_their_grids():
+def test_rows_that_claims_name_stand_in_their_grids(claims):
     """What is not measured yet is not looked up; a slip in it would show only when the table is there."""
-    grids = read_grids()
-    for claim in read_claims():
+    known = grids.read_grids()
+    for claim in claims:
         cells = [(table, row) for each in claim.measured for table, row in each.places]
         for name, row in [*cells, *(place[:2] for place in REFERENCE.findall(claim.because))]:
-            if grid := grids.get(MADE_WITH.sub("", name)):
-                assert row in [known.name for known in grid.rows], f"{claim.id}: {name}, {row}"
+            if grid := known.get(MADE_WITH.sub("", name)):
+                assert row in [each.name for each in grid.rows], f"{claim.id}: {name}, {row}"

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import sys
 from pathlib import Path
 
 import torch
@@ -35,9 +34,10 @@ class Line(Objective):
         return float(network.weight.detach().sum())
 
 
-if __name__ == "__main__":  # one of several processes
+def one_of_several(folder: Path) -> None:
+    """A process of several that train together; it leaves its weights in the folder."""
     torch.set_num_threads(1)
-    line, folder = Line(), Path(sys.argv[1])
+    line = Line()
     list(train(lambda learnt: line, SETTINGS, folder))
     torch.save(line.network.weight.detach()[0], folder / f"{os.environ['RANK']}.pt")
     torch.distributed.destroy_process_group()

@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-import os
 import socket
-import subprocess
-import sys
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -19,8 +16,9 @@ from mwlib.experiments import load_run, train_run
 from mwlib.prediction.objective import PredictionObjective
 from mwlib.training import CHECKPOINT, MODEL, TrainingConfig, learning_rate, read_model, seeded, train
 from mwlib.training.checkpoint import load_tensors
+from tests.forked import started
 from tests.sample_settings import small, two_people
-from tests.training.line import SETTINGS, Line
+from tests.training.line import SETTINGS, Line, one_of_several
 
 ROOT = Path(__file__).parents[2]
 
@@ -152,15 +150,16 @@ def test_two_processes_share_each_batch(tmp_path):
     with socket.socket() as free:
         free.bind(("127.0.0.1", 0))
         port = free.getsockname()[1]
-    shared = {**os.environ, "PYTHONPATH": ".", "OMP_NUM_THREADS": "1", "ACCELERATE_USE_CPU": "true", "WORLD_SIZE": "2"}
+    shared = {"OMP_NUM_THREADS": "1", "ACCELERATE_USE_CPU": "true", "WORLD_SIZE": "2"}
     shared |= {"MASTER_ADDR": "127.0.0.1", "MASTER_PORT": str(port), "GLOO_SOCKET_IFNAME": "lo"}
-    command = [sys.executable, "-m", "tests.training.line", str(tmp_path)]
+    logs = [tmp_path / f"{rank}.log" for rank in "01"]
     processes = [
-        subprocess.Popen(command, env={**shared, "RANK": rank, "LOCAL_RANK": rank}, cwd=ROOT, stderr=subprocess.PIPE, text=True)
-        for rank in "01"
+        started(one_of_several, tmp_path, log=log, cwd=ROOT, env={**shared, "RANK": log.stem, "LOCAL_RANK": log.stem})
+        for log in logs
     ]
-    errors = [process.communicate(timeout=300)[1] for process in processes]
-    assert [process.returncode for process in processes] == [0, 0], "\n".join(errors)
+    for process in processes:
+        process.join(300)
+    assert [process.exitcode for process in processes] == [0, 0], "\n".join(log.read_text() for log in logs)
     weights = [torch.load(tmp_path / f"{rank}.pt") for rank in "01"]
     w, average = by_hand(SETTINGS, processes=2)
     assert torch.equal(*weights)

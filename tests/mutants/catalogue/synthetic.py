@@ -76,6 +76,6 @@ MUTANTS = [
         ("the-last-attempt-is-kept", "len(missed) < len(found[k][0])", "True"),
         ("what-it-does-besides", '{"then": "nothing"} | wanted', "wanted"),
         ("made-again-for-nothing", "if not (left := [k for k in left if found[k][0]]):", "if not left:"),
-        ("long-motions-unbounded", ", model.lengths[1])", ", 10**6)"),
+        ("long-motions-unbounded", ", longest) for one in usual]", ", 10**6) for one in usual]"),
     ),
 ]  # fmt: skip

@@ -56,8 +56,8 @@ MUTANTS = [
     ),
     *of(
         "training/checkpoint.py", "experiments/test_believed_runs.py",
-        ("any-weights-are-the-models", "same = same and all(", "same = same or all("),
-        ("curves-are-not-mended", "or read_curves(folder) != json.loads(", "or False and json.loads("),
+        ("any-weights-are-the-models", "or (folder / name).read_bytes() != content:", "or False:"),
+        ("curves-are-not-mended", "for name, content in finished.items():", "for name, content in [*finished.items()][:1]:"),
         ("any-hash-will-do", 'if (found := cfg.training_hash()) == (key := about.get("key")):',
          'if (found := cfg.training_hash()) and (key := about.get("key")):'),
         ("no-remedy", "remedy = again *", "remedy = '' *"),
