@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from copy import deepcopy
 from functools import cache
 
 import torch
@@ -32,12 +33,17 @@ def two_people() -> Split:
     return Split(motions[:12], motions[12:], [])
 
 
+_OBJECTIVES: dict[str, PredictionObjective] = {}  # one for all settings of the sampling
+
+
 def untrained(**changes) -> Predictor:
     """A predictor that does something without a training: random weights also where a training starts from zero."""
     cfg = small(**changes)
-    objective = PredictionObjective(cfg, two_people())
+    if cfg.training_hash() not in _OBJECTIVES:
+        _OBJECTIVES[cfg.training_hash()] = PredictionObjective(cfg, two_people())
+    objective = _OBJECTIVES[cfg.training_hash()]
+    network, generator = deepcopy(objective.network), torch.Generator().manual_seed(0)
     with torch.no_grad():
-        generator = torch.Generator().manual_seed(0)
-        for parameter in objective.network.parameters():
+        for parameter in network.parameters():
             parameter.normal_(std=0.1, generator=generator)
-    return Predictor(objective.network, objective.representation, cfg, objective.bodies)
+    return Predictor(network, objective.representation, cfg, objective.bodies)

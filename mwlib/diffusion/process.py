@@ -13,9 +13,9 @@ Level = Tensor | float  # alpha_bar of the items
 
 
 def _sigmoid(u: Tensor) -> Tensor:
-    start, end, tau = -3.0, 3.0, 0.7
-    low, high = torch.sigmoid(torch.tensor([start / tau, end / tau], dtype=u.dtype))
-    return (high - torch.sigmoid((u * (end - start) + start) / tau)) / (high - low)
+    """The sigmoid from -3 to 3 at a temperature of 0.7, falling from 1 to 0."""
+    low, high = torch.sigmoid(torch.tensor([-3 / 0.7, 3 / 0.7], dtype=u.dtype))
+    return (high - torch.sigmoid((6 * u - 3) / 0.7)) / (high - low)
 
 
 # Continuous alpha_bar at u in [0, 1]; "linear" is given by its betas instead.

@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Sequence
 from functools import partial
-from typing import Any, Literal, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import torch
@@ -16,7 +16,7 @@ from jaxtyping import Float
 from torch import Tensor
 
 from mwlib.diffusion.process import eps_of, noised, y0_hat_of
-from mwlib.settings import choice, whole
+from mwlib.settings import whole
 
 
 class WindowNoise:
@@ -81,20 +81,20 @@ def _levels(alpha_bar: Tensor, indices: Sequence[int], levels: Sequence[float] |
 
 
 def _estimate(
-    denoise: Denoise, y: Tensor, t: int, a: float, on_y0_hat: OnEstimate | None, read_at: float | None = None
+    denoise: Denoise, y: Tensor, t: int, a: float, alpha_bar: Schedule, on_y0_hat: OnEstimate | None
 ) -> tuple[Tensor, Tensor]:
     """Clean estimate and noise at index t; the noise is what leads from the estimate to y.
 
     Args:
         a: alpha_bar of y.
+        alpha_bar: at index t the network's noise is read as a clean estimate.
         on_y0_hat: changes the estimate.
-        read_at: alpha_bar at which the network's noise is read as a clean estimate; None = that of y.
     """
-    eps = denoise(y, t)
-    y0_hat = y0_hat_of(y, eps, a if read_at is None else read_at)
+    eps, told = denoise(y, t), float(alpha_bar[t])
+    y0_hat = y0_hat_of(y, eps, told)
     if on_y0_hat is not None:
         y0_hat = on_y0_hat(y0_hat)
-    if on_y0_hat is not None or read_at is not None:
+    if on_y0_hat is not None or told != a:
         eps = eps_of(y, y0_hat, a)
     return y0_hat, eps
 
@@ -149,7 +149,7 @@ def ddim(
         for time in range(repeats):
             if noise is not None and time > 0:
                 y = noised(y, noise(), a / a_prev)
-            y0_hat, eps = _estimate(denoise, y, t, a, on_y0_hat)
+            y0_hat, eps = _estimate(denoise, y, t, a, alpha_bar, on_y0_hat)
             y = (a_prev**0.5 * y0_hat).add_(max(1 - a_prev - sigma**2, 0.0) ** 0.5 * eps)
             if noise is not None and sigma > 0:
                 y = y + sigma * noise()
@@ -165,7 +165,6 @@ def dpm_solver(
     indices: Sequence[int],
     *,
     levels: Sequence[float] | None = None,
-    read_at: Literal["index", "level"] = "level",
     noise: Draw | None = None,
     on_y0_hat: OnEstimate | None = None,
     after_step: AfterStep | None = None,
@@ -184,10 +183,9 @@ def dpm_solver(
 
     Args:
         denoise, y, alpha_bar, indices, on_y0_hat, after_step: as in `ddim`; with `levels`, indices may repeat.
-        levels: alpha_bar of the state at each step; None = those of the indices.
-        read_at: the level at which eps is read as a clean estimate. "level": that of the state, as diffusers does for networks
-            that say eps. "index": that of the index told, right for networks that say y0 or v and were turned to eps by `to_eps`
-            there (diffusers' prediction_type "sample").
+        levels: alpha_bar of the state at each step; None = those of the indices. The noise is read as a clean estimate at the
+            index told: right for networks that say y0 or v and were turned to eps by `to_eps` there (diffusers' prediction_type
+            "sample").
         noise: draws a tensor like y, once a step but for the last; None for the solver without noise.
 
     Yields:
@@ -200,10 +198,9 @@ def dpm_solver(
     >>> torch.allclose(last.y, clean, atol=1e-5)
     True
     """
-    choice("read_at", read_at, ("index", "level"))
     h_last, last = 0.0, None  # length of the last step in lambda, and the clean estimate that it started from
     for t, a, a_prev in _levels(alpha_bar, indices, levels):
-        y0_hat, eps = _estimate(denoise, y, t, a, on_y0_hat, float(alpha_bar[t]) if read_at == "index" else None)
+        y0_hat, eps = _estimate(denoise, y, t, a, alpha_bar, on_y0_hat)
         if a_prev == 1:
             y = y0_hat
         else:
@@ -294,7 +291,6 @@ def sde_dpm_solver(
     steps: int,
     *,
     noise: Draw | None,
-    read_at: Literal["index", "level"] = "index",
     **hooks: Any,
 ) -> Iterator[Step]:
     """`dpm_solver` on Karras' levels: "sde-dpmsolver++" of diffusers with use_karras_sigmas and a final sigma of zero.
@@ -302,7 +298,7 @@ def sde_dpm_solver(
     Source: StableMoFusion samples so, with 10 steps.
 
     Args:
-        denoise, y, alpha_bar, noise, read_at: as in `dpm_solver`.
+        denoise, y, alpha_bar, noise: as in `dpm_solver`.
         steps: any number, see `karras_levels`.
         hooks: `on_y0_hat` and `after_step`, as in `dpm_solver`.
 
@@ -314,4 +310,4 @@ def sde_dpm_solver(
     True
     """
     indices, levels = zip(*karras_levels(alpha_bar, steps), strict=True)
-    return dpm_solver(denoise, y, alpha_bar, indices, levels=levels, noise=noise, read_at=read_at, **hooks)
+    return dpm_solver(denoise, y, alpha_bar, indices, levels=levels, noise=noise, **hooks)

@@ -71,7 +71,6 @@ def jerk(p: Samples, fps: Positive) -> PerWindow:
     >>> round(float(jerk(torch.stack([cubic, 0 * cubic, 0 * cubic], -1)[None, None], fps=10.0)), 3)
     6.0
     """
-    check_shapes(p, frames=4)
     return _jerks(p, fps).mean((1, 2, 3))
 
 
@@ -83,7 +82,6 @@ def median_jerk(p: Samples, fps: Positive) -> PerWindow:
     Raises:
         ValueError: as in `jerk`.
     """
-    check_shapes(p, frames=4)
     return _jerks(p, fps).mean((1, 3)).median(dim=1).values
 
 
@@ -126,6 +124,7 @@ def first_step(p: Samples, x_history: Past) -> PerWindow:
 
 def _jerks(p: Samples, fps: float) -> Float[Tensor, "N S _F J"]:
     """Of each joint between four neighbouring frames, m/s³."""
+    check_shapes(p, frames=4)
     return p.unflatten(-1, (-1, 3)).diff(n=3, dim=2).norm(dim=-1) * fps**3
 
 

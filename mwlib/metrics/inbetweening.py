@@ -56,7 +56,7 @@ def l2p(p: Frames, g: Frames, mean: Float[Tensor, " C"], deviation: Float[Tensor
     if not (deviation > 0).all():
         raise ValueError(f"the smallest deviation is {float(deviation.min()):g}; expected positive ones")
     mean, deviation = mean.to(p), deviation.to(p)
-    return torch.linalg.vector_norm((p - mean) / deviation - (g - mean) / deviation, dim=-1).mean(-1)
+    return ((p - mean) / deviation - (g - mean) / deviation).norm(dim=-1).mean(-1)
 
 
 def l2q(p: Turns, g: Turns) -> PerMotion:
@@ -82,7 +82,7 @@ def l2q(p: Turns, g: Turns) -> PerMotion:
     check_pair(p, g, axes=3)
     if p.shape[-1] != 4:
         raise ValueError(f"p has shape {tuple(p.shape)}; expected (..., F, J, 4), quaternions")
-    return torch.linalg.vector_norm((p - g).flatten(-2), dim=-1).mean(-1)
+    return (p - g).flatten(-2).norm(dim=-1).mean(-1)
 
 
 def continued(q: Turns, start: Float[Tensor, "*#lead J 4"]) -> Float[Tensor, "*lead F J 4"]:
@@ -97,9 +97,8 @@ def continued(q: Turns, start: Float[Tensor, "*#lead J 4"]) -> Float[Tensor, "*l
     if start.ndim != q.ndim - 1 or start.shape[-2:] != q.shape[-2:]:
         expected = f"one frame, (..., {', '.join(map(str, q.shape[-2:]))}) with {q.ndim - 1} axes, for {tuple(q.shape)}"
         raise ValueError(f"start has shape {tuple(start.shape)}; expected {expected}")
-    lead = torch.broadcast_shapes(q.shape[:-3], start.shape[:-2])
-    first = start.to(q)[..., None, :, :].expand(*lead, 1, *start.shape[-2:])
-    return continuous(torch.cat([first, q.expand(*lead, *q.shape[-3:])], dim=-3))[..., 1:, :, :]
+    against = (q[..., 0, :, :] * start.to(q)).sum(-1, keepdim=True) < 0
+    return continuous(q) * torch.where(against, -1.0, 1.0).to(q)[..., None, :, :]
 
 
 class NPSS:
@@ -175,13 +174,10 @@ def check_pair(p: Tensor, g: Tensor, axes: int) -> None:
     Raises:
         ValueError: the message has the shapes.
     """
-    if p.ndim != g.ndim or p.ndim < axes or p.shape[-axes:] != g.shape[-axes:] or 0 in p.shape[-axes:]:
+    fits = p.ndim == g.ndim >= axes and p.shape[-axes:] == g.shape[-axes:] and 0 not in p.shape[-axes:]
+    if not fits or any(a != b and 1 not in (a, b) for a, b in zip(p.shape, g.shape, strict=True)):
         hint = "equal but for leading axes of 1; for samples p (N, S, F, ...) give the truth as g[:, None]"
         raise ValueError(f"p has shape {tuple(p.shape)} and g {tuple(g.shape)}; expected them {hint}")
-    try:
-        torch.broadcast_shapes(p.shape, g.shape)
-    except RuntimeError:
-        raise ValueError(f"p has shape {tuple(p.shape)} and g {tuple(g.shape)}; expected as many sequences in both") from None
     _check_finite("p", p)
     _check_finite("g", g)
 
@@ -205,7 +201,7 @@ def seam_ratio(x: Moving) -> PerMotion:
     tensor(2.)
     """
     _check(x, frames=4)
-    step = torch.linalg.vector_norm(x.diff(dim=-2), dim=-1)
+    step = x.diff(dim=-2).norm(dim=-1)
     return (step[..., 0] + step[..., -1]) / 2 / step[..., 1:-1].mean(-1)
 
 

@@ -75,16 +75,16 @@ class MultimodalFutures(Sequence):
         return torch.tensor([len(m) for m in self.members])
 
 
-def multimodal_futures(
-    last: Float[Tensor, "N C"], futures: Truths, threshold: float = 0.5, *, chunk: int = 512
-) -> MultimodalFutures:
+_ROWS = 512  # of an N×N matrix of distances that are calculated at once
+
+
+def multimodal_futures(last: Float[Tensor, "N C"], futures: Truths, threshold: float = 0.5) -> MultimodalFutures:
     """Futures of all windows whose last observed pose is close: ‖last_j - last_i‖ < threshold, i itself included.
 
     Args:
         last: last observed frame of each window, metres. Distances are taken in float64.
         futures: their futures, metres; used as they are, no bone length is changed.
         threshold: metres over the C values; the papers use 0.5 (Human3.6M, HumanEva-I) and 0.4 (AMASS).
-        chunk: rows of the N×N distance matrix held at once.
 
     Source: DLow (Yuan and Kitani, 2020), as in HumanMAC's evaluation. Known answer for a correct Human3.6M file: 73 of
     the 5168 windows have no neighbour but themselves.
@@ -103,13 +103,13 @@ def multimodal_futures(
     check_finite("last", last)
     check_finite("futures", futures)
     poses, members = last.double(), []
-    for rows in poses.split(chunk):
+    for rows in poses.split(_ROWS):
         near = torch.cdist(rows, poses, compute_mode="donot_use_mm_for_euclid_dist") < threshold
         members.extend(near.nonzero()[:, 1].split(near.sum(1).tolist()))
     return MultimodalFutures(futures, members)
 
 
-def multimodal_apd(gs: MultimodalFutures, *, chunk: int = 512) -> PerWindow:
+def multimodal_apd(gs: MultimodalFutures) -> PerWindow:
     """APD of each multimodal set, metres; 0 for a set of one. Holds an N×N matrix of the sequence distances.
 
     Source: BeLFusion (Barquero et al., 2023). Known answer for a correct Human3.6M file at 0.5 m: mean 7.971, or 8.085
@@ -120,7 +120,7 @@ def multimodal_apd(gs: MultimodalFutures, *, chunk: int = 512) -> PerWindow:
     tensor([3., 3., 0.])
     """
     flat = gs.futures.flatten(1).double()
-    distance = torch.cat([torch.cdist(rows, flat).to(gs.futures.dtype) for rows in flat.split(chunk)])
+    distance = torch.cat([torch.cdist(rows, flat).to(gs.futures.dtype) for rows in flat.split(_ROWS)])
     distance.fill_diagonal_(0)
     return torch.stack([distance[m][:, m].sum() / max(len(m) * (len(m) - 1), 1) for m in gs.members])
 
@@ -197,7 +197,7 @@ def sample_ade(p: Samples, g: Truths) -> Float[Tensor, "N S"]:
         ValueError: shapes do not fit or a value is not finite; the message names the window.
     """
     check_shapes(p, g)
-    return torch.linalg.vector_norm(p - g[:, None], dim=-1).mean(-1)
+    return (p - g[:, None]).norm(dim=-1).mean(-1)
 
 
 def fde(p: Samples, g: Truths) -> PerWindow:

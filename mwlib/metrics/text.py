@@ -104,7 +104,7 @@ def mm_dist(text: Embeddings, motion: Embeddings) -> float:
     3.0
     """
     text, motion = _pairs(text, motion)
-    return float(torch.linalg.vector_norm(text - motion, dim=-1).mean())
+    return float((text - motion).norm(dim=-1).mean())
 
 
 def diversity(x: Embeddings, pairs: int = 300, generator: torch.Generator | None = None) -> float:
@@ -147,7 +147,7 @@ def multimodality(x: Float[Tensor, "texts samples E"], pairs: int = 10, generato
     if generator is None or not 1 <= pairs < count:
         raise ValueError(f"{pairs} pairs of {count} items, {generator}; expected fewer pairs than items, and a generator")
     first, second = (torch.randperm(count, generator=generator)[:pairs] for _ in range(2))
-    return float(torch.linalg.vector_norm(x[:, first] - x[:, second], dim=-1).mean())
+    return float((x[:, first] - x[:, second]).norm(dim=-1).mean())
 
 
 def confidence(values: Float[Tensor, "R *rest"] | Sequence[float]) -> Float[Tensor, "*rest"]:

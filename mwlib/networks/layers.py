@@ -3,6 +3,7 @@
 import math
 from collections.abc import Iterator
 from contextlib import contextmanager, nullcontext
+from copy import deepcopy
 from typing import Literal, TypeVar
 
 import torch
@@ -66,7 +67,7 @@ def check_width(width: int, heads: int, name: str = "width") -> None:
 
 
 def attend(
-    qkv: Float[Tensor, "B L three_widths"], heads: int, dropout: float, mask: Float[Tensor, "B L"] | None = None
+    qkv: Float[Tensor, "B L three_widths"], heads: int, dropout: float, mask: Bool[Tensor, "B L"] | None = None
 ) -> tuple[Tokens, Tensor, Tensor]:
     """What fused attention makes of queries, keys and values side by side; and queries and keys, (B, heads, L, width/heads).
 
@@ -74,11 +75,11 @@ def attend(
         qkv: the three for each token.
         heads: among which each is shared.
         dropout: of the weights.
-        mask: added to the products with each token: 0, or -inf for padding.
+        mask: True = a token that others may look at; None = all of them.
     """
     q, k, v = qkv.unflatten(-1, (3, heads, -1)).permute(2, 0, 3, 1, 4)
-    added = None if mask is None else mask[:, None, None].to(q.dtype)
-    return F.scaled_dot_product_attention(q, k, v, attn_mask=added, dropout_p=dropout).transpose(1, 2).flatten(-2), q, k
+    seen = None if mask is None else mask[:, None, None]
+    return F.scaled_dot_product_attention(q, k, v, attn_mask=seen, dropout_p=dropout).transpose(1, 2).flatten(-2), q, k
 
 
 Precision = Literal["float32", "tf32", "bf16"]
@@ -142,18 +143,14 @@ class _Layer(nn.TransformerEncoderLayer):
         super().__init__(width, heads, feedforward, attention_dropout, "gelu", batch_first=True)
         self.after = Dropout(dropout)
 
-    def forward(
-        self,
-        src: Tokens,
-        src_mask: None = None,
-        src_key_padding_mask: Float[Tensor, "B L"] | None = None,
-        is_causal: bool = False,
+    def forward(  # pyright: ignore[reportIncompatibleMethodOverride]  (no mask but that of padding)
+        self, x: Tokens, mask: Bool[Tensor, "B L"] | None
     ) -> Tokens:
-        """Tokens after the layer; as torch's, with numbers in the mask (0 or -inf) and none but that of padding."""
+        """Tokens after the layer; the mask is that of `attend`."""
         attention = self.self_attn
-        qkv = F.linear(src, attention.in_proj_weight, attention.in_proj_bias)
-        mixed, *_ = attend(qkv, attention.num_heads, attention.dropout if self.training else 0.0, src_key_padding_mask)
-        x = self.norm1(src + self.after(attention.out_proj(mixed)))
+        qkv = F.linear(x, attention.in_proj_weight, attention.in_proj_bias)
+        mixed, *_ = attend(qkv, attention.num_heads, attention.dropout if self.training else 0.0, mask)
+        x = self.norm1(x + self.after(attention.out_proj(mixed)))
         return self.norm2(x + self.after(self.linear2(self.after(F.gelu(self.linear1(x))))))
 
 
@@ -178,8 +175,7 @@ class Encoder(nn.Module):
         super().__init__()
         check_width(width, heads)
         layer = _Layer(width, heads, feedforward, dropout, dropout if attention_dropout is None else attention_dropout)
-        # a nested tensor would drop what is masked, and warn that it is a prototype
-        self.stack = nn.TransformerEncoder(layer, layers, enable_nested_tensor=False) if layers else None
+        self.stack = nn.ModuleDict({"layers": nn.ModuleList(deepcopy(layer) for _ in range(layers))})  # named as torch's
 
     def forward(self, x: Tokens, mask: Bool[Tensor, "B L"] | None) -> Tokens:
         """Tokens after all layers.
@@ -188,6 +184,6 @@ class Encoder(nn.Module):
             x: tokens.
             mask: True = a token that others may look at, at least one per row; None = all of them.
         """
-        if self.stack is None:
-            return x
-        return self.stack(x, src_key_padding_mask=None if mask is None else ~mask)
+        for layer in self.stack["layers"].children():
+            x = layer(x, mask)
+        return x

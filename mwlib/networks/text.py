@@ -140,24 +140,15 @@ class WordTransformer(_WordEncoder):
     Args:
         vocabulary: words as `words_of` splits them. All others share one token.
         width: E, an even multiple of `heads`.
-        layers: of the transformer; with 0 a sentence is a bag of words with their places.
-        heads, dropout: of the transformer.
         forget: share of the words that training replaces by the shared token, which otherwise learns nothing.
+        transformer: layers (with 0 a sentence is a bag of words with their places), heads and dropout.
 
     Raises:
         ValueError: no word, one twice, or one that `words_of` would split or change.
     """
 
-    def __init__(
-        self,
-        vocabulary: Sequence[str],
-        width: int = 128,
-        layers: int = 2,
-        heads: int = 4,
-        dropout: float = 0.1,
-        forget: float = 0.0,
-    ) -> None:
-        super().__init__(width, layers, heads, dropout)
+    def __init__(self, vocabulary: Sequence[str], width: int = 128, forget: float = 0.0, **transformer: Any) -> None:
+        super().__init__(width, **transformer)
         plain = {word for word in vocabulary if words_of(word) == [word]}
         if not 0 < len(plain) == len(vocabulary):
             found = (
@@ -246,6 +237,7 @@ class HashedNgrams(_WordEncoder):
 
 CLIP_CONTEXT = 77  # tokens of CLIP, start and end included
 CLIP_SOURCE = "https://huggingface.co/openai/clip-vit-base-patch32"
+CLIP_KEPT = 10_000  # sentences whose vectors are held, as the tower is slow on a CPU (12 layers) and never changes
 CLIP_FILES = (("config.json",), ("model.safetensors", "pytorch_model.bin"), ("tokenizer.json", "vocab.json"))  # one of each
 
 
@@ -273,7 +265,6 @@ class ClipText(TextEncoder):
         folder: holds the files of https://huggingface.co/openai/clip-vit-base-patch32.
         longest: tokens between start and end that are kept, at most 75; 20 as MDM, 75 as StableMoFusion.
         padded: give all 77 places as tokens, padding as CLIP encodes it, as StableMoFusion does.
-        keep: sentences whose vectors are held, as the tower is slow on a CPU (12 layers) and never changes.
 
     Raises:
         ImportError: the library is missing; the message says how to install it.
@@ -281,9 +272,9 @@ class ClipText(TextEncoder):
         ValueError: the folder holds another tower or lacks weights.
     """
 
-    def __init__(self, folder: str | Path, longest: int = 20, padded: bool = False, keep: int = 10_000) -> None:
+    def __init__(self, folder: str | Path, longest: int = 20, padded: bool = False) -> None:
         super().__init__()
-        self.longest, self.padded, self.keep = longest, padded, keep
+        self.longest, self.padded = longest, padded
         self._tower = _opened(Path(folder))
         config = self._tower.network.config
         self.width = int(config.hidden_size)
@@ -306,11 +297,11 @@ class ClipText(TextEncoder):
             ValueError: a single string instead of several, or none.
         """
         check_sentences(texts)
-        known, device = self._tower.known, next(self._tower.network.parameters()).device
+        known, device = self._tower.known, self._tower.network.device
         if new := [text for text in dict.fromkeys(texts) if text not in known]:
             known |= self._encode_new(new)
         rows, pooled = zip(*(known[text] for text in texts), strict=True)
-        for text in [*known][: max(len(known) - self.keep, 0)]:  # those that came first
+        for text in [*known][: max(len(known) - CLIP_KEPT, 0)]:  # those that came first
             del known[text]
         tokens = nn.utils.rnn.pad_sequence([*rows], batch_first=True)
         mask = torch.arange(tokens.shape[1]) < torch.tensor([*map(len, rows)])[:, None]
@@ -320,7 +311,7 @@ class ClipText(TextEncoder):
     def _encode_new(self, texts: Sequence[str]) -> dict[str, tuple[Tensor, Tensor]]:
         rows = self.ids(texts)
         numbers = _filled(rows, CLIP_CONTEXT if self.padded else 0)  # as by OpenAI
-        out = self._tower.network(input_ids=numbers.to(next(self._tower.network.parameters()).device))
+        out = self._tower.network(input_ids=numbers.to(self._tower.network.device))
         told = zip(texts, rows, out.last_hidden_state.cpu(), out.text_embeds.cpu(), strict=True)
         return {text: (x[: None if self.padded else len(row)].clone(), pooled.clone()) for text, row, x, pooled in told}
 

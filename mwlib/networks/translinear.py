@@ -55,6 +55,17 @@ class Block(nn.Module):
         return x, torch.softmax(q @ k.transpose(-1, -2) / math.sqrt(q.shape[-1]), dim=-1)
 
 
+def check_sizes(width: int, heads: int, layers: int) -> None:
+    """Refuse sizes that `TransLinear` cannot have.
+
+    Raises:
+        ValueError: odd `layers`, or `width` not an even multiple of `heads`.
+    """
+    check_width(width, heads)
+    if layers % 2:
+        raise ValueError(f"layers is {layers}; expected an even number (long skips pair the blocks)")
+
+
 class TransLinear(nn.Module):
     """Predict the noise in coefficients from them, the diffusion index and, optionally, a condition.
 
@@ -75,7 +86,7 @@ class TransLinear(nn.Module):
         conditioned: whether there is a layer for a condition at all.
 
     Raises:
-        ValueError: odd `layers`, or `width` not an even multiple of `heads`.
+        ValueError: as in `check_sizes`.
     """
 
     def __init__(
@@ -92,9 +103,7 @@ class TransLinear(nn.Module):
         conditioned: bool = True,
     ) -> None:
         super().__init__()
-        if layers % 2:
-            raise ValueError(f"layers is {layers}; expected an even number (long skips pair the blocks)")
-        check_width(width, heads)
+        check_sizes(width, heads, layers)
         self.rows, self.columns, self.width = rows, columns, width
         self.time = nn.Sequential(nn.Linear(width, width), nn.SiLU(), nn.Linear(width, width))
         self.condition = nn.Linear(columns * rows, width) if conditioned else None
@@ -129,8 +138,7 @@ class TransLinear(nn.Module):
         added = None if condition is None else self.embed_condition(condition.reshape(items.shape))
         if added is not None and keep is not None:
             added = added * keep.reshape(-1, 1)
-        each = t.reshape(-1) if isinstance(t, Tensor) else t
-        out, attention = self.evaluate(items, each, added, attention_rows=len(items) if return_attention else 0)
+        out, attention = self.evaluate(items, t, added, attention_rows=len(items) if return_attention else 0)
         out = out.reshape(y_t.shape)
         return out if attention is None else (out, attention.reshape(*y_t.shape[:-2], *attention.shape[1:]))
 
@@ -140,13 +148,13 @@ class TransLinear(nn.Module):
             raise ValueError("the network was built without a layer for a condition; expected none")
         return self.condition(condition.flatten(-2))
 
-    def embed_time(self, t: Int[Tensor, " B"] | int) -> Embedding:
+    def embed_time(self, t: Int[Tensor, ...] | int) -> Embedding:
         """Sinusoids of the diffusion index, cosines first, through a two-layer network."""
         waves = sinusoids(torch.as_tensor(t, device=self.position.device).reshape(-1), self.width).to(self.position)
         return self.time(torch.cat([waves[:, 1::2], waves[:, ::2]], dim=-1))
 
     def evaluate(
-        self, y_t: Float[Tensor, "B rows entering"], t: Int[Tensor, " B"] | int, added: Embedding | None, attention_rows: int = 0
+        self, y_t: Float[Tensor, "B rows entering"], t: Int[Tensor, ...] | int, added: Embedding | None, attention_rows: int = 0
     ) -> tuple[Float[Tensor, "B rows columns"], Tensor | None]:
         """Forward pass with the condition embedded already (zeros = unconditional), and extra columns beside the coefficients.
 

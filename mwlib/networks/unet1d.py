@@ -14,7 +14,7 @@ from mwlib.networks.text import EncodedText
 GROUPS = 8  # of the group norms
 Frames = Float[Tensor, "B C T"]
 Time = Float[Tensor, "B E"]  # embedded
-Kept = Float[Tensor, "*valid"]  # (B, 1, T): 1 where the frame, or one of those that it stands for, is valid; or a 1 for all
+Kept = Float[Tensor, "B 1 T"]  # 1 where the frame, or one of those that it stands for, is valid
 
 
 class FrameNorm(nn.GroupNorm):
@@ -160,8 +160,7 @@ class ConditionalUNet(nn.Module):
         mask_frames: bool = True,
     ) -> None:
         super().__init__()
-        widths = [base * m for m in multipliers]
-        check_channels(base, multipliers, heads)
+        widths = check_channels(base, multipliers, heads)
         self.mask_frames, self.multiple = mask_frames, 2 ** len(widths)
         self.time = nn.Sequential(nn.Linear(time_width, 4 * time_width), nn.Mish(), nn.Linear(4 * time_width, time_width))
         self.times: Tensor
@@ -193,10 +192,11 @@ class ConditionalUNet(nn.Module):
             text: sentences; `tokens` and `mask` are read.
             drop: samples that are told no sentence; None = none of them.
         """
-        frames = y_t.shape[1]
-        x = y_t.masked_fill(~mask[..., None], 0.0) if self.mask_frames else y_t
-        x = F.pad(x.transpose(1, 2), (0, -frames % self.multiple))
-        valid = self._valid(mask, x)
+        frames, all_count = y_t.shape[1], not self.mask_frames
+        missing = -frames % self.multiple
+        mask = F.pad(mask | all_count, (0, missing), value=all_count)[:, None]
+        x = F.pad(y_t.transpose(1, 2), (0, missing)).masked_fill(~mask, 0.0)
+        valid = [mask[..., :: 2**level].to(x) for level in range(len(self.downs) + 1)]
         time, conditioning = self.time(self.times[t]), self._conditioning(text, drop)
         held = []
         for level, (blocks, shrink) in enumerate(zip(self.downs, self.shrink, strict=True)):
@@ -208,11 +208,6 @@ class ConditionalUNet(nn.Module):
             x = torch.cat([grow(x) * valid[level], held[level]], dim=1)
             x = _through(blocks, x, time, valid[level], conditioning)
         return self.leave(x)[..., :frames].transpose(1, 2)
-
-    def _valid(self, mask: Valid, x: Float[Tensor, "B C T2"]) -> list[Kept]:
-        """On each level, 1 where at least one frame below is valid."""
-        padded = F.pad(mask, (0, x.shape[-1] - mask.shape[-1]))[:, None].to(x)
-        return [padded[..., :: 2**level] if self.mask_frames else x.new_ones(()) for level in range(len(self.downs) + 1)]
 
     def _conditioning(self, text: EncodedText, drop: Dropped | None) -> _Conditioning | None:
         told = torch.ones_like(text.mask[:, 0]) if drop is None else ~drop
@@ -229,8 +224,8 @@ def _through(blocks: nn.Module, x: Tensor, *given: object) -> Tensor:
     return x
 
 
-def check_channels(base: int, multipliers: Sequence[int], heads: int = 8) -> None:
-    """Refuse channels that `ConditionalUNet` cannot have.
+def check_channels(base: int, multipliers: Sequence[int], heads: int = 8) -> list[int]:
+    """The channels of each level, if `ConditionalUNet` can have them.
 
     Raises:
         ValueError: no level, or channels that are no multiple of 8 and of `heads`, or below 16.
@@ -239,3 +234,4 @@ def check_channels(base: int, multipliers: Sequence[int], heads: int = 8) -> Non
     if not widths or any(w < 2 * GROUPS or w % GROUPS or w % heads for w in widths):  # alone in its group a channel is 0
         wanted = f"multiples of {GROUPS} from {2 * GROUPS} on, and of heads ({heads})"
         raise ValueError(f"channels are {widths}; expected one number per level, {wanted}")
+    return widths

@@ -10,6 +10,7 @@ from mwlib.data.sources import SourceConfig
 from mwlib.diffusion.config import DiffusionConfig
 from mwlib.diffusion.process import check_indices
 from mwlib.networks.layers import Precision
+from mwlib.networks.translinear import check_sizes
 from mwlib.settings import Advanced, BelowOne, Count, Natural, NotNegative, OneOf, Positive, Settings, Share
 from mwlib.training.config import TrainingConfig
 
@@ -72,12 +73,6 @@ PRESETS: dict[str, dict[str, Any]] = {
         tabg_scale=0.0, wmsg="off",
     ),
 }  # fmt: skip
-
-# Names of settings before version 0.2, and today's.
-RENAMED = {
-    "latent": "width", "target": "representation", "cfg_weight": "guidance_weight", "cfg_form": "guidance_form",
-}  # fmt: skip
-
 
 Method = Literal["diffusion", "zero_velocity", "constant_velocity", "nearest_history", "nearest_displacement", "truth"]
 
@@ -221,9 +216,8 @@ class Config(Settings):
         if s.ddim_steps >= d.steps:
             raise ValueError(f"ddim_steps is {s.ddim_steps}; expected fewer than steps ({d.steps})")
         check_indices("ddim_steps", d.schedule, d.steps, s.ddim_steps, s.spacing)
+        check_sizes(m.width, m.heads, m.layers)
         rules = (
-            (m.width % m.heads or m.width % 2, f"width is {m.width}; expected an even multiple of heads ({m.heads})"),
-            (m.layers % 2, f"layers is {m.layers}; expected an even number (long skips pair the blocks)"),
             (s.tabg_window % 2 == 0, f"tabg_window is {s.tabg_window}; expected an odd number"),
             (m.transform.endswith("phase") and s.wmsg == "every_step",
              "wmsg is 'every_step' with phase codes; expected 'off' or 'y0_hat': the autoencoder would take the noise away"),

@@ -12,6 +12,7 @@ from torch import Tensor
 from mwlib.body.skeleton import Skeleton
 from mwlib.diffusion import Mask, OnEstimate, masked, pasted
 from mwlib.prediction.predictor import Predictor
+from mwlib.settings import choice
 
 _STREAM = 1912  # own stream of noise beside the sampler's
 
@@ -103,14 +104,13 @@ def controlled(
     count = round(active * len(indices))
     reached = [-1.0, *predictor.alpha_bar[indices[1:]].tolist(), 1.0]  # alpha_bar after so many steps
     own = int(np.random.SeedSequence((seed, _STREAM)).generate_state(1)[0])
-    known = x_target.where(x_target.isfinite(), 0.0)  # what the mask leaves free may be unknown
 
     def imposed(part: slice, history: Tensor) -> dict[str, Any]:
         """Hooks of the sampler for a part of the windows."""
-        target = representation.modelled(known[part].to(history), history)
+        target = representation.modelled(x_target[part].to(history), history)
         if space == "y0_hat":
             return {"on_y0_hat": _first(pasted(predictor.transform, target, mask), count)}
-        noise = predictor.noise(own, range(len(known))[part], samples)
+        noise = predictor.noise(own, range(len(x_target))[part], samples)
         return {"after_step": masked(predictor.transform, target, mask, noise, reached[count])}
 
     past = x_target[:, : representation.history] if x_history is None else x_history
@@ -125,8 +125,7 @@ def _check(x_target: Tensor, mask: Mask, active: float, space: str) -> None:
         raise ValueError(f"mask has values from {float(mask.min()):g} to {float(mask.max()):g}; expected 0 to 1")
     if not x_target[:, mask > 0].isfinite().all():
         raise ValueError("x_target is not finite where the mask holds; expected metres")
-    if space not in ("y_t", "y0_hat"):
-        raise ValueError(f"space is {space!r}; expected 'y_t' or 'y0_hat'")
+    choice("space", space, ("y_t", "y0_hat"))
     if not 0 <= active <= 1:
         raise ValueError(f"active is {active}; expected 0 to 1")
 

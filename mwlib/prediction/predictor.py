@@ -76,8 +76,7 @@ def _tensor(source: Tensor | np.ndarray) -> Tensor:
     if isinstance(source, np.ndarray):
         if source.dtype.kind not in "fiu":
             raise ValueError(f"source is an array of {source.dtype}; expected real numbers")
-        wide = source.astype(np.float32 if source.dtype.itemsize <= 4 else np.float64)
-        return torch.from_numpy(np.ascontiguousarray(np.ma.filled(wide, np.nan)))
+        return torch.from_numpy(np.ma.filled(source.astype(np.float64, order="C"), np.nan))
     x = source
     if x.is_complex() or x.dtype == torch.bool or x.layout != torch.strided or x.is_meta or x.is_quantized or x.is_nested:
         raise ValueError(f"source is a tensor of {x.dtype}, {x.layout}, on {x.device}; expected a dense one of real numbers")
@@ -276,12 +275,15 @@ class Predictor(TrainedModel):
             y: coefficients, as `sampled` yields them.
             x_history: the observed frames that they continue, metres.
         """
-        continuation = self.continuation if self.sampling.decoding == "continued" else None
-        future = self.representation.decode_future(y, x_history, continuation)
+        seen = self.representation
+        if self.sampling.decoding == "continued":
+            future = seen.continued(y, x_history, self.continuation)
+        else:
+            future = seen.decode(y, x_history)[:, :, seen.history :]
         if self.sampling.bones == "free":
             return future
-        seen, drawn = (bones_of(x, self.bodies.skeleton).norm(dim=-1) for x in (x_history[:, -1], future))
-        return scale_bones(future, seen[:, None, None] / drawn.clamp_min(1e-6), self.bodies.skeleton)
+        observed, drawn = (bones_of(x, self.bodies.skeleton).norm(dim=-1) for x in (x_history[:, -1], future))
+        return scale_bones(future, observed[:, None, None] / drawn.clamp_min(1e-6), self.bodies.skeleton)
 
     @property
     def continuation(self) -> Continuation:
@@ -364,8 +366,7 @@ def predicted_motions(
 
 
 def _joined(observed: Motion, future: Float[Tensor, "F C"]) -> Motion:
-    joints = future.numpy().reshape(len(future), -1, 3)
-    root = observed.positions[-1, :1]
-    ahead = np.concatenate([np.zeros_like(joints[:, :1]), joints], axis=1) + root
+    joints = np.pad(future.numpy().reshape(len(future), -1, 3), ((0, 0), (1, 0), (0, 0)))  # the root, held
+    ahead = joints + observed.positions[-1, :1]
     positions = np.concatenate([observed.positions, ahead.astype(observed.positions.dtype)])
     return replace(observed, positions=positions, rig=None)

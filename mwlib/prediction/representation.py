@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import torch
@@ -14,6 +13,7 @@ from mwlib.body.kinematics import heading, turn_heading
 from mwlib.body.motion import Motion
 from mwlib.body.skeleton import Skeleton
 from mwlib.data.windows import Bodies, TrainingWindows, Variation
+from mwlib.diffusion.conditioning import beside_samples
 from mwlib.prediction.config import Config, ModelConfig, WindowConfig
 from mwlib.training.checkpoint import part
 
@@ -26,6 +26,7 @@ import numpy as np
 from mwlib.transforms.linear import Constant, pad_history
 
 Observed = Float[Tensor, "N H C"]
+Seen = Float[Tensor, "*n H C"]  # with an axis for the samples, or without
 Whole = Float[Tensor, "N *S T C"]
 SCALES = ("mean", "deviation", "condition_mean", "condition_deviation")
 # Windows at a time of which a periodic autoencoder learns. Own choice: four, as in equal time many small steps lose less.
@@ -33,54 +34,53 @@ LEARNING_WINDOWS = {"phase": 16, "straight_phase": 4}
 SCALE_WINDOWS = 2048  # drawn for the scales: deviations are then known to 1.6 %, whatever the size of the data
 
 
-@dataclass(frozen=True)
 class Representation:
     """Windows to coefficients and back, as a network sees them.
 
+    `motion` is the scaled transform of what is modelled, `condition` that of the padded history, `history` and `frames` are H
+    and T. `relative` says to what the motion is modelled: nothing ("pose"), its last observed pose ("displacement"), or what is
+    observed, and then a pose that relaxes from the last observed one to the resting one ("relaxing"), of whose difference a
+    share 1/e is left after `fade` frames. `facing` are bodies whose motions are turned so that the hips of the last observed
+    pose lie along the first horizontal axis; None: motions are modelled as they face.
+
     Args:
-        motion: scaled transform of what is modelled.
-        condition: scaled transform of the padded history.
-        history, frames: H and T.
-        relative: to what the motion is modelled: nothing ("pose"), its last observed pose ("displacement"), or what is
-            observed, and then a pose that relaxes from the last observed one to the resting one ("relaxing").
-        rest: the resting pose (C,), the mean over training windows.
-        fade: frames after which a share 1/e of the last observed pose is left.
-        facing: bodies whose motions are turned so that the hips of the last observed pose lie along the first horizontal
-            axis; None = motions are modelled as they face.
+        base: the frequency view, fitted if it is one that is fitted.
+        learnt: the scales and, for "relaxing", the resting pose "rest" (C,), the mean over training windows.
+        cfg: lengths, and what is modelled.
+        bodies: whose motions.
     """
 
-    motion: ScaledTransform
-    condition: ScaledTransform
-    history: int
-    frames: int
-    relative: str
-    rest: Float[Tensor, " C"]
-    fade: float
-    facing: Bodies | None = None
+    def __init__(self, base: Transform, learnt: Mapping[str, Tensor], cfg: Config, bodies: Bodies) -> None:
+        scales = [learnt[f"scale.{name}"] for name in SCALES]
+        self.motion, self.condition = ScaledTransform(base, *scales[:2]), ScaledTransform(base, *scales[2:])
+        self.history, self.frames, self.relative = cfg.windows.history, cfg.windows.frames, cfg.model.representation
+        self.fade, self.facing = cfg.model.fade_seconds * bodies.fps, bodies if cfg.model.heading == "body" else None
+        self._learnt = learnt
 
-    def origin(self, x_history: Observed) -> Float[Tensor, "N _T C"]:
+    def origin(self, x_history: Seen) -> Float[Tensor, "*n _T C"]:
         """What the modelled motion is relative to, for all frames or for each; of turned histories, where they are turned."""
-        last = x_history[:, -1:]
+        last = x_history[..., -1:, :]
         if self.relative == "pose":
             return torch.zeros_like(last)
         if self.relative == "displacement":
             return last
-        rest = self.rest.to(last)
+        rest = self._learnt["rest"].to(last)
         ahead = torch.arange(1, self.frames - self.history + 1).to(last)[:, None]
-        return torch.cat([x_history, rest + (last - rest) * torch.exp(-ahead / self.fade)], dim=1)
+        return torch.cat([x_history, rest + (last - rest) * torch.exp(-ahead / self.fade)], dim=-2)
 
     def modelled(self, x: Whole, x_history: Observed) -> Whole:
         """Motions, metres, as what is transformed: turned, minus their origin."""
-        return turned(x, x_history, self.facing, -1) - self._origin(x_history, x.ndim)
+        seen = beside_samples(x_history, x)
+        return turned(x, seen, self.facing, -1) - self.origin(self._turned(seen))
 
     def placed(self, r: Whole, x_history: Observed) -> Whole:
         """Inverse of `modelled`."""
-        return turned(r + self._origin(x_history, r.ndim), x_history, self.facing, 1)
+        seen = beside_samples(x_history, r)
+        return turned(r + self.origin(self._turned(seen)), seen, self.facing, 1)
 
-    def _origin(self, x_history: Observed, axes: int) -> Tensor:
-        """`origin` of histories as they face, with an axis for the samples where motions have one."""
-        origin = self.origin(turned(x_history, x_history, self.facing, -1))
-        return origin if axes == 3 else origin[:, None]
+    def _turned(self, x_history: Seen) -> Seen:
+        """Histories as the model sees them."""
+        return turned(x_history, x_history, self.facing, -1)
 
     def encode(self, x: Float[Tensor, "N T C"]) -> Float[Tensor, "N rows columns"]:
         """Whole windows, metres, to scaled coefficients."""
@@ -88,27 +88,23 @@ class Representation:
 
     def encode_history(self, x_history: Observed) -> Float[Tensor, "N rows columns"]:
         """Observed frames, held over the future, to the coefficients of the condition."""
-        return self.condition(pad_history(turned(x_history, x_history, self.facing, -1), self.frames))
+        return self.condition(pad_history(self._turned(x_history), self.frames))
 
     def decode(self, y: Float[Tensor, "N S rows columns"], x_history: Observed) -> Float[Tensor, "N S T C"]:
         """Coefficients to whole motions (T frames), metres."""
         return self.placed(self.motion.inverse(y), x_history)
 
-    def decode_future(
-        self, y: Float[Tensor, "N S rows columns"], x_history: Observed, continuation: Continuation | None
+    def continued(
+        self, y: Float[Tensor, "N S rows columns"], x_history: Observed, continuation: Continuation
     ) -> Float[Tensor, "N S F C"]:
-        """Coefficients to futures, metres: cut from the inverse, or continuing what was observed."""
-        if continuation is None:
-            return self.decode(y, x_history)[:, :, self.history :]
-        seen = turned(x_history, x_history, self.facing, -1)
-        future = continuation(y, seen[:, None], self.origin(seen)[:, None])
-        return turned(future, x_history, self.facing, 1)
+        """Coefficients to futures, metres, that continue what was observed."""
+        x_history = x_history[:, None]
+        seen = self._turned(x_history)
+        return turned(continuation(y, seen, self.origin(seen)), x_history, self.facing, 1)
 
     def learnt(self) -> dict[str, Tensor]:
-        """Scales, and what the transform learnt: all that `make_representation` needs to build this one again."""
-        out = _scales(self.motion.mean, self.motion.deviation, self.condition.mean, self.condition.deviation)
-        out |= {"rest": self.rest} if self.relative == "relaxing" else {}
-        return out | {f"transform.{name}": tensor for name, tensor in self.motion.base.tensors().items()}
+        """Scales, and what the transform learnt: all that `restored_representation` needs to build this one again."""
+        return {**self._learnt} | {f"transform.{name}": tensor for name, tensor in self.motion.base.tensors().items()}
 
 
 def _scales(*scales: Any) -> dict[str, Tensor]:
@@ -116,12 +112,11 @@ def _scales(*scales: Any) -> dict[str, Tensor]:
     return {f"scale.{name}": torch.as_tensor(scale).clone() for name, scale in zip(SCALES, scales, strict=True)}
 
 
-def turned(x: Whole, x_history: Observed, facing: Bodies | None, sign: int) -> Whole:
+def turned(x: Whole, x_history: Seen, facing: Bodies | None, sign: int) -> Whole:
     """Motions turned by the heading of their last observed pose, or against it (-1); as they are without bodies."""
     if facing is None:
         return x
-    angle = sign * heading(x_history[:, -1], facing.skeleton, facing.up)
-    return turn_heading(x, angle.reshape(-1, *[1] * (x.ndim - 3)), facing.up)
+    return turn_heading(x, sign * heading(x_history[..., -1, :], facing.skeleton, facing.up), facing.up)
 
 
 def make_transform(model: ModelConfig, frames: int, channels: int, fps: float, seed: int = 0) -> Transform:
@@ -148,34 +143,12 @@ def transform_of(cfg: Config, skeleton: Skeleton) -> Transform:
     return make_transform(cfg.model, cfg.windows.frames, 3 * (len(skeleton) - 1), cfg.data.fps, cfg.training.seed)
 
 
-def make_representation(base: Transform, learnt: Mapping[str, Tensor], cfg: Config, bodies: Bodies) -> Representation:
-    """The representation that `Representation.learnt` describes.
-
-    Args:
-        base: the frequency view, fitted if it is one that is fitted.
-        learnt: holds the scales.
-        cfg: lengths, and what is modelled.
-        bodies: whose motions.
-    """
-    scales = [learnt[f"scale.{name}"] for name in SCALES]
-    return Representation(
-        ScaledTransform(base, *scales[:2]),
-        ScaledTransform(base, *scales[2:]),
-        cfg.windows.history,
-        cfg.windows.frames,
-        cfg.model.representation,
-        learnt.get("rest", torch.zeros(3 * (len(bodies.skeleton) - 1))),
-        cfg.model.fade_seconds * bodies.fps,
-        bodies if cfg.model.heading == "body" else None,
-    )
-
-
 def restored_representation(cfg: Config, learnt: Mapping[str, Tensor], bodies: Bodies) -> Representation:
     """The representation of an earlier training, and the transform with what it learnt."""
     base = transform_of(cfg, bodies.skeleton)
     if isinstance(base, PhaseTransform):
         base.restore(part(learnt, "transform."))
-    return make_representation(base, learnt, cfg, bodies)
+    return Representation(base, learnt, cfg, bodies)
 
 
 def training_windows(motions: Sequence[Motion], cut: WindowConfig) -> TrainingWindows:
@@ -200,7 +173,7 @@ def fit_representation(cfg: Config, motions: Sequence[Motion]) -> Representation
         base.fit(learning_windows(cfg, motions, LEARNING_WINDOWS[model.transform]), model.phase_steps)
     count = 1 if model.coefficient_scale == "none" and model.representation != "relaxing" else SCALE_WINDOWS
     x = draw(count, torch.Generator().manual_seed(0))
-    return make_representation(base, fit_scales(base, x, cfg, bodies), cfg, bodies)
+    return Representation(base, fit_scales(base, x, cfg, bodies), cfg, bodies)
 
 
 def fit_scales(base: Transform, x: Float[Tensor, "N T C"], cfg: Config, bodies: Bodies) -> dict[str, Tensor]:
@@ -209,14 +182,14 @@ def fit_scales(base: Transform, x: Float[Tensor, "N T C"], cfg: Config, bodies: 
     Args:
         base: the frequency view.
         x: windows, turned if the model's are.
-        cfg, bodies: as in `make_representation`.
+        cfg, bodies: as in `Representation`.
     """
     model, frames = cfg.model, cfg.windows.frames
     learnt = _scales(*(torch.zeros(base.shape), torch.ones(base.shape)) * 2)
     if model.representation == "relaxing":
         learnt["rest"] = x.mean((0, 1))
     seen, kind = x[:, : cfg.windows.history], model.coefficient_scale
-    origin = make_representation(base, learnt, cfg, bodies).origin(seen)
+    origin = Representation(base, learnt, cfg, bodies).origin(seen)
     mean, deviation = fit_scale(base, x - origin, kind)
     of_condition = (mean, deviation) if model.representation == "pose" else fit_scale(base, pad_history(seen, frames), kind)
     return learnt | _scales(mean, deviation, *of_condition)

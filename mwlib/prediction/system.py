@@ -49,8 +49,7 @@ def baseline(cfg: Config, split: Split) -> Predict:
         futures = "displacement" if method == "nearest_displacement" else "pose"
         nearest = baselines.NearestHistory(known.x, cut.history, min(cfg.sampling.samples, len(known)), futures=futures, up=up)
         return lambda x_history, ids: nearest.predict(x_history)
-    still = {"zero_velocity": baselines.zero_velocity, "constant_velocity": baselines.constant_velocity}[method]
-    return lambda x_history, ids: still(x_history, cut.future)
+    return lambda x_history, ids: getattr(baselines, method)(x_history, cut.future)
 
 
 def trained(predictor: Predictor, sampling: SamplingConfig) -> Predict:

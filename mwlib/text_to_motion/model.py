@@ -72,7 +72,7 @@ def make_text(cfg: ModelConfig, vocabulary: Sequence[str]) -> TextEncoder:
         return ClipText(folder, longest=75, padded=True) if cfg.network == "unet" else ClipText(folder)
     if cfg.text == "ngrams":
         return HashedNgrams(width=cfg.text_width, layers=cfg.text_layers, heads=cfg.heads, dropout=cfg.dropout)
-    return WordTransformer(vocabulary, cfg.text_width, cfg.text_layers, cfg.heads, cfg.dropout, forget=FORGET)
+    return WordTransformer(vocabulary, cfg.text_width, FORGET, layers=cfg.text_layers, heads=cfg.heads, dropout=cfg.dropout)
 
 
 def noisy(mask: Valid, cfg: ModelConfig) -> Bool[Tensor, "B T 1"]:

@@ -77,7 +77,7 @@ class WaveletTransform(LinearTransform):
         self.analysis_time, self.synthesis_time, self.rows = a, s, rows = wavelet_matrices(frames, wavelet, mode, level)
         self.analysis_space, self.synthesis_space, self.columns = b, r, columns = wavelet_matrices(channels, wavelet, mode, level)
         self.shape = (rows[0], 4 * columns[0]) if level == 1 else (sum(rows), sum(columns))
-        self._letters = [f"a{level}", *(f"d{n}" for n in range(level, 0, -1))]
+        self._letters = ["a", "d"] if level == 1 else [f"a{level}", *(f"d{n}" for n in range(level, 0, -1))]
         self.bands = dict.fromkeys(("aa", "da", "ad", "dd"), columns[0])  # of one level
         self._analysis = Constant(a), Constant(b.T)
         self._synthesis = Constant(s), Constant(r.T)
@@ -87,44 +87,36 @@ class WaveletTransform(LinearTransform):
         """y = DWT(x)."""
         self._expect(x, (self.frames, self.channels))
         left, right = (m.like(x) for m in self._analysis)
-        return self._side_by_side((left @ x) @ right)
+        return self.join(self._bands((left @ x) @ right))
 
     def inverse(self, y: Coefficients) -> Motions:
         """x = iDWT(y), cropped to T x C."""
         self._expect(y, self.shape)
         left, right = (m.like(y) for m in self._synthesis)
-        return left @ (self._blocks(y) @ right)
+        return left @ (self._grid(self.split(y)) @ right)
 
     def project(self, y: Coefficients) -> Coefficients:
         """DWT(iDWT(y)), Eq. 8: onto the range of the DWT."""
         self._expect(y, self.shape)
         left, right = (m.like(y) for m in self._projection)
-        return self._side_by_side((left @ self._blocks(y)) @ right)
+        return self.join(self._bands((left @ self._grid(self.split(y))) @ right))
 
     def split(self, y: Coefficients) -> dict[str, Tensor]:
         """Sub-bands by name, time letter first: aa, da, ad, dd; with the level after each letter if level > 1."""
-        if self.level == 1:
-            return super().split(y)
-        bands = (band for across in y.split(self.rows, dim=-2) for band in across.split(self.columns, dim=-1))
-        return dict(zip(map("".join, product(self._letters, repeat=2)), bands, strict=True))
+        return super().split(y) if self.level == 1 else self._bands(y)
 
     def join(self, bands: dict[str, Tensor]) -> Coefficients:
         """Inverse of `split`."""
-        if self.level == 1:
-            return super().join(bands)
+        return super().join(bands) if self.level == 1 else self._grid(bands)
+
+    def _bands(self, grid: Tensor) -> dict[str, Tensor]:
+        """Sub-bands of A x Bᵀ, those of one letter of time in a row."""
+        bands = (band for across in grid.split(self.rows, dim=-2) for band in across.split(self.columns, dim=-1))
+        return dict(zip(map("".join, product(self._letters, repeat=2)), bands, strict=True))
+
+    def _grid(self, bands: dict[str, Tensor]) -> Tensor:
+        """Inverse of `_bands`."""
         return torch.cat([torch.cat([bands[row + column] for column in self._letters], dim=-1) for row in self._letters], dim=-2)
-
-    def _side_by_side(self, grid: Tensor) -> Tensor:
-        """(2K, 2D) blocks [[aa, ad], [da, dd]] -> (K, 4D) columns aa, da, ad, dd."""
-        if self.level > 1:
-            return grid
-        return grid.unflatten(-1, (2, -1)).unflatten(-3, (2, -1)).movedim(-4, -2).flatten(-3)
-
-    def _blocks(self, y: Tensor) -> Tensor:
-        """Inverse of `_side_by_side`."""
-        if self.level > 1:
-            return y
-        return y.unflatten(-1, (2, 2, -1)).movedim(-2, -4).flatten(-4, -3).flatten(-2)
 
 
 class TimeWaveletTransform(AlongTime):

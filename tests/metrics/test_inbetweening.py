@@ -132,21 +132,6 @@ def test_npss_where_there_is_no_power():
     assert found.value() == before
 
 
-def test_nothing_is_off_from_itself():
-    g, q = sequences(), quaternions(N, F, J)
-    assert metrics.l2p(g, g, g[0, 0], torch.ones(3 * J)).tolist() == metrics.l2q(q, q).tolist() == [0.0] * N
-    assert metrics.npss(g, g) == 0
-
-
-def test_l2p_has_no_unit_and_no_place():
-    p, g = sequences(0), sequences(1)
-    mean, deviation, shift = sequences(2, 3 * J), sequences(3, 3 * J).abs() + 0.1, sequences(4, 3 * J)
-    found = metrics.l2p(p, g, mean, deviation)
-    torch.testing.assert_close(metrics.l2p(100 * p, 100 * g, 100 * mean, 100 * deviation), found)
-    torch.testing.assert_close(metrics.l2p(p + shift, g + shift, mean, deviation), found)
-    torch.testing.assert_close(metrics.l2p(g, p, mean, deviation), found)
-
-
 @given(st.integers(0, 2**32 - 1))
 @settings(deadline=None, max_examples=25)
 def test_with_a_start_frame_signs_do_not_matter(seed):
@@ -334,7 +319,7 @@ ONES = torch.ones(3 * J)
     "call, message",
     [
         (lambda: metrics.l2p(sequences()[:, None], sequences(), ONES, ONES), "the truth as g"),
-        (lambda: metrics.l2p(sequences()[:2], sequences()[:3], ONES, ONES), "as many sequences in both"),
+        (lambda: metrics.l2p(sequences()[:2], sequences()[:3], ONES, ONES), r"g \(3, .*equal but for leading axes of 1"),
         (lambda: metrics.l2p(sequences(), sequences()[..., :9], ONES, ONES), r"g \(5, 7, 9\)"),
         (lambda: metrics.l2p(sequences(), sequences(), ONES[:9], ONES), r"mean \(9,\) and deviation \(12,\); expected \(12,\)"),
         (lambda: metrics.l2p(sequences(), sequences(), ONES, 0 * ONES), "smallest deviation is 0"),

@@ -203,7 +203,7 @@ def unet_by_hand(net: ConditionalUNet, y, t, text: EncodedText, with_text: bool)
 
     def two(blocks, h):
         for block in blocks:
-            h = block.convolutions(h, time, torch.ones(()))
+            h = block.convolutions(h, time, torch.ones_like(h[:, :1]))
             h = h + block.attention(h, tokens, text.mask) if with_text else h
         return h
 

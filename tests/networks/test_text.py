@@ -215,6 +215,10 @@ class StandIn(torch.nn.Module):
         said = (folder / "config.json").read_text()
         return cls(int(said[0])), {"missing_keys": said.split()[1:]}
 
+    @property
+    def device(self):
+        return self.place.device
+
     def forward(self, input_ids):
         self.calls.append(input_ids)
         tokens = (self.embedding(input_ids) + self.place[: input_ids.shape[1]]).cumsum(1)
@@ -311,8 +315,9 @@ def test_padding_may_count_as_tokens(folder):
     torch.testing.assert_close(found.tokens[1:], encoder._tower.network(padded).last_hidden_state)
 
 
-def test_known_sentences_are_not_encoded_again(folder):
-    encoder = ClipText(folder, keep=3)
+def test_known_sentences_are_not_encoded_again(folder, monkeypatch):
+    monkeypatch.setattr("mwlib.networks.text.CLIP_KEPT", 3)
+    encoder = ClipText(folder)
     calls = encoder._tower.network.calls
     first = encoder(["a", "b c", "a"])
     assert len(calls) == 1 and len(calls[0]) == 2
@@ -322,7 +327,8 @@ def test_known_sentences_are_not_encoded_again(folder):
     encoder(["d", "e"])
     assert [*encoder._tower.known] == ["b c", "d", "e"]
     assert len(encoder(["f", "g", "h", "i", "j"]).pooled) == 5 and len(encoder._tower.known) == 3
-    forgetful = ClipText(folder, keep=0)
+    monkeypatch.setattr("mwlib.networks.text.CLIP_KEPT", 0)
+    forgetful = ClipText(folder)
     forgetful(["a"]), forgetful(["a"])
     assert len(forgetful._tower.network.calls) == 2
 

@@ -119,6 +119,6 @@ def test_every_representation_is_continued(representation):
     seen = fit_representation(cfg, split.train)
     test = mw.windows(split.validation, cfg.windows.history, cfg.windows.future, 5)
     y, continuation = seen.encode(test.x)[:, None], Continuation(seen.motion, seen.history, seen.frames, cfg.data.fps)
-    whole, cut = (seen.decode_future(y, test.x_history, how) for how in (continuation, None))
+    whole, cut = seen.continued(y, test.x_history, continuation), seen.decode(y, test.x_history)[:, :, seen.history :]
     assert metrics.ade(whole, test.x_future).mean() < metrics.ade(cut, test.x_future).mean()
     assert whole.shape == cut.shape == (len(test), 1, cfg.windows.future, test.x.shape[-1])

@@ -134,13 +134,7 @@ def test_temperatures_are_log_normal_and_do_not_depend_on_how_many_there_are():
 
 
 def test_no_setting_of_the_sampling_is_left_out():
-    others = {
-        "method",
-        "noise_on",
-        "bones",
-        "decoding",
-        "seam",
-    }  # the evaluation's; what only a network on a device can tell; tested below
+    others = {"method", "noise_on", "bones", "decoding", "seam"}  # the evaluation's; a device's; tested below
     assert {*SETTINGS, *others} == {field.name for field in fields(SamplingConfig)}
 
 

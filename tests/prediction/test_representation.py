@@ -14,7 +14,6 @@ from mwlib.prediction.objective import PredictionObjective
 from mwlib.prediction.representation import (
     Representation,
     fit_scales,
-    make_representation,
     make_transform,
     restored_representation,
     turned,
@@ -35,7 +34,7 @@ def fitted(x: torch.Tensor, **changes) -> Representation:
     base = make_transform(cfg.model, H + F, C, cfg.data.fps)
     bodies = Bodies.of(two_people().train)
     x = turned(x, x[:, :H], bodies if cfg.model.heading == "body" else None, -1)
-    return make_representation(base, fit_scales(base, x, cfg, bodies), cfg, bodies)
+    return Representation(base, fit_scales(base, x, cfg, bodies), cfg, bodies)
 
 
 def held(x: torch.Tensor) -> torch.Tensor:

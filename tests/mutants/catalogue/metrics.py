@@ -6,7 +6,7 @@ MUTANTS = [
     *of(
         "metrics/prediction.py", "metrics/test_prediction.py",
         ("apd-of-ordered-pairs", "p.shape[1] * (p.shape[1] - 1) // 2", "p.shape[1] ** 2 // 2"),
-        ("ade-of-one-frame", "g[:, None], dim=-1).mean(-1)", "g[:, None], dim=-1)[:, :, 0]"),
+        ("ade-of-one-frame", "g[:, None]).norm(dim=-1).mean(-1)", "g[:, None]).norm(dim=-1)[:, :, 0]"),
         ("ade-of-the-mean-sample", "sample_ade(p, g).amin(1)", "sample_ade(p, g).mean(1)"),
         ("fde-of-the-first-frame", "ade(p[:, :, -1:], g[:, -1:])", "ade(p[:, :, :1], g[:, :1])"),
         ("mmfde-of-all-frames", "mmade(p[:, :, -1:], MultimodalFutures(sets.futures[:, -1:], sets.members))", "mmade(p, sets)"),
@@ -48,9 +48,9 @@ MUTANTS = [
     ),
     *of(
         "metrics/inbetweening.py", "metrics/test_inbetweening.py",
-        ("l2p-per-root-of-joints", "- (g - mean) / deviation, dim=-1).mean(-1)", "- (g - mean) / deviation, dim=-1).amax(-1)"),
-        ("l2q-of-each-joint", "(p - g).flatten(-2), dim=-1).mean(-1)", "(p - g), dim=-1).mean((-2, -1))"),
-        ("start-frame-not-seen", "torch.cat([first, q.expand", "torch.cat([q[..., :1, :, :], q.expand"),
+        ("l2p-per-root-of-joints", "deviation).norm(dim=-1).mean(-1)", "deviation).norm(dim=-1).amax(-1)"),
+        ("l2q-of-each-joint", "(p - g).flatten(-2).norm(dim=-1).mean(-1)", "(p - g).norm(dim=-1).mean((-2, -1))"),
+        ("start-frame-not-seen", "(q[..., 0, :, :] * start.to(q))", "(q[..., 0, :, :] * q[..., 0, :, :])"),
         ("npss-of-magnitudes", "dim=-2).real ** 2", "dim=-2).abs() ** 2"),
         ("npss-of-equal-channels", "(distance * total).sum()", "distance.sum() * total.mean()"),
         ("npss-of-the-last-batch", "self._weight += float", "self._weight = float"),

@@ -32,8 +32,8 @@ MUTANTS = [
     *of(
         "networks/layers.py", "networks/test_denoisers.py",
         ("sines-and-cosines-exchanged", "torch.stack([angle.sin(), angle.cos()]", "torch.stack([angle.cos(), angle.sin()]"),
-        ("norm-before-the-attention", "x = self.norm1(src + self.after(", "x = src + self.norm1(self.after("),
-        ("tokens-that-are-masked-are-seen", "else ~mask)", "else mask & False)"),
+        ("norm-before-the-attention", "x = self.norm1(x + self.after(", "x = x + self.norm1(self.after("),
+        ("tokens-that-are-masked-are-seen", "else mask[:, None, None]", "else (mask | True)[:, None, None]"),
     ),
     *of(
         "networks/mdm.py", "networks/test_denoisers.py",
