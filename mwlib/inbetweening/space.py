@@ -251,7 +251,8 @@ def space_from_json(text: str) -> Space:
     if "tree" not in tree:
         return PositionSpace(bodies)
     rig = tree["tree"]
-    skeleton = Skeleton(rig["name"], *(tuple(rig[name]) for name in ("joints", "parents", "left", "right")))
+    joints, parents, left, right = (tuple(rig[name]) for name in ("joints", "parents", "left", "right"))
+    skeleton = Skeleton(rig["name"], joints, parents, left, right)
     return RotationSpace(bodies, skeleton, tuple(tree["turning"]), tuple(tree["points"]))
 
 

@@ -200,9 +200,11 @@ def coasting(
         frames: in which the velocity is forgotten.
         after: the frames after them; None or none of them: nothing is known of the velocity there.
     """
-    line, arrives = interpolated(x, mask), after is not None and after.shape[-2] > 0
-    found = line + _coast(line, before[..., -1:, :], mask, frames, 1 + arrives)
-    return found + _coast(line.flip(-2), after[..., :1, :], mask.flip(-1), frames, 2).flip(-2) if arrives else found
+    line = interpolated(x, mask)
+    if after is None or not after.shape[-2]:
+        return line + _coast(line, before[..., -1:, :], mask, frames, 1)
+    there = _coast(line.flip(-2), after[..., :1, :], mask.flip(-1), frames, 2).flip(-2)
+    return line + _coast(line, before[..., -1:, :], mask, frames, 2) + there
 
 
 def _coast(line: Tensor, previous: Tensor, mask: Tensor, frames: float, power: int) -> Tensor:
