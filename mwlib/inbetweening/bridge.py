@@ -25,7 +25,7 @@ from mwlib.inbetweening.config import Config
 from mwlib.inbetweening.objective import KeyframeNetwork, SizedNetwork, WienerNetwork, make_network
 from mwlib.inbetweening.representation import Representation
 from mwlib.inbetweening.space import Samples, Space, Track, Tracks, space_from_json
-from mwlib.inbetweening.windows import Given, given, parted
+from mwlib.inbetweening.windows import Given, given
 from mwlib.settings import of_kind, whole, wholes
 from mwlib.training import TrainedModel, chunks, identities, with_weights
 
@@ -56,26 +56,24 @@ class Bridge(TrainedModel):
         cls, cfg: Config, weights: Mapping[str, Tensor], learnt: Mapping[str, Tensor], about: Mapping[str, str]
     ) -> Bridge:
         """The bridge that a finished training left (see `mwlib.training.read_model`)."""
-        representation = Representation.restore(cfg.model, cfg.task.gap, learnt)
-        net = with_weights(lambda: make_network(cfg, representation), weights)
+        representation = Representation.restore(cfg, learnt)
+        net = with_weights(lambda: make_network(representation), weights)
         return cls(net, representation, space_from_json(about["space"]), cfg)
 
     def check(self, frames: int, mask: Given) -> None:
         """Refuse lengths and keyframes that the model was not made for."""
-        task, model = self.cfg.task, self.cfg.model
+        task, model, count = self.cfg.task, self.cfg.model, int(mask.sum())
         if not task.fewest <= frames <= task.frames:
             raise ValueError(
                 f"frames between is {frames - task.past - task.future}; expected {task.shortest or task.between} to "
                 f"{task.between}, for which the model was trained"
             )
-        if mask.shape != (frames,) or not mask.any():
-            raise ValueError(
-                f"mask has shape {tuple(mask.shape)}, {int(mask.sum())} keyframes; expected ({frames},), at least one"
-            )
+        if mask.shape != (frames,) or not count:
+            raise ValueError(f"mask has shape {tuple(mask.shape)}, {count} keyframes; expected ({frames},), at least one")
         if not model.condition_on_keyframes:
             return
-        if int(mask.sum()) > (most := task.past + task.future + model.more_keyframes):
-            raise ValueError(f"{int(mask.sum())} keyframes; expected at most {most}, as in the model's training")
+        if count > (most := task.past + task.future + model.more_keyframes):
+            raise ValueError(f"{count} keyframes; expected at most {most}, as in the model's training")
         if not (mask[: task.past].all() and mask[-task.future :].all()):
             raise ValueError(
                 f"not all of the first {task.past} and last {task.future} frames are keyframes; expected all, as in the model's "
@@ -127,35 +125,33 @@ class Bridge(TrainedModel):
         return self.finite(self._sample(x.to(self.device), mask.to(self.device), None))[:, 0].cpu()
 
     def _sample(self, x: Tracks, mask: Given, noise: WindowNoise | None) -> Samples:
-        task, settings, form = self.cfg.task, self.cfg.sampling, self.representation
-        whole, (before, x, after) = x, parted(x, task.past, task.future)
-        inner = mask[task.past - 1 :][: x.shape[-2]]
-        line = form.interpolation(x, before, inner, after)
-        room, tf = form.room(x, before, after), form.transform(x.shape[-2])
-        z, is_centred = torch.zeros_like(line)[:, None], self.cfg.model.mean_width > 0
+        settings, form = self.cfg.sampling, self.representation
+        gap = form.gap(x, mask)
+        tf, inner = form.transform(gap.frames), gap.mask
+        z, is_centred = torch.zeros_like(gap.line)[:, None], self.cfg.model.mean_width > 0
         if noise is not None:
-            target = form.modelled(torch.where(inner[:, None], x, line), line, room)
+            target = form.modelled(gap._replace(x=torch.where(inner[:, None], gap.x, gap.line)))
             indices = ddim_indices(self.cfg.diffusion.steps, settings.ddim_steps, settings.spacing)
             seen, warm = None, tempered(noise, settings.temperature)
             if self.cfg.model.condition_on_keyframes:
-                seen = form.conditioning(line, before, inner.expand(line.shape[:-1]), after)[:, None]
+                seen = form.conditioning(gap)[:, None]
             warm = with_silence(warm) if is_centred else warm
             z = keyframed(partial(self._eps, seen), tf, target[:, None], inner, self.alpha_bar, indices, warm, self.cfg.imposing)
             z = z[:, :-1] - z[:, -1:] if is_centred else z
         if isinstance(self.net, SizedNetwork):
-            ends, usual = form.ends(line, before, after), form.usual(x.shape[-2]).to(z)
+            ends, usual = form.ends(gap), form.usual(gap.frames).to(z)
             factor, mean = self.net.factor_of_samples(ends, tf.shape[0]), self.net.mean(ends, tf.shape[0])
             z = tf.inverse(tf(z) * (usual * factor)[:, None] + (usual * mean)[:, None])
-        states = self.space.valid(form.states(z, line[:, None], room[:, None]))
+        states = self.space.valid(form.states(z, gap))
         if settings.bones == "keyframes":
             last = torch.where(inner, torch.arange(len(inner), device=inner.device), 0).cummax(0).values
-            states = self.space.with_bones(states, x[:, None, last])  # in every frame those of the keyframe before it
+            states = self.space.with_bones(states, gap.x[:, None, last])  # in every frame those of the keyframe before it
         early, late = (
             torch.where(part.isfinite(), part, key)[:, None].expand(-1, states.shape[1], -1, -1)
-            for part, key in ((before, x[:, :1]), (after, x[:, -1:]))
+            for part, key in ((gap.before, gap.x[:, :1]), (gap.after, gap.x[:, -1:]))
         )
-        known = mask & whole.isfinite().all(-1).all(0)
-        return with_keyframes(torch.cat([early, states, late], dim=-2), whole[:, None], known)
+        known = mask & x.isfinite().all(-1).all(0)
+        return with_keyframes(torch.cat([early, states, late], dim=-2), x[:, None], known)
 
     def _eps(self, seen: Float[Tensor, "n 1 rows conditioning"] | None, y: Float[Tensor, "n S rows C"], t: int) -> Tensor:
         """The network's noise estimate of y_t."""
@@ -222,7 +218,6 @@ def filled(
             the model; a rig is asked for and there is none; or the settings of the sampling make numbers overflow. The message
             says which, and what is expected.
     """
-    samples, seed = bridge.asked(samples, seed)
     frames = None if frames is None else whole("frames", frames, 1, MOST_FRAMES)
     end = _checked(start, end)
     if isinstance(end, Motion) and align:

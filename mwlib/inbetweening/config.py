@@ -10,6 +10,7 @@ from mwlib.data.sources import SourceConfig
 from mwlib.diffusion.config import DiffusionConfig, KeyframeConfig
 from mwlib.diffusion.process import check_indices
 from mwlib.inbetweening.losses import Diversity, Smoothness
+from mwlib.networks.layers import check_width
 from mwlib.settings import Advanced, BelowOne, Count, Natural, NotNegative, Positive, Settings
 from mwlib.training.config import TrainingConfig
 
@@ -209,10 +210,10 @@ class Config(Settings):
     def check(self) -> None:
         """Refuse values that do not fit each other."""
         m, task, s = self.model, self.task, self.sampling
+        check_width(m.width, m.heads)
         most = task.gap - 2 * (m.tokens == "sines")
         unseen = "but condition_on_keyframes is false; expected condition_on_keyframes=true"
         rules = (
-            (m.width % m.heads or m.width % 2, f"width is {m.width}; expected an even multiple of heads ({m.heads})"),
             (m.layers % 2, f"layers is {m.layers}; expected an even number (long skips pair the blocks)"),
             (m.rows > most, f"rows is {m.rows}; expected at most {most}, as many {m.tokens} as there are"),
             (m.tokens == "sines" and m.target != "departure",

@@ -65,7 +65,7 @@ def by_gap(
         if not is_beyond_known:
             shown[:, [0, -1]] = torch.nan
         x = bridge.sample(shown, samples=10)
-        places = bridge.space.positions(bridge.space.placed(x, windows.placement.repeated(10)), windows.offsets[:, None])
+        places = bridge.space.positions(bridge.space.placed(x, windows.placement.of_samples()), windows.offsets[:, None])
         true = bridge.space.positions(truth, windows.offsets)
         places = torch.stack([_held(bridge, p, g) for p, g in zip(places[:, :, 1:-1], true, strict=True)])
         inner = parted(true.flatten(-2), 2, 2)[1]

@@ -7,8 +7,10 @@ its three errors are the same in any unit.
 
 from __future__ import annotations
 
+import csv
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import torch
@@ -36,22 +38,6 @@ NEAR = 0.01  # 1 - |cos| of half an angle, below which the benchmark's code inte
 ALL_WINDOWS, ALL_CLIPS = 2232, 77  # of the whole data set
 BASELINES = {"zero velocity": "zero_velocity", "interpolation": "interpolation"}  # row -> pace, see `between`
 TOLERANCE = {"L2Q": 5e-3, "L2P": 5e-5, "NPSS": 5e-5}  # half of the last digit published
-
-_HARVEY = "Harvey et al., 2020"
-# For each method where it was published, and its errors at 5, 15, 30 and 45 frames; "-" where none was.
-_PUBLISHED = {
-    "zero velocity": (_HARVEY, "L2Q 0.56 1.10 1.51 1.81 L2P 1.5230 3.6944 6.6002 9.3289 NPSS 0.0053 0.0522 0.2318 0.4918"),
-    "interpolation": (_HARVEY, "L2Q 0.22 0.62 0.98 1.25 L2P 0.3729 1.2488 2.3158 3.4469 NPSS 0.0023 0.0391 0.2013 0.4493"),
-    "TG-complete": ("Harvey et al., 2020, quoted", "L2Q 0.17 0.42 0.69 0.94 L2P 0.23 0.65 - 2.24 NPSS - - - -"),
-    "Δ-interpolator": (
-        "Oreshkin et al., 2022, other export",
-        "L2Q 0.114 0.317 0.572 - L2P 0.129 0.467 0.995 - NPSS 0.0014 0.0217 0.1217 -",
-    ),
-    "Two-stage Transformers": (
-        "Qin et al., 2022",
-        "L2Q 0.0994 0.2839 0.5446 0.8727 L2P 0.1049 0.3943 0.8948 1.6777 NPSS 0.0011 0.0188 0.1124 0.3217",
-    ),
-}
 
 
 @dataclass(frozen=True)
@@ -149,7 +135,7 @@ def in_frame_of_reference(space: RotationSpace, x: Float[Tensor, "N S F C"], win
     """
     ahead = windows[:, PAST - 1, 6:9]  # the second column of the root's rotation
     angle, origin = torch.atan2(ahead[:, 1], ahead[:, 0]), windows[..., :2].mean(1)
-    moved = space.seen_from(x, Placement(angle, origin).repeated(x.shape[1]))
+    moved = space.seen_from(x, Placement(angle, origin).of_samples())
     whole_body = moved[..., : 3 * space.turned].unflatten(-1, (-1, 3))[..., [0, 2, 1]] * x.new_tensor([1.0, 1.0, -1.0])
     return torch.cat([whole_body.flatten(-2), moved[..., 3 * space.turned :]], dim=-1)
 
@@ -326,14 +312,11 @@ def is_complete(benchmark: Benchmark) -> bool:
 
 def published() -> list[dict[str, Any]]:
     """Published rows in the form of `table`, with their "source"; an error that was not published is None."""
-    rows = []
-    for method, (source, text) in _PUBLISHED.items():
-        words = text.split()
-        width = len(LENGTHS) + 1
-        errors = {words[i]: words[i + 1 : i + width] for i in range(0, len(words), width)}
-        for place, n in enumerate(LENGTHS):
-            found = {name: None if values[place] == "-" else float(values[place]) for name, values in errors.items()}
-            rows.append({"method": method, "N": n, "windows": ALL_WINDOWS, **found, "source": source})
+    with Path(__file__).with_suffix(".csv").open(encoding="utf-8") as file:
+        rows: list[dict[str, Any]] = [*csv.DictReader(file)]
+    for row in rows:
+        row |= {name: int(row[name]) for name in ("N", "windows")}
+        row |= {name: float(row[name]) if row[name] else None for name in TOLERANCE}
     return rows
 
 

@@ -19,7 +19,7 @@ from mwlib.inbetweening.losses import (  # isort: skip
 )  # fmt: skip
 from mwlib.inbetweening.representation import Representation
 from mwlib.inbetweening.space import Tracks
-from mwlib.inbetweening.windows import Clips, PlacedWindows, draw_keyframes, make_space, parted
+from mwlib.inbetweening.windows import Clips, PlacedWindows, draw_keyframes, make_space
 from mwlib.networks import TransLinear
 from mwlib.networks.layers import zero_linear
 from mwlib.training import Objective, seeded
@@ -225,15 +225,15 @@ class InbetweeningObjective(Objective):
         self.level = snr_weights(self.alpha_bar) if cfg.objective.level_weight == "snr" else None
         if learnt:
             self.limits = learnt["limits"]
-            self.representation = Representation.restore(cfg.model, self.task.gap, learnt)
+            self.representation = Representation.restore(cfg, learnt)
         else:
             with seeded(cfg.training.seed, 0) as generator:
-                seen = self.clips.draw(FITTED_ON, self.task.frames, generator, self.task.past)
-            self.representation = Representation.fit(cfg.model, task.gap, seen.x, task.past, task.smallest_gap, task.future)
+                seen = self.clips.draw(FITTED_ON, task.frames, generator, task.past)
+            self.representation = Representation.fit(cfg, seen.x)
             angles = bone_angles(self.space.positions(seen.x, seen.offsets)[:, ::4], self.space.bodies.skeleton)
             self.limits = torch.quantile(angles.flatten(0, 1)[:200_000], LIMIT, dim=0)
         with seeded(cfg.training.seed, 0):
-            self.network: nn.Module = make_network(cfg, self.representation)
+            self.network: nn.Module = make_network(self.representation)
 
     def to(self, device: torch.device) -> None:
         """Move the windows."""
@@ -259,20 +259,17 @@ class InbetweeningObjective(Objective):
 
     def loss(self, network: nn.Module, batch: Batch, generator: torch.Generator) -> Float[Tensor, ""]:
         """L = L_noise + lambda_d L_div + lambda_s L_smooth + lambda_l L_len + lambda_a L_ang + the contacts; t in 1..M-1."""
-        before, x, after = parted(batch.windows.x, self.task.past, self.task.future)
-        mask = batch.mask[:, self.task.past - 1 :][:, : x.shape[1]]
         options, form, seen = self.cfg.objective, self.representation, None
         draws = options.draws if options.diversity_weight else 1
-        line = form.interpolation(x, before, mask, after)
-        room, tf = form.room(x, before, after), form.transform(x.shape[-2])
-        y = tf(form.modelled(x, line, room))
+        gap = form.gap(batch.windows.x, batch.mask)
+        windows, tf, y = batch.windows._replace(x=gap.x), form.transform(gap.frames), form.tokens(gap)
         sizes, mean, of_window = y.new_ones(len(y), 1, 1), torch.zeros_like(y), y.new_zeros(())
         if isinstance(network, SizedNetwork):
-            sizes, ends = form.usual(x.shape[-2]).to(y), form.ends(line, before, after)
+            sizes, ends = form.usual(gap.frames).to(y), form.ends(gap)
             if network.mean_of is not None:
                 mean = sizes * network.mean(ends, y.shape[-2])
-                guess = form.states(tf.inverse(mean), line, room)
-                of_window, mean = self._share_left(guess, line, batch.windows._replace(x=x)), mean.detach()
+                guess = form.states(tf.inverse(mean), gap)
+                of_window, mean = self._share_left(guess, gap.line, windows), mean.detach()
                 y = y - mean
             factor = network.factor(ends, y.shape[-2])
             of_window = of_window + (0.5 * (y / (sizes * factor)).square() + factor.log()).mean()  # minus the log density
@@ -284,7 +281,7 @@ class InbetweeningObjective(Objective):
         eps = torch.randn(y.shape, generator=generator).to(y.device)
         y_t = noised(y, eps, a)
         if self.cfg.model.condition_on_keyframes:
-            seen = form.conditioning(line, before, mask, after).repeat_interleave(draws, dim=0)
+            seen = form.conditioning(gap).repeat_interleave(draws, dim=0)
         output = network(y_t, steps, seen)
         error = output - network_target(self.cfg.diffusion.prediction, y, eps, a)
         if options.level_weight == "unit":
@@ -294,8 +291,7 @@ class InbetweeningObjective(Objective):
         if any(getattr(options, name) for name in ON_BODIES):
             y0_hat = y0_hat_of(y_t, to_eps(self.cfg.diffusion.prediction, output, y_t, a), a)
             z = tf.inverse(y0_hat.unflatten(0, (-1, draws)) * sizes[:, None] + mean[:, None])
-            guessed = form.states(z, line[:, None], room[:, None])  # (B, M, T, C)
-            total = total + self._of_bodies(guessed, batch.windows._replace(x=x), t)
+            total = total + self._of_bodies(form.states(z, gap), windows, t)
         return total
 
     def _share_left(self, guess: Tracks, line: Tracks, windows: PlacedWindows) -> Float[Tensor, ""]:
@@ -340,9 +336,10 @@ class InbetweeningObjective(Objective):
         return {"space": self.space.to_json()}
 
 
-def make_network(cfg: Config, representation: Representation) -> KeyframeNetwork | WienerNetwork:
+def make_network(representation: Representation) -> KeyframeNetwork | WienerNetwork:
     """The untrained network that a configuration names, for what is diffused."""
-    m, task, (rows, channels) = cfg.model, cfg.task, representation.transform(representation.frames).shape
+    cfg = representation.cfg
+    m, task, (rows, channels) = cfg.model, cfg.task, representation.transform(cfg.task.gap).shape
     inner = KeyframeNetwork(m, rows, channels, task.steps)
     if m.output == "direct":
         return inner

@@ -42,9 +42,9 @@ class Placement(NamedTuple):
     angle: Float[Tensor, "*lead"]
     origin: Float[Tensor, "*lead 2"]
 
-    def repeated(self, samples: int) -> Placement:
-        """The same for so many samples of each window."""
-        return Placement(*(part[:, None].expand(-1, samples, *part.shape[1:]) for part in self))
+    def of_samples(self) -> Placement:
+        """The same for all samples of each window."""
+        return Placement(*(part[:, None] for part in self))
 
 
 class Space(ABC):
@@ -209,8 +209,8 @@ class RotationSpace(Space):
 
     def to_json(self) -> str:
         """See `Space`."""
-        rows = {"tree": asdict(self.tree), "turning": self.turning, "points": self.points}
-        return json.dumps({"bodies": self.bodies.to_json(), **rows})
+        rows = {"bodies": self.bodies.to_json(), "tree": asdict(self.tree), "turning": self.turning, "points": self.points}
+        return json.dumps(rows)
 
     def local(self, x: State) -> Float[Tensor, "*lead rig 4"]:
         """Rotations of all joints of the rig against their parents; those that do not turn have none."""

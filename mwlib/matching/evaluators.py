@@ -10,7 +10,7 @@ import json
 import warnings
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import torch
@@ -275,27 +275,21 @@ CHECKPOINTS = "the checkpoints that https://github.com/EricGuo5513/text-to-motio
 GLOVE = "glove.zip, which https://github.com/EricGuo5513/text-to-motion links"
 
 
-class _Wanted(NamedTuple):
-    """A file: where it may lie in the folder, the first place being the one to advise; and where people get it."""
-
-    places: list[str]
-    origin: str
-
-
 _STATISTICS = ["{}.npy", *(meta + "{}.npy" for meta in META), "t2m_{}.npy", "kit_{}.npy"]
+# Of each file where people get it, and where it may lie in the folder; the first place is the one to advise.
 FILES = {
-    "weights": _Wanted(["text_mot_match/model/finest.tar", "finest.tar"], CHECKPOINTS),
-    "mean": _Wanted([place.format("mean") for place in _STATISTICS], CHECKPOINTS),
-    "deviation": _Wanted([place.format("std") for place in _STATISTICS], CHECKPOINTS),
-    "vectors": _Wanted(["our_vab_data.npy", "glove/our_vab_data.npy"], GLOVE),
-    "words": _Wanted([f"{folder}our_vab_words.{kind}" for kind in ("pkl", "txt") for folder in ("", "glove/")], GLOVE),
-    "rows": _Wanted(["our_vab_idx.pkl", "glove/our_vab_idx.pkl"], GLOVE),
+    "weights": (CHECKPOINTS, "text_mot_match/model/finest.tar", "finest.tar"),
+    "mean": (CHECKPOINTS, *(place.format("mean") for place in _STATISTICS)),
+    "deviation": (CHECKPOINTS, *(place.format("std") for place in _STATISTICS)),
+    "vectors": (GLOVE, "our_vab_data.npy", "glove/our_vab_data.npy"),
+    "words": (GLOVE, *(f"{folder}our_vab_words.{kind}" for kind in ("pkl", "txt") for folder in ("", "glove/"))),
+    "rows": (GLOVE, "our_vab_idx.pkl", "glove/our_vab_idx.pkl"),
 }
 
 
 def published_files(folder: Path) -> dict[str, Path]:
     """Those files of a published evaluator that a folder has, by what they hold; none: it is another folder."""
-    places = {part: [folder / place for place in wanted.places] for part, wanted in FILES.items()}
+    places = {part: [folder / place for place in places] for part, (_, *places) in FILES.items()}
     return {part: file for part, files in places.items() for file in [*filter(Path.is_file, files)][:1]}
 
 
@@ -318,7 +312,7 @@ def open_published(folder: Path) -> Matcher:
     """
     files = published_files(folder)
     needed = [part for part in FILES if part != "rows" or "words" not in files or files["words"].suffix != ".txt"]
-    if missing := [f"{folder / FILES[part].places[0]} (from {FILES[part].origin})" for part in needed if part not in files]:
+    if missing := [f"{folder / FILES[part][1]} (from {FILES[part][0]})" for part in needed if part not in files]:
         raise FileNotFoundError(f"the published evaluator in {folder} is not whole; missing: {'; '.join(missing)}")
     text, motion, movement = published_weights(files["weights"])
     statistics = Statistics.read(files["mean"], files["deviation"], "evaluator")

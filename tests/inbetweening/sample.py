@@ -20,6 +20,7 @@ from mwlib.inbetweening.bridge import Bridge
 from mwlib.inbetweening.config import Config
 from mwlib.inbetweening.objective import InbetweeningObjective, make_network
 from mwlib.inbetweening.representation import Representation
+from mwlib.inbetweening.space import Space
 from mwlib.inbetweening.windows import Clips, make_space, ready
 from mwlib.synthetic.motions import synthetic_motions
 
@@ -94,10 +95,15 @@ def data_of(cfg: Config) -> Split:
     return dancers() if cfg.task.state == "rotations" else people()
 
 
+@cache
+def _learnt(cfg: Config) -> dict[str, torch.Tensor]:
+    return InbetweeningObjective(cfg, data_of(cfg)).learnt()
+
+
 def objective(**changes) -> InbetweeningObjective:
     """What trains with these settings."""
     cfg = small(**changes)
-    return InbetweeningObjective(cfg, data_of(cfg))
+    return InbetweeningObjective(cfg, data_of(cfg), _learnt(cfg))
 
 
 def shaken(network: nn.Module, std: float = 0.1) -> nn.Module:
@@ -109,14 +115,17 @@ def shaken(network: nn.Module, std: float = 0.1) -> nn.Module:
     return network
 
 
+@cache
+def _fitted(cfg: Config) -> tuple[Representation, Space]:
+    space = make_space(data_of(cfg).train, cfg.task.state)
+    return Representation.fit(cfg, Clips(data_of(cfg).train, space).windows(cfg.task.frames, 3, cfg.task.past).x), space
+
+
 def untrained(**changes) -> Bridge:
     """A bridge that does something without a training."""
     cfg = small(**changes)
-    space = make_space(data_of(cfg).train, cfg.task.state)
-    task = cfg.task
-    x = Clips(data_of(cfg).train, space).windows(task.frames, 3, task.past).x
-    representation = Representation.fit(cfg.model, task.gap, x, task.past, task.smallest_gap, task.future)
-    return Bridge(shaken(make_network(cfg, representation)), representation, space, cfg)
+    representation, space = _fitted(cfg)
+    return Bridge(shaken(make_network(representation)), representation, space, cfg)
 
 
 def windows_for(bridge: Bridge, frames: int | None = None):

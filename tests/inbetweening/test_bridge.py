@@ -13,7 +13,7 @@ from mwlib.body.skeleton import CMU, Skeleton
 from mwlib.diffusion import network_target
 from mwlib.inbetweening import bridge as module
 from mwlib.inbetweening.bridge import Bridge, filled, tempered, with_silence
-from mwlib.inbetweening.windows import given, parted
+from mwlib.inbetweening.windows import given
 from tests.body.sample import animators_motion, apart
 from tests.inbetweening.sample import PAPER, WINDOW, data_of, untrained, windows_for
 
@@ -67,13 +67,10 @@ def test_samples_depart_from_the_mean():
     bridge.net.mean_of = None
     more = (found - bridge.sample(x))[:, :, 2:-2]
     torch.testing.assert_close(more[:, 0], more[:, 1], atol=1e-4, rtol=1e-3)
-    before, inner, after = parted(x, 2, 2)
-    line, room = (
-        bridge.representation.interpolation(inner, before, given(8), after),
-        bridge.representation.room(inner, before, after),
-    )
-    tokens = bridge.representation.usual(8) * mean(bridge.representation.ends(line, before, after))
-    expected = bridge.representation.states(bridge.representation.transform(8).inverse(tokens), line, room) - line
+    form = bridge.representation
+    gap = form.gap(x, given(10, 2, 2))
+    line, tokens = gap.line, form.usual(8) * mean(form.ends(gap))
+    expected = form.states(form.transform(8).inverse(tokens), gap) - line
     torch.testing.assert_close(more[:, 0], expected[:, 1:-1], atol=1e-4, rtol=1e-3)
     assert expected.abs().max() > 1e-3
     curve = bridge.mean(x)
@@ -113,9 +110,7 @@ def test_what_is_fine_is_no_larger_than_usual_in_samples():
 def test_who_knows_the_clip_gives_the_clip(scheme, base, monkeypatch):
     bridge = untrained(**{**base, **scheme})
     x, lead = windows_for(bridge).x[:2], bridge.cfg.task.past - 1
-    tf, inner = bridge.representation.transform(8), x[:, lead:]
-    line = bridge.representation.interpolation(inner, x[:, :lead], given(8))
-    clean = tf(bridge.representation.modelled(inner, line)).repeat_interleave(2, dim=0)
+    clean = bridge.representation.tokens(bridge.representation.gap(x, given(8 + lead, 1 + lead))).repeat_interleave(2, dim=0)
 
     def knows(y_t, t, conditioning=None):
         a = bridge.alpha_bar[t]

@@ -127,13 +127,15 @@ BEFORE = {
 
 
 @pytest.mark.parametrize("name", BEFORE)
-def test_the_table_is_found_again(name):
-    """Deviations and steps of 300 samples; the mean error of endless ones."""
-    scheme, (mean_error, spread, seam) = SCHEMES[name], BEFORE[name]
+def test_the_table_is_found_again(name, monkeypatch):
+    """Deviations and steps of 300 samples; the mean error of endless ones, which two more samples have that get no noise."""
+    draw = torch.randn
+    monkeypatch.setattr(torch, "randn", lambda shape, **how: draw(shape, **how).index_fill_(1, torch.arange(2), 0.0))
+    x, (mean_error, spread, seam) = sample(BRIDGE, SCHEMES[name], 2 + SAMPLES, _seeded()), BEFORE[name]
     if mean_error is not None:
-        assert abs(measure(BRIDGE, sample(BRIDGE, scheme, 2, None))["mean_error"] - mean_error) < 0.06
+        assert abs(measure(BRIDGE, x[:2])["mean_error"] - mean_error) < 0.06
     if spread is not None:
-        found = measure(BRIDGE, sample(BRIDGE, scheme, SAMPLES, _seeded()))
+        found = measure(BRIDGE, x[2:])
         assert found["spread"] == pytest.approx(spread, abs=0.09)
         assert found["seam"] == pytest.approx(seam, rel=0.09)
 

@@ -130,17 +130,18 @@ def slow_table(motions):
             places += [walk(q, x, own)[1].ravel() for w in slow_windows(motion, 50, 20) for q, x in zip(*w, strict=True)]
     mean, deviation = np.mean(places, axis=0), np.std(places, axis=0)
     windows = [w for motion in motions if motion.subject == "5" for w in slow_windows(motion, 65, 40)]
+    truths = [[walk(q[i], x[i], offsets) for i in range(10, 55)] for q, x in windows]
     found = {}
     for method in ("zero velocity", "interpolation"):
         for n in (5, 15, 30, 45):
             l2q, l2p, turns = [], [], ([], [])
-            for q, x in windows:
+            for (q, x), truth in zip(windows, truths, strict=True):
                 rows = ([], [])
                 for i in range(1, n + 1):
                     share = 0.0 if method == "zero velocity" else i / (n + 1)
                     guess = [slow_slerp(q[9, j], q[10 + n, j], share) for j in range(22)]
                     p = walk(guess, x[9] + share * (x[10 + n] - x[9]), offsets)
-                    g = walk(q[9 + i], x[9 + i], offsets)
+                    g = truth[i - 1]
                     l2q.append(math.dist(p[0].ravel(), g[0].ravel()))
                     l2p.append(math.dist((p[1].ravel() - mean) / deviation, (g[1].ravel() - mean) / deviation))
                     rows[0].append(p[0])

@@ -13,7 +13,6 @@ from mwlib.inbetweening import losses
 from mwlib.inbetweening.losses import bone_angles
 from mwlib.inbetweening.objective import Batch, InbetweeningObjective
 from mwlib.inbetweening.space import PositionSpace, space_from_json
-from mwlib.inbetweening.windows import parted
 from mwlib.training import CHECKPOINT, MODEL, train
 from mwlib.training.checkpoint import load_tensors
 from tests.inbetweening.sample import PAPER, WINDOW, data_of, objective, people, shaken, small
@@ -46,11 +45,11 @@ def loss(made: InbetweeningObjective, given: Batch, seed: int = 0) -> torch.Tens
 @each_kind
 def test_it_learns(changes):
     """The loss of one batch, with the same noise, before and after."""
-    cfg = small(**changes, train_steps=120, batch=16, lr=3e-3, dropout=0.0, checkpoint_every=120)
-    made = InbetweeningObjective(cfg, data_of(cfg), {})
+    steps = 120 if "hide" in changes else 60
+    made = objective(**changes, train_steps=steps, batch=16, lr=3e-3, dropout=0.0, checkpoint_every=steps)
     given = batch(made, 64)
     before = float(loss(made, given).detach())
-    list(train(lambda learnt: made, cfg.training))
+    list(train(lambda learnt: made, made.cfg.training))
     assert float(loss(made, given).detach()) < 0.97 * before
 
 
@@ -135,9 +134,8 @@ def test_the_estimate_of_one_clip_is_compared_with_its_own_noise_draws():
     """Two draws of one clip, not two clips: of a network that knows the clip nothing is left."""
     made = objective(diversity_weight=1.0, draws=3)
     given = batch(made)
-    line = given.windows.x
-    y = made.representation.transform(8)(made.representation.modelled(line, line))
-    assert y.abs().max() == 0  # the interpolation is the clip: a network that says zero is right
+    gap = made.representation.gap(given.windows.x, torch.ones_like(given.mask))
+    assert made.representation.tokens(gap).abs().max() == 0  # the interpolation is the clip: a network that says zero is right
 
     class Zero(torch.nn.Module):
         def forward(self, y_t, t, conditioning):
@@ -246,18 +244,17 @@ class Knows(torch.nn.Module):
 def test_the_mean_is_asked_for_in_metres_and_nothing_is_left_of_a_truth_that_it_says():
     """A mean of zero leaves the whole of the interpolation's error, the truth nothing, half of the truth about half."""
     made = objective(**WINDOW | dict(hide=0.0), mean_width=8)
-    given, task = batch(made), made.task
-    before, x, after = parted(given.windows.x, task.past, task.future)
-    line = made.representation.interpolation(x, before, given.mask[:, 1:-1], after)
-    room, tf = made.representation.room(x, before, after), made.representation.transform(x.shape[1])
-    truth = tf(made.representation.modelled(x, line, room)) / made.representation.usual(x.shape[1])
+    given, form = batch(made), made.representation
+    gap = form.gap(given.windows.x, given.mask)
+    usual = form.usual(gap.frames)
+    truth = form.tokens(gap) / usual
     left, costs, nothing = [], [], made.network.mean_of
     for mean in (nothing, Knows(truth), Knows(truth / 2)):
         made.network.mean_of = mean
         costs.append(float(loss(made, given).detach()))
-        tokens = made.representation.usual(x.shape[1]) * made.network.mean(made.representation.ends(line, before, after), 6)
-        guess = made.representation.states(tf.inverse(tokens), line, room)
-        left.append(float(made._share_left(guess, line, given.windows._replace(x=x)).detach()))
+        tokens = usual * made.network.mean(form.ends(gap), 6)
+        guess = form.states(form.transform(gap.frames).inverse(tokens), gap)
+        left.append(float(made._share_left(guess, gap.line, given.windows._replace(x=gap.x)).detach()))
     assert left[0] == 1.0 and left[1] < 1e-3 and left[2] == pytest.approx(0.5, abs=0.01)
     assert costs[1] < costs[0] - 1.5 and costs[1] < costs[2] < costs[0]  # nothing is left to be diffused
 

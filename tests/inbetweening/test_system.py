@@ -55,12 +55,11 @@ def test_it_is_known_by_name():
 
 def test_who_is_held_out_is_left_out_of_more_data(monkeypatch):
     """The same people under other sources: those for training come twice more, those for validation and test nowhere."""
-    plain = module.load_data(small())
+    asked, motions = [], synthetic_motions(subjects=8, seconds=2.0)
+    monkeypatch.setattr(sources, "load_motions", lambda source, **how: asked.append(source) or motions)
+    plain, more = (module.load_data(small(more_data=names)) for names in ((), ("here", "there")))
     held_out = {m.subject for m in (*plain.validation, *plain.test)}
-    asked = []
-    monkeypatch.setattr(sources, "load_motions", lambda source, **how: asked.append(source) or synthetic_motions())
-    more = module.load_data(small(more_data=("here", "there")))
-    assert asked == ["synthetic", "here", "there"] and fingerprint(more.validation + more.test) == fingerprint(
+    assert asked == ["synthetic", "synthetic", "here", "there"] and fingerprint(more.validation + more.test) == fingerprint(
         plain.validation + plain.test
     )
     assert len(more.train) == 3 * len(plain.train) and not held_out & {m.subject for m in more.train}

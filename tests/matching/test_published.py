@@ -183,7 +183,7 @@ def test_results_depend_on_every_file_of_it(published, collection, monkeypatch, 
 @pytest.mark.parametrize("part", FILES)
 def test_what_is_missing_is_named_with_its_place_and_its_origin(part, published):
     published_files(published.folder)[part].unlink()
-    place, origin = FILES[part].places[0], FILES[part].origin
+    origin, place, *_ = FILES[part]
     with pytest.raises(FileNotFoundError, match=f"is not whole; missing: .*published/{place} .from {origin}.$"):
         open_matcher(str(published.folder), HUMANML3D)
 

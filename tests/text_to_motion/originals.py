@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 import math
+from functools import cache
+from io import BytesIO
 from pathlib import Path
 from zlib import crc32
 
@@ -37,6 +39,7 @@ def transformer(name: str, width: int, heads: int, forward: int, layers: int) ->
     return {f"{name}.layers.{n}.{key}": tuple(value.shape) for n in range(layers) for key, value in layer.items()}
 
 
+@cache
 def mdm_weights(features: int = 263, text: int = 512) -> dict[str, Tensor]:
     """Names and shapes of a released file."""
     return drawn({
@@ -48,6 +51,7 @@ def mdm_weights(features: int = 263, text: int = 512) -> dict[str, Tensor]:
     })  # fmt: skip
 
 
+@cache
 def unet_weights(features: int = 263) -> dict[str, Tensor]:
     """Names and shapes of "encoder" and "model_ema", but for CLIP's."""
     widths = [BASE * times for times in TIMES]
@@ -86,16 +90,25 @@ def write_mdm(folder: Path, weights: object = None, **changes: object) -> Path:
     return folder / "model000475000.pt"
 
 
-def write_unet(folder: Path, checkpoint: object = None, **changes: object) -> Path:
+def packed(checkpoint: object) -> bytes:
+    file = BytesIO()
+    torch.save(checkpoint, file)
+    return file.getvalue()
+
+
+@cache
+def unet_checkpoint() -> bytes:
     """As the program saves it: the optimiser, the weights, their average, and CLIP in both."""
     clip = {"clip_model.positional_embedding": torch.zeros(77, 512)}
-    if checkpoint is None:
-        plain = {name: value + 0.1 for name, value in unet_weights().items()}
-        optimiser = {"state": {0: {"step": torch.tensor(3.0)}}, "param_groups": [{"lr": 2e-4, "params": [0]}]}
-        checkpoint = {"opt_encoder": optimiser, "total_it": 50_000, "encoder": plain | clip, "model_ema": unet_weights() | clip}
+    plain = {name: value + 0.1 for name, value in unet_weights().items()}
+    optimiser = {"state": {0: {"step": torch.tensor(3.0)}}, "param_groups": [{"lr": 2e-4, "params": [0]}]}
+    return packed({"opt_encoder": optimiser, "total_it": 50_000, "encoder": plain | clip, "model_ema": unet_weights() | clip})
+
+
+def write_unet(folder: Path, checkpoint: object = None, **changes: object) -> Path:
     for name in ("model", "meta"):
         (folder / name).mkdir(exist_ok=True)
-    torch.save(checkpoint, folder / "model" / "latest.tar")
+    (folder / "model" / "latest.tar").write_bytes(unet_checkpoint() if checkpoint is None else packed(checkpoint))
     lines = "".join(f"{name}: {value}\n" for name, value in sorted((OPTIONS | changes).items()))
     (folder / "opt.txt").write_text(f"------------ Options -------------\n{lines}-------------- End ----------------\n")
     np.save(folder / "meta" / "mean.npy", np.linspace(-1, 1, 263))

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import cache
+
 import numpy as np
 import torch
 from scipy.ndimage import gaussian_filter1d
@@ -33,6 +35,7 @@ def clip(number: int, split: str = "train") -> CaptionedClip:
     return CaptionedClip(x.astype(np.float32), texts, f"toy_{number}", split)
 
 
+@cache
 def toy() -> Parts:
     """Thirty clips to train, six each to validate and to test."""
     numbers = iter(range(100))

@@ -52,15 +52,6 @@ def test_low_pass_is_scipys_projection_on_each_samples_own_length():
     assert_close(all_of_them(x, lengths), x * mask, atol=1e-6, rtol=0)
 
 
-def test_a_low_pass_is_a_projection():
-    x, lengths = some()
-    low_pass, all_of_them = LowPass(16, rows=3), LowPass(16, rows=16)
-    once = low_pass(x, lengths)
-    assert_close(low_pass(once, lengths), once, atol=1e-6, rtol=0)
-    mask = torch.arange(16)[:, None] < lengths[:, None, None]
-    assert_close(all_of_them(x, lengths), x * mask, atol=1e-6, rtol=0)
-
-
 def test_hertz_keep_more_of_longer_samples():
     low_pass = LowPass(196, rows=1, hertz=0.5, fps=20.0)
     assert [low_pass.rows[n - 1] for n in (10, 40, 196)] == [1, 2, 10]

@@ -217,7 +217,7 @@ def test_energy_of_a_published_clip(data_folder):
 
 
 SIGMAS = torch.tensor([0.2, 0.4, 0.8], dtype=torch.float64)
-DRAWS = 200_000
+PAIRS = 200_000
 
 
 def test_s11_gaussian_bands_know_nothing_and_errors_are_of_samples_not_fitted(generator):
@@ -250,7 +250,7 @@ def test_s12_the_low_band_helps_only_if_phases_are_bound(generator, bound, expec
     assert alone.tolist() == pytest.approx([0.307, 0.641, 0.880], abs=0.005)
     assert both.tolist() == pytest.approx(expected, abs=0.005)
     for sigma, less, more in zip(SIGMAS.tolist(), alone.tolist(), both.tolist(), strict=True):
-        seen = spectra.two_bands(DRAWS, sigma, bound, generator)
+        seen = spectra.two_bands(PAIRS, sigma, bound, generator)
         phase = spectra.squared_phase(seen.noisy_low)
         assert spectra.regression_error(seen.noisy_high[:, None], seen.high) == pytest.approx(less, rel=0.02)
         inputs = torch.stack([seen.noisy_high, phase], dim=1)

@@ -39,7 +39,7 @@ MUTANTS = [
         ("vectors-in-the-order-of-the-list", "vectors[[rows[word] for word in words]]", "vectors[: len(words)]"),
         ("any-deviation-will-do", "if not 0.5 < weight", "if not 0.01 < weight"),
         ("published-clips-never-end", "TaggedVocabulary(words), WINDOW)", "TaggedVocabulary(words))"),
-        ("places-not-all-looked-at", "place for place in wanted.places", "place for place in wanted.places[:1]"),
+        ("places-not-all-looked-at", "place for place in places]", "place for place in places[:1]]"),
     ),
     *of(
         "matching/evaluators.py", "matching/test_published.py",
