@@ -42,6 +42,7 @@ MWLIB_CHROMIUM=$(call quoted,$(value CHROMIUM)) $(RUN) -m pytest
 endef
 
 unexport PYTHON PRESET DATA OUT JOBS NB GRIDS SET COLUMN FONT ALL CHROMIUM # to export one is to expand it
+unexport PYTHONDONTWRITEBYTECODE # each of hundreds of processes would compile the library anew
 export OMP_NUM_THREADS ?= 1
 export MWLIB_RUNS ?= $(CURDIR)/runs
 

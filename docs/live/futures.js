@@ -65,6 +65,7 @@ function offer() { // the windows of the chosen people
   const set = people[Number(form.elements.people.value)];
   form.elements.window.replaceChildren(...set.windows.map(({ action, clip }, i) => new Option(`${action} (${clip})`.replaceAll("_", " "), i)));
   host.querySelector(".owners").textContent = set.acknowledgement;
+  form.elements.temperature.value = set.temperature;
   stage(chosen());
 }
 

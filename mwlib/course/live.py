@@ -69,8 +69,9 @@ def write_data(folder: Path, root: Path) -> None:
         "fps": bodies.fps, "body": {"skeleton": of_skeleton(bodies.skeleton)}, "acknowledgement": real["acknowledgement"],
         "clips": placed_clips(load_motions("synthetic"), KEYED) + real.pop("clips"),
     }  # fmt: skip
+    people = [{**one, "temperature": load_run(one["model"]).sampling.temperature} for one in (synthetic, real)]
     found = {
-        "people": [synthetic, real], "clips": clips, "filters": filters(), "schedules": schedules(), "players": empty_players(),
+        "people": people, "clips": clips, "filters": filters(), "schedules": schedules(), "players": empty_players(),
     }  # fmt: skip
     for name, content in found.items():
         write_atomic(folder / f"{name}.json", json.dumps(content, separators=(",", ":")))
