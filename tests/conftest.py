@@ -19,6 +19,7 @@ from tests import unchanged
 # Shapes in annotations are checked here, never at run time. Settings have no shapes, and checks of their own.
 ROOT = Path(__file__).parents[1]
 NOTEBOOK_RUNS = "test_figures.py"
+REAL_CLIPS = ("tests/data/test_real.py", "tests/data/test_fetching.py")  # one worker reads them for both
 ROOMS = "body transforms networks diffusion metrics training matching prediction inbetweening text_to_motion".split()
 FILES = [file for room in ROOMS for file in (ROOT / "mwlib" / room).glob("*.py") if file.stem not in ("__init__", "config")]
 checker = beartype(conf=BeartypeConf(is_pep484_tower=True))  # 25 is a float, too
@@ -128,7 +129,8 @@ class ByFile(LoadFileScheduling):
     """Parallel workers take whole files, for the sake of their fixtures; of the notebooks' runs one at a time."""
 
     def _split_scope(self, nodeid: str) -> str:
-        return nodeid if NOTEBOOK_RUNS in nodeid else super()._split_scope(nodeid)
+        file = super()._split_scope(nodeid)
+        return nodeid if NOTEBOOK_RUNS in nodeid else REAL_CLIPS[0] if file in REAL_CLIPS else file
 
 
 @pytest.hookimpl(optionalhook=True)

@@ -12,7 +12,6 @@ import numpy as np
 import torch
 from jaxtyping import Float
 from scipy.special import ndtri
-from scipy.stats.qmc import Halton
 from torch import Tensor
 
 from mwlib.body.following import on_rig
@@ -318,6 +317,8 @@ def temperatures(samples: int, temperature: float, spread: float) -> Float[Tenso
     >>> temperatures(3, 1.0, 0.5)
     tensor([1.0000, 0.7137, 1.4011], dtype=torch.float64)
     """
+    from scipy.stats.qmc import Halton  # half a second, which few need
+
     shares = Halton(1, scramble=False).fast_forward(1).random(samples)[:, 0]  # the first is 0
     return temperature * torch.from_numpy(np.exp(spread * ndtri(shares)))
 

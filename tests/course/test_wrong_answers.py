@@ -70,14 +70,17 @@ def checks(cells: list[NotebookNode], place: int) -> list[int]:
 
 
 def names(source: str) -> tuple[set[str], set[str], set[str]]:
-    """What code asks for, what it binds, and what it changes in place."""
-    asked, bound, todo = set[str](), set[str](), [compile(source, "a cell", "exec")]
-    while todo:
-        code = todo.pop()
-        todo += [const for const in code.co_consts if isinstance(const, types.CodeType)]
-        for step in dis.get_instructions(code):
-            asked |= {step.argval} if step.opname in ("LOAD_NAME", "LOAD_GLOBAL") else set()
-            bound |= {step.argval} if step.opname in ("STORE_NAME", "STORE_GLOBAL") else set()
+    """What code asks of the cells before it, what it binds, and what it changes in place."""
+    asked, bound, whole = set[str](), set[str](), compile(source, "a cell", "exec")
+    for step in dis.get_instructions(whole):  # in order: what it has bound itself it asks of nobody
+        if step.opname == "LOAD_NAME":
+            asked |= {step.argval} - bound
+        bound |= {step.argval} if step.opname in ("STORE_NAME", "STORE_GLOBAL") else set()
+    inner = [const for const in whole.co_consts if isinstance(const, types.CodeType)]
+    while inner:
+        code = inner.pop()
+        inner += [const for const in code.co_consts if isinstance(const, types.CodeType)]
+        asked |= {step.argval for step in dis.get_instructions(code) if step.opname in ("LOAD_NAME", "LOAD_GLOBAL")} - bound
     changed: set[str] = set()
     for node in ast.walk(ast.parse(source)):
         targets = node.targets if isinstance(node, ast.Assign) else []
@@ -166,6 +169,12 @@ def test_only_what_is_needed_is_run_and_a_right_answer_is_no_wrong_one():
     assert "meets '3 is not half of four'" in problem
     with pytest.raises(ValueError, match="expected it to begin as one of \\['half ='\\]"):
         tried(sample({"code": "third = 3", "hint": "-"}))
+
+
+def test_what_a_cell_binds_first_it_asks_of_nobody():
+    assert names("x = 1\ny = x + z\nz = 2")[0] == {"z"}
+    assert names("def f():\n    return x + y\n\n\ny = 2")[0] == {"x"}
+    assert names("total += 1")[0] == {"total"}
 
 
 def test_what_a_cell_changes_in_place_is_no_name_of_its_own():
