@@ -16,6 +16,8 @@ from mwlib.body.standing import legs, standing
 from mwlib.course.live import STEPS, WAVELETS
 from mwlib.diffusion import WindowNoise, alpha_bar, ddim, ddim_indices, eps_of, posterior_mean
 from mwlib.inbetweening.windows import given
+from mwlib.prediction.guidance import guided
+from mwlib.prediction.predictor import temperatures
 from mwlib.synthetic.acts import TIMED, captioned_positions, usual_times
 from mwlib.synthetic.sentences import examples
 from mwlib.synthetic.sentences_typed import as_learnt, claims
@@ -104,11 +106,14 @@ def test_futures_are_pythons(opened, people, window, guidance, on):
     noise = torch.randn(3, 16, 192, generator=generator)
     asked = {"samples": 3, "steps": 8, "guidance": guidance, "temperature": 1.1}
     found = page.evaluate(FUTURES, [str(people), str(window), asked, noise.flatten().tolist()])
-    model = mw.load_run(found["model"]).with_sampling(ddim_steps=8, guidance_weight=guidance, temperature=1.1, tabg_scale=0.0)
+    model = mw.load_run(found["model"]).with_sampling(ddim_steps=8, guidance_weight=guidance, temperature=1.1)
     model.net = copy.deepcopy(model.net).double()  # where sampling begins, 1 / sqrt(alpha_bar) multiplies rounding by thousands
     x = torch.tensor(found["x"], dtype=torch.float64).reshape(1, 125, 48)
     with torch.inference_mode():
-        *_, last = model._steps(x[:, :25], Given(noise.double()))
+        draw, chosen = Given(noise.double()), model.sampling
+        branches = guided(model.branches(x[:, :25]), model.alpha_bar, weight=guidance, form=chosen.guidance_form)
+        start = draw() * temperatures(3, 1.1, chosen.temperature_spread)[:, None, None]
+        *_, last = ddim(branches, start, model.alpha_bar, model.indices())
         expected = model.decode(last.y, x[:, :25])
     assert np.abs(np.array(found["futures"]).reshape(3, 100, 48) - expected[0].numpy()).max() < OF[on] * NEAR
     assert min(found["errors"]) == pytest.approx(float(mw.metrics.ade(expected, x[:, 25:])), abs=OF[on] * NEAR)
