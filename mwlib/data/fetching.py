@@ -417,11 +417,11 @@ def _workplace(to: Path, name: str, patience: Patience) -> Iterator[_Staging]:
     to.mkdir(parents=True, exist_ok=True)
     lock, folder = FileLock(to / f".fetch-{name}.lock"), to / f".fetch-{name}"
     try:
-        lock.acquire(timeout=0)
-        lock.release()
+        held = lock.acquire(timeout=0)
     except Timeout:
         print(f"another mwlib fetch {name} is at work in {to}; waiting for it", file=sys.stderr)
-    with lock:
+        held = lock.acquire()
+    with held:
         folder.mkdir(exist_ok=True)
         yield _Staging(folder, patience)
         shutil.rmtree(folder)
