@@ -26,7 +26,7 @@ from mwlib.body.motion import Motion
 from mwlib.body.skeleton import Skeleton
 from mwlib.files import write_atomic
 from mwlib.plots.bodies import Array, Board, body_kind, camera, draw_bodies, placed, poses, project, seconds_text
-from mwlib.plots.look import FAINT, OBSERVED, PREDICTED, WIDTH, array
+from mwlib.plots.look import FAINT, OBSERVED, PREDICTED, WIDTH, array, style
 from mwlib.plots.saving import described
 from mwlib.settings import Positive
 
@@ -257,6 +257,7 @@ class Loop:
         return {"image/png": base64.b64encode(self.encoded()).decode(), "text/plain": self.alt}, {"image/png": {"alt": self.alt}}
 
 
+@style()
 def loop(
     motions: Mapping[str, Shown] | Sequence[Shown] | Shown | Film,
     skeleton: Skeleton | None = None,

@@ -8,6 +8,7 @@ import math
 import shutil
 import subprocess
 
+import matplotlib as mpl
 import nbformat
 import numpy as np
 import pytest
@@ -77,6 +78,13 @@ def test_a_loop_of_three_seconds_stays_below_its_limit():
     assert plots.loop(short, alt=ALT, most_bytes=len(large.encoded()) - 1).size[0] < large.size[0]
     with pytest.raises(ValueError, match="240 pixels wide; expected 200: show a shorter motion"):
         plots.loop(short, alt=ALT, most_bytes=200)
+
+
+def test_a_readers_own_settings_do_not_leak_in():
+    short = WALK.cut(0, 3)
+    expected = plots.loop(short, alt=ALT).encoded()
+    with mpl.rc_context({"font.size": 30, "lines.linewidth": 9, "text.color": "red"}):
+        assert plots.loop(short, alt=ALT).encoded() == expected
 
 
 def test_the_same_motions_give_the_same_bytes(walkers):

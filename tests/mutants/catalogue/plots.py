@@ -49,6 +49,7 @@ MUTANTS = [
         ("loop-without-its-last-frame", "range((shown.frames - 1) % step, shown.frames, step)",
          "range(0, shown.frames - step, step)"),
         ("limit-forgotten", "if size <= most_bytes:", "if True:"),
+        ("loops-in-the-readers-look", "@style()\ndef loop(", "def loop("),
     ),
     *of(
         "plots/lines.py", "plots/test_frequencies.py",
