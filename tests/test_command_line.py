@@ -302,3 +302,29 @@ def test_types_of_arguments_are_true():
     """What is read from the source as text are types that Python knows."""
     for command in COMMANDS.values():
         assert typing.get_type_hints(getattr(importlib.import_module(command.module), command.definition.name))
+
+
+def test_help_that_finds_no_room_says_so_in_one_line():
+    with open("/dev/full", "w") as full:
+        found = subprocess.run([sys.executable, "-m", "mwlib", "train", "--help"], stdout=full, stderr=subprocess.PIPE, text=True)
+    assert found.returncode == 1 and found.stderr == "mwlib: [Errno 28] No space left on device\n"
+
+
+def test_a_warning_does_not_show_the_library(tmp_path, monkeypatch):
+    """In a process of its own, as pytest keeps warnings."""
+    (tmp_path / "broken.bvh").write_text("no motion")
+    write_bvh(synthetic_motions(subjects=1)[0], tmp_path / "walk.bvh")
+    words = [
+        sys.executable,
+        "-m",
+        "mwlib",
+        "predict",
+        "synthetic",
+        str(tmp_path),
+        "--samples",
+        "1",
+        "--out",
+        str(tmp_path / "x.npz"),
+    ]
+    found = subprocess.run(words, capture_output=True, text=True)
+    assert found.returncode == 0 and found.stderr.startswith("mwlib: 1 of 2 files") and ".py" not in found.stderr

@@ -123,6 +123,7 @@ def _times(a: Float[Tensor, "3 3 *lead"], b: Float[Tensor, "3 columns *#lead"]) 
 
 
 @lru_cache(maxsize=256)
+@torch.inference_mode(False)  # what is kept must serve training, too
 def _levels(
     parents: tuple[int, ...], device: torch.device, of_parents: bool = False
 ) -> tuple[Int[Tensor, " order"], list[Tensor], Int[Tensor, " found"]]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Real
 
 from mwlib.body.kinematics import AXES
 from mwlib.body.rig import Rig, on_the_way
@@ -44,7 +44,7 @@ class Motion:
     Motion(101 frames of 17 joints, H36M17, 50 Hz, up z)
     """
 
-    positions: Float[np.ndarray, "T joints 3"]
+    positions: Real[np.ndarray, "T joints 3"]  # floats from here on
     fps: float
     skeleton: Skeleton
     subject: str = ""
@@ -62,6 +62,8 @@ class Motion:
                 f"positions is {shown(self.positions)} of {getattr(self.positions, 'dtype', 'no numbers')}; "
                 "expected a NumPy array of real numbers"
             )
+        if self.positions.dtype.kind != "f":  # places between whole numbers would be cut off
+            object.__setattr__(self, "positions", self.positions.astype(np.float64))
         if self.positions.shape[1:] != (joints, 3) or not len(self):
             raise ValueError(
                 f"positions have shape {self.positions.shape}; expected (T, {joints}, 3) with T > 0 for {self.skeleton.name}"

@@ -167,12 +167,13 @@ def slerp(a: Quaternions, b: Quaternions, share: Float[Tensor, "*#lead"]) -> Qua
 
 def shortest_arc(a: Vectors, b: Vectors) -> Quaternions:
     """The smallest turn that carries the direction of a to that of b; opposite ones by some axis across a, zeros not at all."""
-    a, b = torch.broadcast_tensors(a, b)
+    dtype = torch.promote_types(a.dtype, b.dtype)
+    a, b = torch.broadcast_tensors(a.double(), b.double())  # nearly opposite ones cancel
     a, b = (normalize(v, dim=-1) for v in (a, b))
     w = 1 + (a * b).sum(dim=-1, keepdim=True)
     shortest = torch.eye(3, dtype=a.dtype, device=a.device)[a.abs().argmin(dim=-1)]
     axis = torch.where(w < 1e-12, torch.linalg.cross(a, shortest), torch.linalg.cross(a, b))
-    return normalize(torch.cat([w, axis], dim=-1), dim=-1)
+    return normalize(torch.cat([w, axis], dim=-1), dim=-1).to(dtype)
 
 
 def six(q: Quaternions) -> Float[Tensor, "*#lead 6"]:

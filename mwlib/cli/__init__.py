@@ -10,6 +10,7 @@ import importlib
 import os
 import re
 import sys
+import warnings
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, nullcontext
 from functools import partial
@@ -148,16 +149,30 @@ def _silent() -> Iterator[None]:
         tqdm.__init__ = begun
 
 
+@contextmanager
+def _plain_warnings() -> Iterator[None]:
+    """Warnings without the line of the library that gives them."""
+    usual = warnings.formatwarning
+    warnings.formatwarning = lambda message, *_, **__: f"mwlib: {message}\n"
+    try:
+        yield
+    finally:
+        warnings.formatwarning = usual
+
+
 def main(words: Sequence[str] | None = None) -> int:
     """Run one command; 0 if all is well, 1 if not, 2 if its words are not understood, 130 if it was interrupted."""
     if "_ARGCOMPLETE" in os.environ:
         _complete()
-    command, given = parse(sys.argv[1:] if words is None else words)
+    try:
+        command, given = parse(sys.argv[1:] if words is None else words)
+    except OSError as error:  # of help that nobody reads, or that finds no room
+        return _lost(error)
     if given.pop("accept_older_code", False):
         os.environ["MWLIB_ACCEPT_OLDER_CODE"] = "1"  # kernels that a command starts inherit it
     quiet = given.pop("quiet", False)
     try:
-        with _silent() if quiet else nullcontext():
+        with _plain_warnings(), _silent() if quiet else nullcontext():
             return getattr(importlib.import_module(command.module), command.definition.name)(**given) or 0
     except KeyboardInterrupt:
         print("mwlib: interrupted", file=sys.stderr)
@@ -168,6 +183,16 @@ def main(words: Sequence[str] | None = None) -> int:
         from mwlib.course.notebooks import to_install
 
         print(f"mwlib: {error}; {to_install('notebooks') or f'pip install {error.name}'} brings it", file=sys.stderr)
+    except BrokenPipeError as error:
+        return _lost(error)
     except (ImportError, OSError, ValueError) as error:
+        print(f"mwlib: {error}", file=sys.stderr)
+    return 1
+
+
+def _lost(error: OSError) -> int:
+    """Leave when what is printed goes nowhere; of a reader who has left nothing is said."""
+    sys.stdout = open(os.devnull, "w")  # else Python flushes the rest at its end, and fails again
+    if not isinstance(error, BrokenPipeError):
         print(f"mwlib: {error}", file=sys.stderr)
     return 1

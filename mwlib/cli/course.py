@@ -45,7 +45,8 @@ def run_notebook(
 
     Args:
         notebook: a path, a name, or a number: 5, 05, 5b.
-        out: folder for the results (default: build/runs/<notebook>-<hash of the parameters>).
+        out: folder for the results (default: build/runs/<notebook>-<hash of the parameters>); what an earlier run of the notebook
+            left there goes before this one begins.
         set: one parameter; may be repeated.
         parameters: a YAML file of parameters; --set wins over it.
         timeout: seconds for one cell, then the kernel is killed (default: 86400, a day).

@@ -1,5 +1,6 @@
 """Commands that train and measure: train, judge, grid-table, ship, storyboards, reproduction, lafan1-benchmark."""
 
+import sys
 from collections.abc import Mapping, Sequence
 from json import dumps
 from pathlib import Path
@@ -12,13 +13,14 @@ from mwlib import plots
 from mwlib.cli import options
 from mwlib.cli.options import Repeated
 from mwlib.data.collections import acknowledgement
+from mwlib.data.doubts import some
 from mwlib.data.load import load_motions
 from mwlib.data.sources import data_fingerprint
 from mwlib.experiments import claims as claiming
 from mwlib.experiments import judging, report, shipped
 from mwlib.experiments.grids import columns
 from mwlib.experiments.grids import system as system_named
-from mwlib.experiments.results import models_used, of_older_code
+from mwlib.experiments.results import models_used, of_older_code, result_of
 from mwlib.experiments.runs import get_model, get_run
 from mwlib.experiments.sampling import SENTENCE_MODEL, model_of
 from mwlib.experiments.tables import differences, lines, measure, provenance
@@ -48,7 +50,17 @@ def train(*, system: str = "prediction", preset: str = "laptop", set: Repeated[s
         preset: one of `mwlib.prediction.config.PRESETS` ... (default: laptop).
         set: change one setting, e.g. data=my/folder or lr=1e-3; may be repeated.
     """
-    print(get_run(system_named(system).Config.preset(preset, **parse_changes(set)), progress=True))
+    cfg = system_named(system).Config.preset(preset, **parse_changes(set))
+    folder = get_run(cfg, progress=True)
+    kept = result_of(folder)["depends"].get("sampling", {})
+    if others := [
+        f"{name} {kept[name]!r}, not {value!r}" for name, value in cfg.sampled().items() if kept.get(name, value) != value
+    ]:
+        told = (
+            f"mwlib: this run was trained before, and keeps the settings of sampling and testing that it had: {some(others, 5)}"
+        )
+        print(told, file=sys.stderr)
+    print(folder)
 
 
 def _protocol(

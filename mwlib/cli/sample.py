@@ -4,7 +4,9 @@ import io
 import json
 import re
 import sys
+import warnings
 from collections.abc import Mapping, Sequence
+from itertools import chain, count
 from pathlib import Path
 from typing import Any, Literal
 
@@ -17,6 +19,7 @@ from mwlib.body.motion import Motion
 from mwlib.cli.options import expect_ending
 from mwlib.data import load_motions
 from mwlib.data.collections import acknowledgement
+from mwlib.data.doubts import some
 from mwlib.data.formats.bvh import write_bvh
 from mwlib.data.formats.glb_writing import write_glb
 from mwlib.experiments import exported, sampling
@@ -32,6 +35,9 @@ from mwlib.text_to_motion.model import TextToMotion
 from mwlib.training import TrainedModel
 from mwlib.version import __version__
 
+# Entries of a file of futures, and arguments of NumPy that writes it: no clip can be called so.
+RESERVED = "joints", "parents", "fps", "up", "history", "file", "allow_pickle"
+
 
 def predict(*, out: Path = Path("predictions.npz"), **continued: Any) -> None:
     """Continue motions: sampled futures of each clip's last frames, as one .npz file.
@@ -46,8 +52,9 @@ def predict(*, out: Path = Path("predictions.npz"), **continued: Any) -> None:
     predictor, found = _continued(False, **continued)
     bodies, skeleton, buffer = predictor.bodies, predictor.bodies.skeleton, io.BytesIO()
     about: dict[str, Any] = {"joints": skeleton.joints, "parents": skeleton.parents, "fps": bodies.fps, "up": bodies.up}
+    about["history"] = predictor.representation.history
     arrays = {name: np.stack([motion.positions for motion in row]) for name, row in found.items()}
-    np.savez_compressed(buffer, allow_pickle=False, **about, history=predictor.representation.history, **arrays)
+    np.savez_compressed(buffer, allow_pickle=False, **about, **arrays)
     write_atomic(out, buffer.getvalue())
     row = next(iter(found.values()))
     print(f"{out}: {len(row)} futures of {len(found)} clips, {row[0].duration:.2f} s each")
@@ -142,7 +149,7 @@ def loop(
         "run": str(run), "data": source, "clip": shown.name, "start_frame": start, "samples": samples,
         "seeds": {"sampling": seed}, "fps": shown.fps, "mwlib": __version__, **of_older_code(), **acknowledgement(source),
     }  # fmt: skip
-    content, said = picture.encoded(out.suffix), json.dumps(about, indent=2, sort_keys=True)
+    content, said = picture.encoded(out.suffix.lower()), json.dumps(about, indent=2, sort_keys=True)
     write_together({out: content, out.with_suffix(".txt"): f"{alt}\n", out.with_suffix(".json"): f"{said}\n"})
     print(f"{out}: {len(picture)} pictures of {picture.size[0]} x {picture.size[1]} pixels, {len(content)} bytes")
 
@@ -194,7 +201,7 @@ def inbetween(
     found = sampling.inbetween(
         read[0], last, between, samples, seed, run, sys.stderr.isatty(), align=align, own_rig=is_rigged, join=join
     )
-    name = Path(start).name.split(".")[0]
+    name = _as_file(read[0].name) or "motion"
     _write({f"{name}_between_{number}": motion for number, motion in enumerate(found, 1)}, out, format)
 
 
@@ -261,17 +268,30 @@ def _continued(
     """
     predictor = sampling.model_of(run, Predictor, "prediction")
     motions = load_motions(source, **meaning)[: whole("clips", clips) or None]
+    needed, fps = predictor.representation.history, predictor.bodies.fps
+    short = [m for m in motions if m.duration * fps < needed - 1 - 1e-6]
+    if 0 < len(short) < len(motions):  # where all are, the model says so
+        names = some([m.name or "a clip without a name" for m in short])
+        left = f"{len(short)} of {len(motions)} clips are left out, shorter than the {needed} frames that the model continues"
+        warnings.warn(f"{left}: {names}", stacklevel=2)
+        motions = [m for m in motions if m.duration * fps >= needed - 1 - 1e-6]
     found = predicted_motions(predictor, motions, samples, seed, sys.stderr.isatty(), own_rig)
     return predictor, dict(zip(_names(motions), found, strict=True))
 
 
 def _names(motions: list[Motion]) -> list[str]:
     """A file name for each clip, all different."""
-    names: list[str] = []
+    names, taken = [], {*RESERVED}
     for number, m in enumerate(motions, 1):
-        name = "".join(c if c.isalnum() or c in "-_." else "_" for c in m.name) or f"clip_{number}"
-        names.append(name if name not in names else f"{name}_{number}")
+        name = _as_file(m.name) or f"clip_{number}"
+        ways = chain([name], (f"{name}_{n}" for n in count(number)))
+        names.append(next(way for way in ways if way not in taken))
+        taken.add(names[-1])
     return names
+
+
+def _as_file(name: str) -> str:
+    return "".join(c if c.isalnum() or c in "-_." else "_" for c in name)
 
 
 def _one(path: str, meaning: Mapping[str, Any]) -> Motion:

@@ -15,7 +15,7 @@ GROUPS = {  # of commands, by module, in the order of the overview
 MAINTAIN = "maintain"  # the group of those that keep the course up
 MAINTAINING = ("ship", "reproduction", "execute_notebooks", "index_page", "site_sources", "run_experiment")
 SYSTEMS = "mwlib.experiments.grids"
-TYPES = {"int": int, "float": float, "str": str, "Path": Path}
+TYPES = {"int": int, "float": float, "str": str, "Path": lambda word: Path(word).expanduser()}
 NAMED = re.compile(r"`(mwlib(?:\.\w+)*)\.([A-Za-z]\w+)`")  # in a text: stands for the names that `names_of` gives
 ADVANCED = "advanced, changed by no preset, grid or chapter"
 

@@ -86,6 +86,8 @@ def load_clips(source: CaptionsConfig) -> Parts:
     train, val, test = ([clip for clip in clips if clip.split == split] for split in ("train", "val", "test"))
     train = thinned(train, source.few)
     if not train or not test:
+        if source.data == "cmu":
+            find_source(CMU_FOLDER)  # says where it looked, and how the files are had
         found = f"{source.data} has {len(train)} clips to train and {len(test)} to test on"
         raise ValueError(f"{found}, of {source.shortest} frames or more; expected some of both")
     return Parts(train, val, test)

@@ -12,6 +12,7 @@ import numpy as np
 import torch
 from jaxtyping import Float, Int
 from torch import Tensor
+from tqdm import tqdm
 
 from mwlib.body.following import on_rig
 from mwlib.body.joining import aligned, check_one_body, joined, rig_of
@@ -73,7 +74,8 @@ class Bridge(TrainedModel):
         if not model.condition_on_keyframes:
             return
         if count > (most := task.past + task.future + model.more_keyframes):
-            raise ValueError(f"{count} keyframes; expected at most {most}, as in the model's training")
+            hidden = task.past + task.future - 2  # frames around the two keyframes
+            raise ValueError(f"{count - hidden} keyframes; expected at most {most - hidden}, as in the model's training")
         if not (mask[: task.past].all() and mask[-task.future :].all()):
             raise ValueError(
                 f"not all of the first {task.past} and last {task.future} frames are keyframes; expected all, as in the model's "
@@ -102,13 +104,13 @@ class Bridge(TrainedModel):
             progress: show a bar.
 
         Raises:
-            ValueError: the length or the keyframes do not fit the model, or no sample is asked for.
+            ValueError: the length or the keyframes do not fit the model or are not finite, or no sample is asked for.
         """
         frames, task = x.shape[-2], self.cfg.task
         mask = given(frames, task.past, task.future) if mask is None else mask
         samples, seed = self.asked(samples, seed)
         self.check(frames, mask)
-        ids = identities(window_ids, len(x))
+        x, ids = self._seen(x, mask), identities(window_ids, len(x))
         if not ids:
             raise ValueError("there are no windows; expected at least one")
         found, shape = [], (samples, *self.representation.transform(frames - task.steps).shape)
@@ -122,7 +124,16 @@ class Bridge(TrainedModel):
         """What the network of the mean says, without diffusion, one motion a window, see `sample`. Without one the curve."""
         mask = given(x.shape[-2], self.cfg.task.past, self.cfg.task.future)
         self.check(x.shape[-2], mask)
-        return self.finite(self._sample(x.to(self.device), mask.to(self.device), None))[:, 0].cpu()
+        return self.finite(self._sample(self._seen(x, mask).to(self.device), mask.to(self.device), None))[:, 0].cpu()
+
+    def _seen(self, x: Tracks, mask: Given) -> Tracks:
+        """The states as the network reads them, if it can."""
+        task, needed = self.cfg.task, mask.clone()
+        if self.cfg.model.hide:  # what lies beyond the two keyframes need not be known
+            needed[: task.past - 1] = needed[len(mask) - task.future + 1 :] = False
+        if not x[:, needed].isfinite().all():
+            raise ValueError("x is not finite at a keyframe; expected numbers")
+        return x.float()
 
     def _sample(self, x: Tracks, mask: Given, noise: WindowNoise | None) -> Samples:
         settings, form = self.cfg.sampling, self.representation
@@ -198,7 +209,8 @@ def filled(
             that is given a past looks at the frames before the first keyframe, too; one that may do without (`hide`) looks at
             those that there are.
         end: its first frame is the last keyframe, and those behind it are a future that is given, as the past is; or numbers of
-            two or more frames of `start` at the model's rate.
+            two or more frames of `start` at the model's rate. More than the model was trained with are filled one gap after the
+            other: each leaves with the velocity with which the one before arrives.
         frames: N, frames between the first and the last keyframe at the model's rate; None: the model's own, or as many as lie
             between the numbered ones.
         samples, seed: None = the settings'.
@@ -224,10 +236,74 @@ def filled(
         end = aligned(end.with_up(start.up), start)
     if own_rig or join:
         rig_of(start)
+    lead = 0 if bridge.cfg.model.hide else bridge.cfg.task.past - 1
+    if isinstance(end, list) and len(end) > 2 + bridge.cfg.model.more_keyframes:
+        samples, seed = bridge.asked(samples, seed)
+        made = _chained(bridge, start, end, frames, range(samples), seed, feet, progress)
+    else:
+        made = _filled(bridge, start, end, frames, samples, seed, None, feet, progress)
+    made = [each.with_up(start.up) for each in made]
+    if own_rig or join:
+        poses, at = _given_poses(start, end, len(made[0]), bridge, join, lead)
+        made = [on_rig(each, poses, at) for each in made]
+    return made
+
+
+def _chained(
+    bridge: Bridge,
+    start: Motion,
+    keys: list[int],
+    frames: int | None,
+    numbers: Sequence[int],
+    seed: int,
+    feet: bool,
+    progress: bool,
+) -> list[Motion]:
+    """`_filled` one gap after the other; samples by their numbers."""
+    _asked(bridge, start, keys, frames)  # refuses what does not fit before anything is sampled
+    past, future = bridge.cfg.task.past, bridge.cfg.task.future
+    for a, b in pairwise(keys):
+        bridge.check(size := b - a - 1 + past + future, given(size, past, future))
+    [motion] = bridge.space.bodies.prepare([start])
+    made: list[Motion] = []
+    for number in tqdm(numbers, "in-betweens", disable=not progress):
+        whole = motion.cut(0, keys[1] + 1)
+        for n, (a, b) in enumerate(pairwise(keys)):
+            own = int(np.random.SeedSequence((seed, n)).generate_state(1)[0])
+            [part] = _filled(bridge, whole, [a, b], None, 1, own, [number], feet, False)
+            lead = len(part) - (b - a + 1)
+            whole = _together(whole.cut(0, a - lead), part) if a > lead else part
+            if b < keys[-1]:
+                following = keys[n + 2]
+                stop = len(motion) if following == keys[-1] else following + 1
+                whole = _together(whole, motion.cut(b + 1, stop))
+        made.append(replace(whole.cut(keys[0] - lead, len(whole)), name=f"{start.name} in between".strip()))
+    return made
+
+
+def _together(first: Motion, second: Motion) -> Motion:
+    """All frames of both, of one body."""
+    if first.rig and second.rig:
+        return joined(first, second)
+    return replace(first, positions=np.concatenate([first.positions, second.positions]), rig=None)
+
+
+def _filled(
+    bridge: Bridge,
+    start: Motion,
+    end: Motion | list[int],
+    frames: int | None,
+    samples: int | None,
+    seed: int | None,
+    ids: Sequence[int] | None,
+    feet: bool,
+    progress: bool,
+) -> list[Motion]:
+    """Samples from the first keyframe to the last, as the model's bodies in the world."""
     before, after, x, mask = _asked(bridge, start, end, frames)
     space, task = bridge.space, bridge.cfg.task
     place = space.placement(x, space.offsets(before), task.past - 1)
-    sampled = bridge.sample(space.seen_from(x, place)[None], mask, samples, seed, progress=progress)[0]
+    sampled = bridge.sample(space.seen_from(x, place)[None], mask, samples, seed, window_ids=ids, progress=progress)[0]
     lead, known = 0 if bridge.cfg.model.hide else task.past - 1, (mask & x.isfinite().all(-1))[:, None]
     shown, named = slice(task.past - 1 - lead, len(x) - task.future + 1), f"{start.name} in between".strip()
     # What is given is put back: turned there and back it is not the same to the bit.
@@ -236,10 +312,6 @@ def filled(
     if feet and not space.rigid:
         keys, floor = mask[shown].nonzero().flatten().tolist(), _floor(before, after)
         made = [_on_feet(each, keys, floor) for each in made]
-    made = [each.with_up(start.up) for each in made]
-    if own_rig or join:
-        poses, at = _given_poses(start, end, len(made[0]), bridge, join, lead)
-        made = [on_rig(each, poses, at) for each in made]
     return made
 
 

@@ -159,6 +159,7 @@ def feet(skeleton: Skeleton) -> list[int]:
 
 
 @lru_cache(maxsize=64)
+@torch.inference_mode(False)  # what is kept must serve training, too
 def _meetings(skeleton: Skeleton, device: torch.device) -> Int[Tensor, "3 angles"]:
     """Triples parent, joint, child, one for every pair of bones that meet end to end."""
     parents = skeleton.parents

@@ -285,7 +285,7 @@ class InbetweeningObjective(Objective):
         output = network(y_t, steps, seen)
         error = output - network_target(self.cfg.diffusion.prediction, y, eps, a)
         if options.level_weight == "unit":
-            error = error / self.network.share(y_t, steps)  # pyright: ignore[reportCallIssue]  (Config.check: it is Wiener's)
+            error = error / network.share(y_t, steps)  # pyright: ignore[reportCallIssue]  (Config.check: it is Wiener's)
         error = error.square().mean((-2, -1))
         total = of_window + (error if self.level is None else error * self.level.to(y.device)[steps]).mean()
         if any(getattr(options, name) for name in ON_BODIES):

@@ -21,6 +21,7 @@ from mwlib.inbetweening.losses import bone_lengths, feet, floor_of
 from mwlib.inbetweening.objective import InbetweeningObjective
 from mwlib.inbetweening.space import Samples, Space
 from mwlib.inbetweening.windows import Clips, PlacedWindows, given, make_space, parted, ready
+from mwlib.metrics.evaluation import REALISM
 
 from mwlib.metrics import (  # isort: skip
     NPSS, Column, apd, bone_length_error, continued, foot_skate, jerk, keyframe_error, l2p, l2q, nearer_share, path_length,
@@ -177,9 +178,10 @@ class Score:
     def _motion(self, p: Samples, floor: PerWindow) -> dict[str, PerWindow]:
         joints = p.unflatten(-1, (-1, 3)).clone()
         joints[..., 2] -= floor[:, None, None, None]
+        is_long = p.shape[2] >= REALISM["speed"].fewest(self.fps)
         return {
             "seam": seam_ratio(p).mean(1),
-            "speed": speed(p, self.fps),
+            "speed": speed(p, self.fps) if is_long else p.new_full((len(p),), torch.nan),
             "path": path_length(joints[..., 0, :2]).mean(1),
             "jerk": jerk(p, self.fps),
         } | ({"skate": foot_skate(joints.flatten(-2), self.feet, self.fps).nanmean(1)} if self.feet else {})

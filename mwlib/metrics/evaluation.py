@@ -15,7 +15,7 @@ from jaxtyping import Float, Int
 from torch import Tensor
 
 from mwlib.body.skeleton import Skeleton
-from mwlib.settings import Positive, choice
+from mwlib.settings import Positive, choice, real
 
 from mwlib.metrics.prediction import (  # isort: skip
     ERRORS, Metric, MultimodalFutures, PerWindow, Samples, Sets, Truths, ade, by_action, check_shapes, cmd, fde,
@@ -196,8 +196,8 @@ REALISM = {  # of futures at a known rate
     **{f"coverage_{share:g}": Metric(Column(f"inside {100 * share:g} %"), partial(coverage, share=share)) for share in BANDS},
 }
 SEAM = {  # of those whose past is known, too
-    "seam_jerk": Metric(Column("jerk where it begins (m/s³)"), seam_jerk, lambda _: 4),
-    "first_step": Metric(Column("first frame from steady motion (mm)", scale=1000.0), first_step),
+    "seam_jerk": Metric(Column("jerk where it begins (m/s³)"), seam_jerk, lambda _: 4, past=3),
+    "first_step": Metric(Column("first frame from steady motion (mm)", scale=1000.0), first_step, past=2),
     "average_ade": Metric(Column("ADE of the average sample", "lower"), mean_ade),
     "ade_of_mean": Metric(Column("ADE of the samples' mean", "lower"), lambda p, g: ade(p.mean(1, keepdim=True), g)),
 }
@@ -246,15 +246,24 @@ class MetricTable:
         history: Past | None = None,
     ) -> None:
         choice("mm_singletons", mm_singletons, MM_SINGLETONS)
-        self.actions, self.clips = list(actions or ["all"] * len(gs)), list(clips or range(len(gs)))
-        if len(self.actions) != len(gs):
-            raise ValueError(f"{len(self.actions)} actions for {len(gs)} windows; expected one each")
+        self.actions = ["all"] * len(gs) if actions is None else list(actions)
+        self.clips = list(range(len(gs)) if clips is None else clips)
+        for name, rows in (
+            ("actions", self.actions),
+            ("clips", self.clips),
+            ("histories", self.actions if history is None else history),
+        ):
+            if len(rows) != len(gs):
+                raise ValueError(f"{len(rows)} {name} for {len(gs)} windows; expected one each")
+        if fps is not None and real("fps", fps) <= 0:
+            raise ValueError(f"fps is {fps}; expected a positive number")
         self.gs, self.skeleton, self.fps, self.mm_singletons = MultimodalFutures.of(gs), skeleton, fps or 0.0, mm_singletons
         self.history, frames = history, self.gs.futures.shape[1]
         offered = ERRORS | (REALISM if fps else {}) | (SEAM if fps and history is not None else {})
         if skeleton is None:
             del offered["bone_length_jitter"]
-        self.metrics = {name: m for name, m in offered.items() if 1 <= m.fewest(self.fps) <= frames}
+        seen = 0 if history is None else history.shape[1]
+        self.metrics = {n: m for n, m in offered.items() if 1 <= m.fewest(self.fps) <= frames and m.past <= seen}
         self.values = {name: torch.full((len(gs),), torch.nan, dtype=torch.float64) for name in self.metrics}
         self._steps = torch.full((2, len(gs), frames - 1), torch.nan, dtype=torch.float64)
 
@@ -263,6 +272,8 @@ class MetricTable:
         windows = torch.as_tensor(windows)
         if windows.shape != (len(p),) or len(windows.unique()) < len(p):
             raise ValueError(f"{len(windows)} window numbers for {len(p)} predictions; expected one each, all different")
+        if wrong := [n for n in windows.tolist() if not 0 <= n < len(self.gs.sizes)]:
+            raise ValueError(f"window {wrong[0]} of {len(self.gs.sizes)}; expected numbers from 0 to {len(self.gs.sizes) - 1}")
         check_shapes(p, g, windows=windows)
         if fed := windows[self.values["apd"][windows].isfinite()].tolist():
             raise ValueError(f"window {fed[0]} was fed before; expected every window once")
@@ -271,7 +282,8 @@ class MetricTable:
             found = metric.of(p=p, g=g, gs=gs, skeleton=self.skeleton, fps=self.fps, x_history=past)
             self.values[name][windows] = found.double().cpu()
         for row, motion in zip(self._steps, (p, g[:, None]), strict=True):
-            row[windows] = step_length(motion).double().cpu()
+            if p.shape[2] > 1:
+                row[windows] = step_length(motion).double().cpu()
 
     def summary(self) -> dict[str, Any]:
         """`summary` of the windows that count, with "windows", their number, by metric, "cmd" (metres), and "actions": the same
@@ -286,7 +298,11 @@ class MetricTable:
         predicted, truth = self._steps[:, rows]
         clips = [self.clips[i] for i in rows]
         per_action = {a: _row({k: v[i] for k, v in kept.items()}, [clips[n] for n in i]) for a, i in by_action(actions).items()}
-        return {**_row(kept, clips), "cmd": float(cmd(predicted, truth, actions)), "actions": per_action}
+        return {
+            **_row(kept, clips),
+            "cmd": float(cmd(predicted, truth, actions)) if predicted.shape[1] else float("nan"),
+            "actions": per_action,
+        }
 
 
 def _row(values: dict[str, Tensor], clips: Sequence[Hashable]) -> dict[str, Any]:

@@ -306,10 +306,15 @@ def cmd(predicted: Float[Tensor, "N steps"], truth: Float[Tensor, "N steps"], ac
 
     Source: BeLFusion (Barquero et al., 2023).
 
+    Raises:
+        ValueError: the windows are not as many as the actions.
+
     >>> still, steady = torch.zeros(2, 3), torch.full((2, 3), 0.1)
     >>> cmd(still, steady, ["walk", "walk"])
     tensor(0.6000)
     """
+    if not len(predicted) == len(truth) == len(actions):
+        raise ValueError(f"{len(actions)} actions for {len(predicted)} and {len(truth)} windows; expected one each")
     weight = torch.arange(predicted.shape[1], 0, -1).to(predicted)
     total = predicted.new_zeros(())
     for rows in by_action(actions).values():
@@ -363,6 +368,7 @@ class Metric(NamedTuple):
     column: Column
     function: Callable[..., Tensor]  # of some of what `of` is given
     fewest: Callable[[float], int] = lambda fps: 1
+    past: int = 0  # and of the frames before
 
     def of(self, **windows: Any) -> PerWindow:
         """The metric of each window: the function of those arguments that it takes.
@@ -380,5 +386,5 @@ ERRORS = {
     "fde": Metric(Column("FDE", "lower"), fde),
     "mmade": Metric(Column("MMADE", "lower"), mmade),
     "mmfde": Metric(Column("MMFDE", "lower"), mmfde),
-    "bone_length_jitter": Metric(Column("bone jitter (mm)", scale=1000.0), bone_length_jitter),
+    "bone_length_jitter": Metric(Column("bone jitter (mm)", scale=1000.0), bone_length_jitter, lambda _: 2),
 }

@@ -183,7 +183,8 @@ def _render(fig: Figure, kind: str, dpi: float) -> bytes:
 def _with_palette(png: bytes) -> bytes:
     """The same picture in 256 colours: less than half the size, so that a notebook full of bodies stays light."""
     buffer = io.BytesIO()
-    Image.open(io.BytesIO(png)).convert("RGB").quantize(256, dither=Image.Dither.NONE).save(buffer, "png", optimize=True)
+    whole = Image.open(io.BytesIO(png)).convert("RGB")  # the median cut would take rare colours from a colour bar
+    whole.quantize(256, Image.Quantize.MAXCOVERAGE, dither=Image.Dither.NONE).save(buffer, "png", optimize=True)
     return buffer.getvalue()
 
 

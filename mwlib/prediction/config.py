@@ -115,6 +115,9 @@ class ModelConfig:
     phase_seconds: Positive = 1.0  # its window
     phase_steps: Count = 1500  # its training
     coefficient_scale: Literal["none", "band", "coefficient"] = "none"  # to unit deviation: not, per sub-band, one by one
+    condition_scale: Advanced[Literal["as_motion", "coefficient"]] = (
+        "as_motion"  # of the condition: like the motion, or one by one
+    )
     representation: Literal["pose", "displacement", "relaxing"] = "pose"  # what is modelled, see Representation
     fade_seconds: Positive = 0.5  # of "relaxing"
     heading: Literal["world", "body"] = "world"  # motions as they face, or turned by the heading of the last observed pose
@@ -195,7 +198,7 @@ class Config(Settings):
     renamed = {  # names before version 0.2, and today's
         "latent": "width", "target": "representation", "cfg_weight": "guidance_weight", "cfg_form": "guidance_form",
     }  # fmt: skip
-    newer = {"decoding": "inverse", "temperature_spread": 0.0, "seam": 0.0, "more_data": ()}
+    newer = {"decoding": "inverse", "temperature_spread": 0.0, "seam": 0.0, "more_data": (), "condition_scale": "as_motion"}
     people = "train_subjects", "validation_subjects", "test_subjects"
     after_training: ClassVar[frozenset[str]] = frozenset(
         {"sampling", "evaluation", "test_stride", "test_windows", "checkpoint_every"}

@@ -31,6 +31,7 @@ Whole = Float[Tensor, "N *S T C"]
 SCALES = ("mean", "deviation", "condition_mean", "condition_deviation")
 # Windows at a time of which a periodic autoencoder learns. Own choice: four, as in equal time many small steps lose less.
 LEARNING_WINDOWS = {"phase": 16, "straight_phase": 4}
+LEAST_SEEN = 0.02  # metres: what of a condition varies less is not blown up
 SCALE_WINDOWS = 2048  # drawn for the scales: deviations are then known to 1.6 %, whatever the size of the data
 
 
@@ -171,7 +172,8 @@ def fit_representation(cfg: Config, motions: Sequence[Motion]) -> Representation
     base = transform_of(cfg, bodies.skeleton)
     if isinstance(base, PhaseTransform):
         base.fit(learning_windows(cfg, motions, LEARNING_WINDOWS[model.transform]), model.phase_steps)
-    count = 1 if model.coefficient_scale == "none" and model.representation != "relaxing" else SCALE_WINDOWS
+    is_plain = model.coefficient_scale == "none" and model.condition_scale == "as_motion" and model.representation != "relaxing"
+    count = 1 if is_plain else SCALE_WINDOWS
     x = draw(count, torch.Generator().manual_seed(0))
     return Representation(base, fit_scales(base, x, cfg, bodies), cfg, bodies)
 
@@ -191,7 +193,11 @@ def fit_scales(base: Transform, x: Float[Tensor, "N T C"], cfg: Config, bodies: 
     seen, kind = x[:, : cfg.windows.history], model.coefficient_scale
     origin = Representation(base, learnt, cfg, bodies).origin(seen)
     mean, deviation = fit_scale(base, x - origin, kind)
-    of_condition = (mean, deviation) if model.representation == "pose" else fit_scale(base, pad_history(seen, frames), kind)
+    if model.condition_scale == "coefficient":  # own choice: else poses, which vary most, drown how people move
+        mean_seen, spread = fit_scale(base, pad_history(seen, frames), "coefficient")
+        of_condition = mean_seen, spread.clamp_min(LEAST_SEEN)
+    else:
+        of_condition = (mean, deviation) if model.representation == "pose" else fit_scale(base, pad_history(seen, frames), kind)
     return learnt | _scales(mean, deviation, *of_condition)
 
 

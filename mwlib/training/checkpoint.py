@@ -279,8 +279,8 @@ def check_trained(cfg: Settings, about: Texts, place: Path) -> None:
 
 
 NOT_BY_EDITING = (
-    "A run's settings are not changed by editing: those of sampling by with_sampling (or --set of a command), all others by "
-    "another training; put the file back as it was"
+    "A run's settings are not changed by editing: those of sampling by with_sampling, all others by another training; delete the "
+    "file and train with the run's settings, and it is written again"
 )
 
 

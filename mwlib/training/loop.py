@@ -105,7 +105,8 @@ def train(
     kept = folder if accelerator.is_main_process else None
     if kept and state.step == settings.train_steps:
         state.mend(kept)
-    network, optimiser = accelerator.prepare(state.network, state.optimiser)
+    network = accelerator.prepare_model(state.network, evaluation_mode=True)  # a loss asks it for more than `forward`
+    optimiser = accelerator.prepare(state.optimiser)
     share = max(settings.batch // accelerator.num_processes, 1)
     while state.step < settings.train_steps:
         # the learning rate of this step
@@ -116,6 +117,7 @@ def train(
             network.train()
             loss = objective.loss(network, objective.draw(share, generator), generator)
             accelerator.backward(loss)
+            _share_gradients(network, accelerator)
             if settings.clip_gradient:
                 accelerator.clip_grad_norm_(network.parameters(), settings.clip_gradient)
             optimiser.step()
@@ -132,6 +134,15 @@ def train(
             if kept:
                 state.save(kept, is_last)
         yield TrainingStep(state.step, state.curve[-1], optimiser.param_groups[0]["lr"], value)
+
+
+def _share_gradients(network: nn.Module, accelerator: Accelerator) -> None:
+    """Means over the processes that share a batch."""
+    if accelerator.num_processes > 1:
+        gradients = [parameter.grad for parameter in network.parameters() if parameter.grad is not None]
+        mean = accelerator.reduce(torch.cat([gradient.flatten() for gradient in gradients]), "mean")
+        for gradient, part in zip(gradients, mean.split([gradient.numel() for gradient in gradients]), strict=True):  # pyright: ignore[reportArgumentType, reportAttributeAccessIssue]
+            gradient.copy_(part.view_as(gradient))
 
 
 def _finite(loss: Tensor, step: int) -> float:

@@ -249,8 +249,9 @@ def fit_scale(tf: Transform, x: Float[Tensor, "N T C"], kind: str) -> tuple[Tens
         raise ValueError(f"{len(y)} windows, all alike; expected windows that differ, to tell the scale of their coefficients")
     if kind == "band":
         deviations = {name: torch.full(band.shape[-2:], float(band.std())) for name, band in tf.split(y).items()}
-        return torch.zeros(tf.shape), tf.join(deviations)
-    deviation, mean = torch.std_mean(y, dim=0)
+        mean, deviation = torch.zeros(tf.shape), tf.join(deviations)
+    else:
+        deviation, mean = (part.float().cpu() for part in torch.std_mean(y, dim=0))
     return mean, deviation.clamp_min(1e-3 * float(deviation.max()))
 
 
@@ -273,6 +274,7 @@ class ScaledTransform(Transform):
 
     def __init__(self, base: Transform, mean: Tensor, deviation: Tensor) -> None:
         self.base, self.shape = of_kind("base", base, Transform), base.shape
+        self.frames, self.channels, self.bands = base.frames, base.channels, base.bands
         for name, scale in (("mean", mean), ("deviation", deviation)):
             if of_kind(name, scale, Tensor, "a tensor").shape != self.shape:
                 raise ValueError(f"{name} has shape {tuple(scale.shape)}; expected {self.shape}")

@@ -201,3 +201,11 @@ def test_gradients_stay_finite_and_right_at_half_turns(dtype):
     assert torch.autograd.gradcheck(rotation.from_six, (away,))
     matrices = rotation.matrix(turns(4)).requires_grad_()
     assert torch.autograd.gradcheck(rotation.from_matrix, (matrices,))
+
+
+def test_the_smallest_turn_between_nearly_opposite_vectors():
+    a = unit(torch.randn(200, 3, generator=torch.Generator().manual_seed(0)).numpy()).float()
+    for off in (0.0, 1e-7, 1e-5, 1e-3):
+        b = torch.nn.functional.normalize(-a + off * torch.randn(200, 3, generator=torch.Generator().manual_seed(1)), dim=-1)
+        q = rotation.shortest_arc(a, b)
+        assert q.dtype == torch.float32 and (rotation.rotate(q, a) - b).norm(dim=-1).max() < 2e-6

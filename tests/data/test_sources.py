@@ -265,3 +265,12 @@ def test_data_are_found_where_loading_finds_them(data, monkeypatch):
     monkeypatch.setenv("MWLIB_DATA", str(data.parent))
     assert data_fingerprint("data") == data_fingerprint(str(data)) != data_fingerprint("nowhere")
     assert data_fingerprint("synthetic") == data_fingerprint("tiny") == data_fingerprint("nowhere")
+
+
+def test_whole_numbers_are_places_like_others():
+    walk = np.arange(10)[:, None, None] * np.ones((10, 3, 3), int) * 5
+    for kind in (np.int64, np.uint8):
+        found = Motion(walk.astype(kind), 10.0, ARM)
+        assert found.positions.dtype == np.float64
+        np.testing.assert_allclose(found.resample(20.0).positions[:4, 0, 0], [0, 2.5, 5, 7.5])
+        assert np.isfinite(found.turn(0.3).mirror().positions).all() and found.root_relative().min() >= 0

@@ -86,3 +86,40 @@ def test_mistakes_are_told(run, tmp_path, capsys):
     assert main(["predict", str(tmp_path), "synthetic"]) == 1
     told = capsys.readouterr().err
     assert "config.yaml is missing" in told and "samples is 0" in told and "before 0.2" in told and "Traceback" not in told
+
+
+def test_a_run_that_samples_otherwise_says_so(run, monkeypatch, capsys):
+    monkeypatch.setenv("MWLIB_RUNS", str(run.parent))
+    words = [f"--set={name}={value}" for name, value in {**SMALL, "train_steps": 2}.items()]
+    assert main(["train", "--preset", "tiny", *words, "--set=temperature=3"]) == 0
+    said = capsys.readouterr()
+    assert said.out == f"{run}\n" and "keeps the settings of sampling and testing that it had: temperature 1.0, not 3" in said.err
+    assert main(["train", "--preset", "tiny", *words]) == 0 and "keeps" not in capsys.readouterr().err
+
+
+def test_no_clip_is_lost_to_its_name(run, tmp_path, capsys):
+    """Names of entries of the archive, of NumPy's own arguments, and names that meet once they are told apart."""
+    clip = animators_motion(181, 60.0)
+    for name in ("up", "file", "p1/take", "p1/take_4", "p2/take"):
+        mw.write_bvh(clip, tmp_path / "in" / f"{name}.bvh")
+    out = tmp_path / "futures.npz"
+    assert main(["predict", str(run), str(tmp_path / "in"), "--samples", "1", "--out", str(out)]) == 0
+    with np.load(out) as archive:
+        clips = [name for name in archive.files if archive[name].ndim == 4]
+        assert len(clips) == 5 == len({*clips} - {"up", "file"}) and str(archive["up"]) == "z"
+
+
+def test_a_short_clip_does_not_stop_the_others(run, tmp_path, capsys):
+    mw.write_bvh(animators_motion(181, 60.0), tmp_path / "in" / "long.bvh")
+    mw.write_bvh(animators_motion(20, 60.0), tmp_path / "in" / "short.bvh")
+    words = ["predict", str(run), str(tmp_path / "in"), "--out", str(tmp_path / "futures.npz")]
+    with pytest.warns(UserWarning, match="1 of 2 clips are left out, shorter than the 6 frames that the model continues: short"):
+        assert main(words) == 0
+    assert "3 futures of 1 clips" in capsys.readouterr().out
+
+
+def test_a_home_folder_is_meant_where_it_is_written(run, tmp_path, monkeypatch):
+    monkeypatch.setenv("HOME", str(tmp_path))
+    assert main(["predict", str(run), "synthetic", "--clips", "1", "--out=~/futures.npz"]) == 0
+    mw.write_bvh(animators_motion(20, 60.0), "~/clip.bvh")
+    assert {file.name for file in tmp_path.iterdir()} == {"futures.npz", "clip.bvh"}

@@ -10,6 +10,7 @@ import subprocess
 import sys
 import threading
 import time
+from collections.abc import Callable
 from multiprocessing.process import BaseProcess
 from pathlib import Path
 from typing import NamedTuple
@@ -24,12 +25,15 @@ from mwlib.experiments.results import locked, models_used, read_result, result_o
 from mwlib.experiments.runs import CODE, Run
 from mwlib.files import write_atomic
 from mwlib.hashing import file_hash
+from mwlib.inbetweening.config import Config as Inbetweening
 from mwlib.paths import CONFIG
 from mwlib.prediction.config import Config
 from mwlib.text_to_motion.config import Config as SentencesConfig
 from mwlib.training import CHECKPOINT, CURVES, MODEL
 from tests.experiments import placed_kills
 from tests.forked import done, started
+from tests.inbetweening.sample import WINDOW
+from tests.inbetweening.sample import small as small_inbetweening
 from tests.sample_settings import small, two_people
 
 ROOT = Path(__file__).parents[2]
@@ -164,13 +168,24 @@ def ask_aloud() -> None:
     ask()
 
 
-def ranks(tmp_path: Path) -> tuple[list[BaseProcess], list[Path]]:
+def ask_for_sizes() -> None:
+    """The same of in-betweens whose loss asks the network for more than its output."""
+    torch.set_num_threads(1)
+    folder = get_run(sized())
+    print("done", folder, flush=True)
+
+
+def sized() -> Inbetweening:
+    return small_inbetweening(**WINDOW, mean_width=8, batch=4, dropout=0.0)
+
+
+def ranks(tmp_path: Path, asking: Callable[[], None] = ask_aloud) -> tuple[list[BaseProcess], list[Path]]:
     """Two processes as ``accelerate launch`` starts them, and what they print."""
     logs = [tmp_path / "0.log", tmp_path / "1.log"]
     world = {"MASTER_ADDR": "127.0.0.1", "MASTER_PORT": str(free_port()), "WORLD_SIZE": "2", "ACCELERATE_USE_CPU": "true"}
     world["OMP_NUM_THREADS"] = "1"  # else Accelerate chooses, and says so
     ranked = [{**world, "RANK": str(rank), "LOCAL_RANK": str(rank)} for rank in range(2)]
-    return [started(ask_aloud, log=log, cwd=ROOT, env=env) for log, env in zip(logs, ranked, strict=True)], logs
+    return [started(asking, log=log, cwd=ROOT, env=env) for log, env in zip(logs, ranked, strict=True)], logs
 
 
 def test_several_processes_do_not_hang_when_another_finishes_their_run(monkeypatch, tmp_path):
@@ -208,6 +223,19 @@ def test_several_processes_train_one_run_together(monkeypatch, tmp_path):
     folder = Run(small(), two_people()).folder
     assert told[0] == told[1] == [str(folder), "wait", "train", "done", str(folder), told[0][-1]]
     assert read_result(folder, small().training_hash())["steps"] == 12 and [process.exitcode for process in processes] == [0, 0]
+
+
+def test_several_processes_train_what_a_loss_asks_of_a_network(monkeypatch, tmp_path):
+    """Mean and size of a window lie outside the network's output; their gradients are shared as all others."""
+    monkeypatch.setenv("MWLIB_RUNS", str(tmp_path / "runs"))
+    processes, logs = ranks(tmp_path, ask_for_sizes)
+    for process in processes:
+        process.join(120)
+    assert [process.exitcode for process in processes] == [0, 0], [log.read_text()[-2000:] for log in logs]
+    folder = Run(sized()).folder
+    begun, weights = get_model(sized().override(train_steps=1)).net.state_dict(), load_run(folder).net.state_dict()
+    for name in ("log_factor.0.weight", "mean_of.leave.1.weight", "inner.net.leave.weight"):
+        assert not torch.equal(weights[name], begun[name]) and weights[name].isfinite().all()
 
 
 def free_port() -> int:

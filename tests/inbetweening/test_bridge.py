@@ -163,7 +163,7 @@ def test_the_past_is_looked_at():
         (dict(more_keyframes=1), 8, [2, 3], "4 keyframes; expected at most 3"),
         (dict(past=4), 10, [], "frames between is 5; expected 6 to 6, for which"),
         (dict(past=4, shortest=3), 7, [], "frames between is 2; expected 3 to 6, for which"),
-        (dict(past=4), 11, [1, 2, 3, 4], "6 keyframes; expected at most 5, as in the model's training"),
+        (dict(past=4), 11, [1, 2, 3, 4], "3 keyframes; expected at most 2, as in the model's training"),
         (
             dict(past=4),
             11,
@@ -358,7 +358,7 @@ def test_other_bodies_are_carried_over_or_refused():
         ([25, 32], None, "of a motion of 30 frames"),
         ([3, 10], 5, "frames is 5, but 6 lie between frames 3 and 10; expected None"),
         ([3, 12], None, "frames between is 8; expected 6 to 6"),
-        ([3, 5, 10], None, "3 keyframes; expected at most 2"),
+        ([3, 5, 12], None, "frames between is 1; expected 6 to 6"),
         (None, 0, "frames is 0; expected at least 1"),
         (None, 9, "frames between is 9; expected 6 to 6"),
     ],
@@ -491,3 +491,39 @@ def test_a_future_that_is_too_short_is_refused():
     bridge, motion = untrained(future=2), data_of(untrained().cfg).test[0]
     with pytest.raises(ValueError, match="first keyframe and 1 from the last; expected at least 1 and 2, the past and future"):
         filled(bridge, motion.cut(0, 7), motion.cut(13, 14))
+
+
+def test_states_of_another_precision_and_keyframes_that_are_no_numbers():
+    bridge = untrained(**WINDOW)
+    x = windows_for(bridge).x[:2]
+    torch.testing.assert_close(bridge.sample(x.double()), bridge.sample(x))
+    for frame in (1, -2):  # the two keyframes; the frames beyond may be unknown
+        broken = x.clone()
+        broken[1, frame, 5] = torch.nan
+        for ask in (bridge.sample, bridge.mean):
+            with pytest.raises(ValueError, match="x is not finite at a keyframe; expected numbers"):
+                ask(broken)
+
+
+def test_many_keyframes_are_filled_one_gap_after_the_other():
+    bridge = untrained(**WINDOW, shortest=3)
+    motion, keys = data_of(bridge.cfg).test[0].cut(0, 30), [4, 9, 14, 19]
+    made = filled(bridge, motion, keys, samples=2, seed=1, feet=False)
+    ready = bridge.space.bodies.prepare([motion])[0]
+    for each in made:
+        assert len(each) == 16 and each.up == motion.up
+        np.testing.assert_allclose(each.positions[[0, 5, 10, 15]], ready.positions[keys], atol=1e-5)
+    assert np.abs(made[0].positions - made[1].positions).max() > 1e-3
+    again = filled(bridge, motion, keys, samples=3, seed=1, feet=False)  # a sample does not depend on how many there are
+    np.testing.assert_allclose(again[1].positions, made[1].positions, atol=1e-5)
+    # between keyframes the motion is not looked at, and the second gap leaves as the first one arrives
+    hidden = motion.positions.copy()
+    hidden[[n for n in range(4, 20) if n not in keys]] = motion.positions[4]
+    blind = filled(bridge, replace(motion, positions=hidden, rig=None), keys, samples=2, seed=1, feet=False)
+    np.testing.assert_allclose(blind[1].positions, made[1].positions, atol=1e-5)
+    moved = replace(made[0], positions=np.concatenate([made[0].positions[:6], ready.positions[10:15]]), rig=None)
+    own = int(np.random.SeedSequence((1, 1)).generate_state(1)[0])
+    other = module._filled(bridge, moved, [5, 10], None, 1, own, [0], False, False)
+    np.testing.assert_allclose(other[0].positions, made[0].positions[5:11], atol=1e-5)
+    with pytest.raises(ValueError, match="frames between is 1; expected 3 to 6"):
+        filled(bridge, motion, [4, 9, 11, 16])

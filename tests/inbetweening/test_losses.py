@@ -12,6 +12,7 @@ from mwlib.body import kinematics
 from mwlib.body.skeleton import H36M17, Skeleton
 from mwlib.data.collections.lafan1 import LAFAN1
 from mwlib.inbetweening.losses import (
+    _meetings,
     bone_angle_loss,
     bone_angles,
     bone_length_loss,
@@ -166,3 +167,17 @@ def test_forward_kinematics_has_no_length_loss():
     assert float(bone_length_loss(places, bone_lengths(places[0], LAFAN1), LAFAN1)) < 1e-10
     stretched = places * torch.tensor([1.0, 1.0, 1.1])
     assert float(bone_length_loss(stretched, bone_lengths(places[0], LAFAN1), LAFAN1)) > 1e-5
+
+
+def test_what_was_first_asked_without_gradients_serves_training():
+    """Indices are kept for the process; made within inference mode no gradient could pass them."""
+    _meetings.cache_clear()
+    kinematics._levels.cache_clear()
+    places = torch.randn(2, 3, len(H36M17), 3, generator=torch.Generator().manual_seed(0), requires_grad=True)
+    turns = torch.nn.functional.normalize(torch.randn(2, 3, len(H36M17), 4, generator=torch.Generator().manual_seed(1)), dim=-1)
+    turns.requires_grad_()
+    moved = lambda: kinematics.fk(turns, places[0, 0], places[..., 0, :], H36M17)[0]  # noqa: E731
+    with torch.inference_mode():
+        bone_angles(places, H36M17), moved()
+    (bone_angles(places, H36M17).sum() + moved().sum()).backward()
+    assert places.grad.isfinite().all() and turns.grad.isfinite().all()

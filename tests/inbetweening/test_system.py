@@ -244,3 +244,10 @@ def test_statistics_are_those_of_the_training_people_about_their_roots():
 )  # fmt: skip
 def test_feet_are_what_touches_the_floor(skeleton, names):
     assert {skeleton.joints[i] for i in feet(skeleton)} == names
+
+
+@pytest.mark.parametrize("between, fps", [(2, 30.0), (4, 30.0), (5, 30.0)])
+def test_gaps_too_short_for_a_speed_are_measured_without_it(between, fps):
+    cfg = small(between=between, fps=fps, test_windows=4)
+    found = evaluate(cfg.override(method="interpolation"), lambda: pytest.fail("no model is needed"), module.load_data(cfg))
+    assert np.isfinite(found["mean"]["l2p"]) and np.isnan(found["mean"]["speed"]) == (between < 5)

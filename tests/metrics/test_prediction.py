@@ -327,3 +327,39 @@ def test_coverage_tells_bands_that_are_too_narrow_or_beside_the_truth():
     for share in (0.0, 1.0):
         with pytest.raises(ValueError, match="more than 0 and less than 1"):
             metrics.coverage(p, g, share)
+
+
+def test_a_table_leaves_out_what_the_frames_do_not_allow():
+    g, pasts = torch.randn(4, 1, 3, generator=torch.Generator().manual_seed(0)), torch.zeros(4, 2, 3)
+    table = metrics.MetricTable([row[None] for row in g], skeleton=CHAIN, fps=10.0, history=pasts)
+    table.update(torch.zeros(4, 2, 1, 3), g, range(4))
+    found = table.summary()
+    assert {"ade", "first_step"} <= {*found["mean"]} and not {"seam_jerk", "bone_length_jitter", "jerk"} & {*found["mean"]}
+    assert math.isnan(found["cmd"])
+
+
+@pytest.mark.parametrize(
+    "given, message",
+    [
+        (dict(fps=-5.0), "fps is -5.0; expected a positive number"),
+        (dict(fps=0.0), "fps is 0.0; expected a positive number"),
+        (dict(clips="abc"), "3 clips for 4 windows; expected one each"),
+        (dict(actions=[]), "0 actions for 4 windows; expected one each"),
+        (dict(fps=10.0, history=torch.zeros(5, 3, 3)), "5 histories for 4 windows; expected one each"),
+    ],
+)
+def test_what_does_not_fit_a_table_is_refused(given, message):
+    with pytest.raises(ValueError, match=message):
+        metrics.MetricTable(torch.zeros(4, 1, 2, 3).unbind(), **given)
+
+
+@pytest.mark.parametrize("number", [-1, 4])
+def test_numbers_of_windows_that_are_not_there(number):
+    table = metrics.MetricTable(torch.zeros(4, 1, 2, 3).unbind(), actions=list("abab"))
+    with pytest.raises(ValueError, match=f"window {number} of 4; expected numbers from 0 to 3"):
+        table.update(torch.zeros(1, 2, 2, 3), torch.zeros(1, 2, 3), [number])
+
+
+def test_cmd_counts_every_window():
+    with pytest.raises(ValueError, match="2 actions for 4 and 4 windows; expected one each"):
+        metrics.cmd(torch.zeros(4, 3), torch.full((4, 3), 0.1), ["walk", "walk"])

@@ -130,3 +130,19 @@ def test_the_condition_sees_no_future_frame(x, kind):
     before[:, H - 1] += 1.0
     objective.loss(spy, before, torch.Generator().manual_seed(0))
     assert (spy.condition - seen[0]).abs().flatten(1).amax(1).min() > 0.1, "the last observed frame is seen"
+
+
+def test_a_condition_can_have_a_scale_of_its_own():
+    """How people move counts for as much as where they stand, and what does not vary stays small."""
+    plain, own = (
+        PredictionObjective(small(coefficient_scale="none", transform="time_wavelet", condition_scale=kind), two_people())
+        for kind in ("as_motion", "coefficient")
+    )
+    drawn = own.draw(2000, torch.Generator().manual_seed(1))
+    x, seen = plain.representation, own.representation
+    assert torch.equal(x.encode(drawn), seen.encode(drawn))
+    of = seen.encode_history(drawn[:, :6])
+    raw = x.encode_history(drawn[:, :6])
+    varies = raw.std(0) > 0.05
+    assert (of.std(0)[varies] - 1).abs().max() < 0.3 and of.mean(0).abs().max() < 0.3
+    assert of.std(0)[~varies].max() <= 3 and (raw.std(0) < 0.02).any()

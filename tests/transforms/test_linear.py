@@ -293,3 +293,14 @@ def test_the_last_pose_of_a_history_is_held(generator):
 def test_bad_arguments_are_named(make, message):
     with pytest.raises(ValueError, match=message):
         make()
+
+
+def test_scales_of_bands_that_hold_still():
+    """Windows that differ, but in which nobody moves, leave the time details at nothing."""
+    x = torch.randn(20, 1, 6, dtype=torch.float64, generator=torch.Generator().manual_seed(0)).expand(20, 16, 6)
+    tf = WaveletTransform(16, 6, "haar")
+    for kind in ("band", "coefficient"):
+        scales = fit_scale(tf, x, kind)
+        assert scales[0].dtype == scales[1].dtype == torch.float32
+        scaled = ScaledTransform(tf, *scales)
+        assert scaled(x.float()).isfinite().all() and (scaled.frames, scaled.channels, scaled.bands) == (16, 6, tf.bands)

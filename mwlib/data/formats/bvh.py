@@ -293,7 +293,7 @@ def asked_for(motion: object, file: object, ending: str, up: str) -> tuple[Path,
         ValueError: it is no motion, or the file's name ends otherwise.
     """
     motion = of_kind("motion", motion, Motion)
-    file = Path(of_kind("file", file, (str, Path), "a path"))
+    file = Path(of_kind("file", file, (str, Path), "a path")).expanduser()
     if file.suffix.lower() != ending:
         raise ValueError(f"file is {file.name!r}; expected a name that ends in {ending}")
     motion = motion.with_up(up)

@@ -101,4 +101,16 @@ MUTANTS = [
         "body/skeleton.py", "body/test_correspondence.py",
         ("collars-at-the-shoulders", "thorax:left_clavicle:0.4", "thorax:left_clavicle:0.9"),
     ),
+    *of(
+        "body/rotation.py", "body/test_rotation.py",
+        ("opposite-directions-in-single-precision", "broadcast_tensors(a.double(), b.double())", "broadcast_tensors(a, b)"),
+    ),
+    *of(
+        "body/motion.py", "data/test_sources.py",
+        ("whole-numbers-stay-whole", 'if self.positions.dtype.kind != "f":', "if False:"),
+    ),
+    *of(
+        "body/kinematics.py", "inbetweening/test_losses.py",
+        ("levels-without-gradients", "@torch.inference_mode(False)  # what is kept must serve training, too\n", ""),
+    ),
 ]  # fmt: skip

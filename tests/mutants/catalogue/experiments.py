@@ -221,4 +221,15 @@ MUTANTS = [
         ("committed-motion-of-another-name", 'if heads[head] == name', "if name",
          "experiments/test_grids.py::test_a_committed_motion_is_read_from_its_picture"),
     ),
+    *of(
+        "cli/sample.py", "experiments/test_run_commands.py",
+        ("entries-named-like-clips", "names, taken = [], {*RESERVED}", "names, taken = [], set()"),
+        ("a-name-told-apart-twice", "next(way for way in ways if way not in taken)",
+         "name if name not in taken else f\"{name}_{number}\""),
+        ("short-clips-stop-the-others", "if 0 < len(short) < len(motions):", "if False:"),
+    ),
+    *of(
+        "cli/measure.py", "experiments/test_run_commands.py",
+        ("other-sampling-unsaid", "if kept.get(name, value) != value", "if False"),
+    ),
 ]  # fmt: skip

@@ -196,4 +196,19 @@ MUTANTS = [
         ("ib-standing-speed", "STANDING = 0.2", "STANDING = 0.4"),
         ("ib-standing-still", "STANDING = 0.2", "STANDING = 0.1"),
     ),
+    *of(
+        "inbetweening/bridge.py", "inbetweening/test_bridge.py",
+        ("noise-of-every-gap-alike", "SeedSequence((seed, n))", "SeedSequence((seed, 0))"),
+        ("gaps-filled-with-what-was-there", "_together(whole.cut(0, a - lead), part) if a > lead else part", "whole"),
+        ("keyframes-that-are-no-numbers", "if not x[:, needed].isfinite().all():", "if False:"),
+        ("double-precision-not-taken", "        return x.float()\n", "        return x\n"),
+    ),
+    *of(
+        "inbetweening/losses.py", "inbetweening/test_losses.py",
+        ("indices-without-gradients", "@torch.inference_mode(False)  # what is kept must serve training, too\n", ""),
+    ),
+    *of(
+        "inbetweening/system.py", "inbetweening/test_system.py",
+        ("speed-of-gaps-too-short-for-one", "speed(p, self.fps) if is_long else", "speed(p, self.fps) if True else"),
+    ),
 ]  # fmt: skip

@@ -94,4 +94,14 @@ MUTANTS = [
         ("speed-over-a-tenth", "SPEED_SECONDS = 0.2", "SPEED_SECONDS = 0.1"),
         ("coverage-of-any-share", "if not 0 < share < 1:", "if not 0 <= share <= 1:"),
     ),
+    *of(
+        "metrics/evaluation.py", "metrics/test_prediction.py",
+        ("past-too-short-for-its-metrics", " and m.past <= seen}", "}"),
+        ("windows-counted-from-behind", "if not 0 <= n < len(self.gs.sizes)]", "if not n < len(self.gs.sizes)]"),
+        ("negative-rate", "if fps is not None and real", "if False and real"),
+    ),
+    *of(
+        "metrics/prediction.py", "metrics/test_prediction.py",
+        ("windows-beyond-the-actions", "if not len(predicted) == len(truth) == len(actions):", "if False:"),
+    ),
 ]  # fmt: skip

@@ -192,4 +192,9 @@ MUTANTS = [
         ("the-mean-frame", ".median(dim=1).values", ".mean(dim=1)"),
         ("the-past-goes-unasked", "SEAM if fps and history is not None else {}", "{}"),
     ),
+    *of(
+        "prediction/representation.py", "prediction/test_representation.py",
+        ("condition-as-the-motion", 'if model.condition_scale == "coefficient":', "if False:"),
+        ("still-parts-of-a-condition-blown-up", "spread.clamp_min(LEAST_SEEN)", "spread"),
+    ),
 ]  # fmt: skip

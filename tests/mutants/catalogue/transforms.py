@@ -19,4 +19,9 @@ MUTANTS = [
         ("projection-is-the-identity", "analysis, synthesis, analysis @ synthesis", "analysis, synthesis, np.eye(len(analysis))"),
         ("sines-begin-a-frame-late", "((0, 0), (1, 1))", "((0, 0), (2, 0))"),
     ),
+    *of(
+        "transforms/linear.py", "transforms/test_linear.py",
+        ("bands-that-hold-still", "return mean, deviation.clamp_min(1e-3 * float(deviation.max()))", "return mean, deviation"),
+        ("scales-in-the-windows-precision", "(part.float().cpu() for part", "(part.cpu() for part"),
+    ),
 ]  # fmt: skip
