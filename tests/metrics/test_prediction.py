@@ -336,6 +336,8 @@ def test_a_table_leaves_out_what_the_frames_do_not_allow():
     found = table.summary()
     assert {"ade", "first_step"} <= {*found["mean"]} and not {"seam_jerk", "bone_length_jitter", "jerk"} & {*found["mean"]}
     assert math.isnan(found["cmd"])
+    longer = metrics.MetricTable(torch.zeros(4, 1, 6, 3).unbind(), fps=10.0, history=pasts)  # two frames are observed
+    assert {"jerk", "first_step"} <= {*longer.metrics} and "seam_jerk" not in longer.metrics
 
 
 @pytest.mark.parametrize(
