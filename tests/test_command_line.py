@@ -305,7 +305,7 @@ def test_types_of_arguments_are_true():
 
 
 def test_help_that_finds_no_room_says_so_in_one_line():
-    with open("/dev/full", "w") as full:
+    with open("/dev/full", "w", encoding="utf-8") as full:
         found = subprocess.run([sys.executable, "-m", "mwlib", "train", "--help"], stdout=full, stderr=subprocess.PIPE, text=True)
     assert found.returncode == 1 and found.stderr == "mwlib: [Errno 28] No space left on device\n"
 

@@ -192,7 +192,7 @@ def main(words: Sequence[str] | None = None) -> int:
 
 def _lost(error: OSError) -> int:
     """Leave when what is printed goes nowhere; of a reader who has left nothing is said."""
-    sys.stdout = open(os.devnull, "w")  # else Python flushes the rest at its end, and fails again
+    sys.stdout = open(os.devnull, "w", encoding="utf-8")  # else Python flushes the rest at its end, and fails again
     if not isinstance(error, BrokenPipeError):
         print(f"mwlib: {error}", file=sys.stderr)
     return 1

@@ -140,7 +140,7 @@ def settings_text(system: str) -> str:
                     for advanced, line in _fields(*_defined(module, kind)):
                         groups.setdefault(ADVANCED if advanced else group, []).append(line)
     lines = [f"\nPresets of {system}: {', '.join(presets)}", *(f"  {name}  {text}" for name, text in presets.items() if text)]
-    lines.append("\nIts settings, their defaults and meanings")
+    lines.append("\nIts settings, their defaults (a preset changes some) and meanings")
     for group in sorted(groups, key=ADVANCED.__eq__):
         lines += [f"{group}:", *groups[group]]
     return "\n".join([*lines, ""])

@@ -17,7 +17,7 @@ from mwlib.body.motion import Motion
 from mwlib.data.captioned import CaptionsConfig
 from mwlib.data.collections import COLLECTIONS, Protocol, h36m, named_source
 from mwlib.data.doubts import MOST_NAMES, Clips, doubted, jump, other_axis, rows_without_files, some, told
-from mwlib.data.load import expect_source, find_source, first_of, motion_files, read_files, unread_entries
+from mwlib.data.load import expect_source, find_source, first_of, motion_files, passed_over, read_files, unread_entries
 from mwlib.data.mirroring import unmirrored
 from mwlib.data.untrusted import MotionFormatError, bare_suffix
 from mwlib.data.windows import prepare, windows
@@ -397,7 +397,9 @@ def check_data(
     lists, unsaid = captioned.wrong if captioned else [], doubted(named)
     lines += _list("left out of training", [*short, *dict.fromkeys(broken)])
     lines += _list("looks wrong", [*alone, *lists, *unsaid, *_doubts(named, people=captioned is None)])
-    lines += [f"{len(broken)} files cannot be read" if broken else "every file could be read"]
+    over = passed_over(path) if path and clips and not captioned else []
+    lines += _list("passed over, as nothing says that they are motions", over) if over else []
+    lines += [f"{len(broken)} files cannot be read" if broken else f"every {'other ' * bool(over)}file could be read"]
     return Check("\n".join(lines), not (broken or alone or lists or unsaid), clips)
 
 

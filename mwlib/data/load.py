@@ -151,7 +151,8 @@ def motion_files(path: Path) -> list[Path]:
     found = without_features(without_twins([*unlisted, *(file for file in files if _is_motion(file))]))
     if not found:
         expected = f"at least one file with motions ({', '.join(READERS)}, plain or as .xz or .gz)"
-        raise MotionFormatError(path, "folder", f"{len(files)} files without motions", expected)
+        seen = "".join(f" ({each})" for each in passed_over(path)[:1])
+        raise MotionFormatError(path, "folder", f"{len(files)} files without motions{seen}", expected)
     return found
 
 
@@ -159,6 +160,23 @@ def _inside(path: Path, onerror: Callable[[OSError], None] | None = None) -> lis
     """The files of a folder, recursively, but for hidden ones; `onerror` is told of folders that cannot be listed."""
     walk = os.walk(path, onerror=onerror)
     return [Path(folder, name) for folder, _, names in walk for name in names if not name.startswith(".")]
+
+
+def passed_over(path: Path) -> list[str]:
+    """Arrays in a folder that are taken for no motions, and what they hold."""
+    found = []
+    for file in sorted(_inside(path) if path.is_dir() else []):
+        if bare_suffix(file) in (".npy", ".npz") and not _is_motion(file):
+            try:
+                if bare_suffix(file) == ".npz":
+                    holds = f"entries {', '.join(sorted(archive_names(file))[:8])}; expected positions or poses among them"
+                else:
+                    shape, _, _ = array_header(BytesIO(read_head(file, HEAD)), file, "array")
+                    holds = f"an array of shape {shape}; expected (frames, joints, 3)"
+            except MotionFormatError as error:
+                holds = f"{error.found}; expected {error.expected}"
+            found.append(f"{file}: {holds}")
+    return found
 
 
 def source_files(source: str | Path) -> Iterator[tuple[str, Path]]:

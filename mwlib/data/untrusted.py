@@ -257,7 +257,8 @@ def number(word: str, file: Path, place: str) -> float:
     except ValueError:
         value = math.nan
     if not abs(value) <= LARGEST:
-        raise MotionFormatError(file, place, repr(word[:40]), f"a finite number up to {LARGEST:g}")
+        point = ", with a point and no comma" * bool(re.fullmatch(r"[-+]?\d+,\d+", word))
+        raise MotionFormatError(file, place, repr(word[:40]), f"a finite number up to {LARGEST:g}{point}")
     return value
 
 
@@ -292,6 +293,8 @@ def check_names(found: Iterable[object], valid: Sequence[str], what: str, file: 
         if name not in valid:
             near = near_name(name, valid)
             hint = f" (did you mean {near!r}?)" if near else ""
+            if ";" in str(name) and what == "column":  # as spreadsheets write where the comma is in numbers
+                hint = ", semicolons between columns; commas separate them"
             raise MotionFormatError(file, place, f"unknown {what} {str(name)[:40]!r}{hint}", f"some of {', '.join(valid)}")
 
 

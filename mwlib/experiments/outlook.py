@@ -34,7 +34,8 @@ def outlook(source: str | Path, motions: Sequence[Motion], fps: float | None = N
     def predicted() -> str:
         """What prediction makes of the data."""
         cfg = prediction.Config().override(data=str(source), **rate)
-        return _carried(motions, prediction.load_data(cfg, motions))
+        split, frames = prediction.load_data(cfg, motions), cfg.windows.frames
+        return _carried(motions, Split(*([m for m in part if len(m) > frames] for part in split)))
 
     def between(state: str) -> str:
         """What in-betweening makes of them."""

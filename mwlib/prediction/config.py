@@ -115,9 +115,7 @@ class ModelConfig:
     phase_seconds: Positive = 1.0  # its window
     phase_steps: Count = 1500  # its training
     coefficient_scale: Literal["none", "band", "coefficient"] = "none"  # to unit deviation: not, per sub-band, one by one
-    condition_scale: Advanced[Literal["as_motion", "coefficient"]] = (
-        "as_motion"  # of the condition: like the motion, or one by one
-    )
+    condition_scale: Advanced[Literal["as_motion", "coefficient"]] = "as_motion"  # of the history's coefficients; or one by one
     representation: Literal["pose", "displacement", "relaxing"] = "pose"  # what is modelled, see Representation
     fade_seconds: Positive = 0.5  # of "relaxing"
     heading: Literal["world", "body"] = "world"  # motions as they face, or turned by the heading of the last observed pose

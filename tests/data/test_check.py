@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import matplotlib.pyplot as plt
 import numpy as np
+import pytest
 
 from mwlib import Motion, load_motions, windows, write_bvh
 from mwlib.body.skeleton import H36M17
@@ -14,6 +15,7 @@ from mwlib.cli import main
 from mwlib.data.check import check_data
 from mwlib.data.collections.h36m import WINDOWS
 from mwlib.data.meaning import height
+from mwlib.data.untrusted import MotionFormatError
 from mwlib.synthetic.motions import synthetic_motions
 from tests.sample_motions import BVH, write_positions_3d
 
@@ -188,3 +190,18 @@ def test_statements_and_picture_from_the_command_line(tmp_path, capsys):
         assert told in capsys.readouterr().err
     assert main([*words, "--picture", str(picture), "--clip", "z"]) == 1
     assert "clip is 'z'; expected one of a.npy" in capsys.readouterr().err
+
+
+def test_arrays_that_are_no_motions_are_named(tmp_path):
+    np.save(tmp_path / "flat.npy", np.zeros((300, 66)))
+    np.savez(tmp_path / "other.npz", joints3d=np.zeros((9, 17, 3)), rate=50)
+    with pytest.raises(MotionFormatError, match=r"2 files without motions \(.*flat.npy: an array of shape \(300, 66\); expected"):
+        load_motions(tmp_path)
+    write_bvh(synthetic_motions(subjects=1)[0], tmp_path / "walk.bvh")
+    text = check_data(tmp_path).report
+    assert "passed over, as nothing says that they are motions:" in text and "every other file could be read" in text
+    assert f"{tmp_path / 'flat.npy'}: an array of shape (300, 66); expected (frames, joints, 3)" in text
+    assert f"{tmp_path / 'other.npz'}: entries joints3d, rate; expected positions or poses among them" in text
+    for file in ("flat.npy", "other.npz"):
+        (tmp_path / file).unlink()
+    assert "passed over" not in check_data(tmp_path).report

@@ -24,6 +24,7 @@ def folder(tmp_path):
 REFUSED = [
     ("file,FPS\na.bvh,120\n", r"header: found unknown column 'FPS' \(did you mean 'fps'\?\); expected some of file, fps, unit"),
     ("file,frame_rate\na.bvh,120\n", r"unknown column 'frame_rate' \(did you mean 'fps'\?\)"),
+    ("file;fps\na.bvh;120\n", r"unknown column 'file;fps', semicolons between columns; commas separate them; expected some of"),
     ("file, units\na.bvh,cm\n", r"unknown column 'units' \(did you mean 'unit'\?\)"),
     ("file,subjct\na.bvh,cm\n", r"unknown column 'subjct' \(did you mean 'subject'\?\)"),
     ("file,zzzzzz\na.bvh,cm\n", r"unknown column 'zzzzzz'; expected some of"),

@@ -103,7 +103,7 @@ def test_a_cut_or_edited_configuration_opens_no_model(run):
         ({"lr": 1.0, "width": 32}, r"width is 32; expected 16, lr is 1.0; expected 0"),
         (
             {"guidance_weight": 9.0},
-            r"was edited: guidance_weight is 9.0; expected 0.0\. A run's settings .* by with_sampling \(or --set",
+            r"was edited: guidance_weight is 9.0; expected 0.0\. A run's settings .* by with_sampling, all others",
         ),
         ({"ddim_steps": 3, "samples": 4}, r"was edited: samples is 4; expected 3, ddim_steps is 3; expected 5"),
     ],

@@ -107,7 +107,8 @@ def read_bvh(file: Path, hints: Hints) -> Reading:
     text = read_text(file)
     split = re.search(r"^[ \t]*MOTION\b", text, re.MULTILINE)
     if split is None:
-        raise MotionFormatError(file, "end of HIERARCHY", "no MOTION section", "a line MOTION")
+        found = "no MOTION section" if text.strip("\0 \r\n") else "an empty file"
+        raise MotionFormatError(file, "end of HIERARCHY", found, "a line MOTION")
     words = (word[0] for word in re.compile(r"\S+").finditer(text, 0, split.start()))  # one by one: the first wrong one ends it
     nodes = _hierarchy(chain(words, repeat(END)), file)
     tree = own_skeleton(tuple(n.name for n in nodes), tuple(n.parent for n in nodes))

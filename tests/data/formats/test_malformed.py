@@ -30,6 +30,11 @@ INJURIES = {
         (" 47 48", " 47 x", "could not convert"),
         ("CHANNELS 1 Zrotation", "", "joint LeftHand: found no CHANNELS"),
         ("OFFSET 85 0 0", "", "joint LeftHand: found no OFFSET"),
+        (
+            "OFFSET 85 0 0",
+            "OFFSET 85,5 0 0",
+            r"OFFSET: found '85,5'; expected a finite number up to 1e\+07, with a point and no comma",
+        ),
         ("OFFSET 85 0 0", "OFFSET 85 0 inf", "joint LeftHand, OFFSET: found 'inf'"),
         ("CHANNELS 1 Zrotation", "CHANNELS 1 Wrotation", "wrotation"),
         ("CHANNELS 1 Zrotation", "CHANNELS 2 Zrotation Zrotation", "different ones"),
@@ -48,7 +53,7 @@ INJURIES = {
         ),
         (BVH.split("MOTION")[0], DEEP, "at most 500, 200 deep"),
         (BVH.split("Time:")[1], " 0.1\n", "no line"),
-        (BVH, "", "no MOTION"),
+        (BVH, "", "an empty file"),
     ],
     "05_01.amc": [
         ("larm -6\n", "", "frame 1: found no larm"),
