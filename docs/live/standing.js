@@ -1,5 +1,5 @@
 // Feet that stand, held in place by legs of two bones: mwlib/body/standing.py, in its words. Joints (T, J, 3) are flat, z up.
-const SLOW = 0.6, LOW = 0.08, SHORTEST = 0.1, STRAIGHT = 0.999;
+const SLOW = 0.6, LEFT_BEHIND = 0.7, BRIEF = 0.3, LOW = 0.08, SHORTEST = 0.1, STRAIGHT = 0.999;
 
 /** Hip, knee and foot of each leg by the knees' names. */
 const legs = ({ joints, parents }) => joints.flatMap((name, knee) => {
@@ -19,7 +19,7 @@ export function standing(joints, floor, skeleton, fps) {
   const J = skeleton.joints.length, T = joints.length / (3 * J), out = Float64Array.from(joints), last = T - 1;
   const of = (joint) => Array.from({ length: T }, (_, t) => [...joints.subarray(3 * (t * J + joint), 3 * (t * J + joint) + 3)]);
   for (const [hip, knee, foot] of legs(skeleton)) {
-    const [hips, knees, path] = [hip, knee, foot].map(of), goal = held(path, floor, fps), least = Math.min(floor, path[0][2], path[last][2]);
+    const [hips, knees, path] = [hip, knee, foot].map(of), goal = held(path, hips, floor, fps), least = Math.min(floor, path[0][2], path[last][2]);
     for (let t = 1; t < last; t++) {
       goal[t][2] = Math.max(goal[t][2], least);
       bent(hips[t], knees[t], path[t], goal[t]).forEach((place, i) => out.set(place, 3 * (t * J + [knee, foot][i])));
@@ -28,18 +28,19 @@ export function standing(joints, floor, skeleton, fps) {
   return out;
 }
 
-/** Stretches of frames, from and until, in which a foot is low and slow. */
-function stands(path, floor, fps) {
-  const slow = path.slice(1).map((place, t) => long(minus(place, path[t])) * fps <= SLOW);
+/** Stretches of frames, from and until, in which a foot is low, and slow or slower than its hip. */
+function stands(path, hips, floor, fps) {
+  const speeds = (places) => places.slice(1).map((place, t) => long(minus(place, places[t])) * fps), ofHip = speeds(hips);
+  const slow = speeds(path).map((speed, t) => speed <= Math.max(SLOW, ofHip.length > BRIEF * fps ? LEFT_BEHIND * ofHip[t] : 0));
   const still = path.map((place, t) => place[2] <= floor + LOW && Boolean(slow[t - 1] || slow[t])), found = [];
   still.forEach((is, t) => is && (still[t - 1] ? (found.at(-1)[1] = t + 1) : found.push([t, t + 1])));
   return found.filter(([a, b]) => b - a >= SHORTEST * fps);
 }
 
 /** The path with the foot held where it stands. */
-function held(path, floor, fps) {
+function held(path, hips, floor, fps) {
   const last = path.length - 1, lack = new Map([[0, [0, 0]], [last, [0, 0]]]), flat = (place) => place.slice(0, 2);
-  for (const [a, b] of stands(path, floor, fps)) {
+  for (const [a, b] of stands(path, hips, floor, fps)) {
     const here = path.slice(a, b).map(flat), mean = [0, 1].map((k) => here.reduce((sum, place) => sum + place[k], 0) / here.length);
     const isEnd = a === 0 || b > last, ends = isEnd ? [flat(path[a === 0 ? 0 : last]), flat(path[b > last ? last : 0])] : [mean, mean];
     here.forEach((place, i) => lack.set(a + i, minus(plus(ends[0], i / (here.length - 1), minus(ends[1], ends[0])), place)));

@@ -12,8 +12,10 @@ from mwlib.body.kinematics import horizontal
 from mwlib.body.motion import Motion
 from mwlib.body.skeleton import Skeleton
 
-# Own choices, all of them, by measurement on validation people of CMU.
-SLOW = 0.6  # metres per second up to which a low foot is taken for one that stands
+# Own choices, all of them: the next two by measurement on LaFAN1 and Bandai-Namco, the others on validation people of CMU.
+LEFT_BEHIND = 0.7  # share of its hip's speed up to which a low foot is taken for one that stands: a walking body leaves it behind
+BRIEF = 0.3  # seconds; feet of motions no longer than that follow from both ends better than from this share
+SLOW = 0.6  # metres per second up to which it is, however fast the hip
 LOW = 0.08  # metres above the floor up to which a foot is low
 SHORTEST = 0.1  # seconds that a foot stands at least
 STRAIGHT = 0.999  # share of its length to which a leg stretches
@@ -24,8 +26,9 @@ Path = Float[np.ndarray, "T 3"]
 def standing(motion: Motion, floor: float) -> Motion:
     """The motion with feet that stand where they stand, and none below the floor; the first and last frame stay as they are.
 
-    A low and slow foot stands. It is held at the mean of its places, or where it is in the first or last frame if it stands
-    there; in between, what it is moved by goes over from one stand to the next. Hips stay; knees keep the side that they bend to.
+    A foot stands that is low, and slow or well slower than its hip. It is held at the mean of its places, or where it is in the
+    first or last frame if it stands there; in between, what it is moved by goes over from one stand to the next. Hips stay; knees
+    keep the side that they bend to.
     Source: own choice; two-bone inverse kinematics by the law of cosines.
 
     Args:
@@ -36,7 +39,7 @@ def standing(motion: Motion, floor: float) -> Motion:
     *flat, vertical = horizontal(motion.up)
     for hip, knee, foot in legs(motion.skeleton):
         path = positions[:, foot]
-        moved = _held(path, _stands(path, vertical, floor, motion.fps), flat)
+        moved = _held(path, _stands(path, positions[:, hip], vertical, floor, motion.fps), flat)
         moved[1:-1, vertical] = np.maximum(moved[1:-1, vertical], min(floor, path[[0, -1], vertical].min()))
         leg = bent(positions[:, hip], positions[:, knee], path, moved)
         positions[1:-1, [knee, foot]] = np.stack(leg, axis=1)[1:-1]
@@ -49,9 +52,10 @@ def legs(skeleton: Skeleton) -> list[tuple[int, int, int]]:
     return [(skeleton.parents[knee], knee, skeleton.parents.index(knee)) for knee in knees if skeleton.parents.count(knee) == 1]
 
 
-def _stands(path: Path, vertical: int, floor: float, fps: float) -> list[slice]:
+def _stands(path: Path, hip: Path, vertical: int, floor: float, fps: float) -> list[slice]:
     """Stretches of frames in which a foot stands."""
-    slow = np.linalg.norm(np.diff(path, axis=0), axis=-1) * fps <= SLOW
+    speed, of_hip = (np.linalg.norm(np.diff(each, axis=0), axis=-1) * fps for each in (path, hip))
+    slow = speed <= np.maximum(SLOW, LEFT_BEHIND * of_hip * (len(of_hip) > BRIEF * fps))
     low = path[:, vertical] <= floor + LOW
     slow = np.pad(slow, 1)
     found = find_objects(label(low & (slow[1:] | slow[:-1]))[0])  # pyright: ignore[reportIndexIssue]  (no `output` was given)

@@ -135,13 +135,19 @@ def judge(
     if moved:
         text += f"\n\nHow far each moves the scores of {model}:\n\n{_scores(moved)}"
     write_atomic(folder / "table.md", f"{text}\n")
-    print(dumps(told, indent=1) if json else f"{text}\n\n{replicates} replicates, 95 % intervals over them: {folder}")
+    over = (
+        f"{replicates} replicates, 95 % intervals over them" if replicates > 1 else "one replicate, so that no interval is known"
+    )
+    print(dumps(told, indent=1) if json else f"{text}\n\n{over}: {folder}")
 
 
-def _scores(rows: dict[str, dict[str, tuple[float, float]]]) -> plots.Table:
-    return plots.results_table([
-        {"": name, **{column.heading: row.get(metric) for metric, column in METRICS.items()}} for name, row in rows.items()
-    ])  # fmt: skip
+def _scores(rows: dict[str, dict[str, tuple[float, float | None]]]) -> plots.Table:
+    found = [{"": name} for name in rows]
+    for line, row in zip(found, rows.values(), strict=True):
+        for metric, column in METRICS.items():
+            mean, width = row.get(metric, (None, None))
+            line[column.heading] = mean if width is None else (mean, width)
+    return plots.results_table(found)
 
 
 def grid_table(**choice_of: Any) -> None:

@@ -117,8 +117,8 @@ def replicates(
 
 def with_intervals(
     rows: Sequence[Mapping[str, float]], less: Sequence[Mapping[str, float]] = ()
-) -> dict[str, tuple[float, float]]:
-    """By metric, mean and half the width of a 95 % interval over replicates (see `confidence`).
+) -> dict[str, tuple[float, float | None]]:
+    """By metric, mean and half the width of a 95 % interval over replicates (see `confidence`), which one alone has not.
 
     Args:
         rows: of one model, one for each replicate.
@@ -127,5 +127,5 @@ def with_intervals(
     found = {}
     for name in rows[0]:
         values = [row[name] - (less[i][name] if less else 0.0) for i, row in enumerate(rows)]
-        found[name] = sum(values) / len(values), float(confidence(values))
+        found[name] = sum(values) / len(values), float(confidence(values)) if len(values) > 1 else None
     return found

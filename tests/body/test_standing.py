@@ -14,9 +14,9 @@ LEG = Skeleton("leg", ("hip", "knee", "foot"), (-1, 0, 1))
 FPS = 30.0
 
 
-def leg(path: np.ndarray, up: str = "z") -> Motion:
-    """Hip one metre above the path of a foot, knee bent along x."""
-    hip = path * [1, 1, 0] + [0, 0, 0.9]
+def leg(path: np.ndarray, up: str = "z", hip: np.ndarray | None = None) -> Motion:
+    """Hip one metre above the path of a foot, or another one, and the knee bent along x."""
+    hip = (path if hip is None else hip) * [1, 1, 0] + [0, 0, 0.9]
     knee, foot = bent(hip, hip + [0.1, 0, -0.5], hip + [0, 0, -1.0], path)
     return Motion(np.stack([hip, knee, foot], axis=1).astype(np.float32), FPS, LEG).with_up(up)
 
@@ -49,6 +49,14 @@ def test_a_low_slow_foot_is_held_and_the_rest_goes_over(up):
 def test_feet_that_are_fast_or_high_are_left_alone(speeds, height):
     motion = leg(path(*[2.0] * 5, *speeds, *[2.0] * 5, height=height))
     np.testing.assert_allclose(standing(motion, 0.05).positions, motion.positions, atol=1e-5)
+
+
+@pytest.mark.parametrize("speed, around, is_held", [(0.95, 8, True), (1.15, 8, False), (0.95, 1, False)])
+def test_a_low_foot_that_a_walking_body_leaves_behind_is_held_but_in_brief_motions(speed, around, is_held):
+    speeds = [1.5] * around + [speed] * 6 + [1.5] * around
+    walking = path(*[1.5] * len(speeds)) - [0.1, 0, 0]
+    foot = standing(leg(path(*speeds), hip=walking), 0.05).positions[around : around + 7, 2, 0]
+    assert (np.ptp(foot) < 1e-5) == is_held
 
 
 def test_a_foot_that_stands_at_a_keyframe_stands_there():

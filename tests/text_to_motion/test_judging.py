@@ -118,3 +118,4 @@ def test_intervals_are_of_paired_differences():
     rows, less = [{"fid": 1.0}, {"fid": 2.0}], [{"fid": 0.5}, {"fid": 1.5}]
     assert running.with_intervals(rows)["fid"] == pytest.approx((1.5, 0.98 / 2**0.5))
     assert running.with_intervals(rows, less)["fid"] == (0.5, 0.0)
+    assert running.with_intervals(rows[:1])["fid"] == (1.0, None)

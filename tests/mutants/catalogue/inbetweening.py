@@ -80,6 +80,9 @@ MUTANTS = [
         "body/standing.py", "body/test_standing.py",
         ("high-feet-stand", "label(low & (slow", "label(True & (slow"),
         ("held-jerkily", "share**2 * (3 - 2 * share)", "share.round()"),
+        ("feet-glide-with-the-body", "np.maximum(SLOW, LEFT_BEHIND * of_hip * (len(of_hip) > BRIEF * fps))", "SLOW"),
+        ("brief-feet-are-held", "of_hip * (len(of_hip) > BRIEF * fps)", "of_hip"),
+        ("feet-that-go-along-stand", "LEFT_BEHIND = 0.7", "LEFT_BEHIND = 0.9"),
         ("legs-that-stretch", "STRAIGHT * (thigh + shin)", "2 * (thigh + shin)"),
     ),
     *of(
