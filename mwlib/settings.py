@@ -336,7 +336,8 @@ def checked(name: str, value: Any, hint: Any) -> Any:
     kind, *rules = get_args(hint) if get_origin(hint) is Annotated else [hint]
     if get_origin(kind) is tuple:
         if isinstance(value, str) or not isinstance(value, Sequence):
-            raise ValueError(f"{name} is {value!r}; expected a list")
+            example = f", such as [{value}]" if isinstance(value, str | int | float) and value != "" else ""
+            raise ValueError(f"{name} is {value!r}; expected a list{example}")
         inner = get_args(kind)[0]
         return tuple(str(item) if inner is str else checked(name, item, inner) for item in value)
     if get_origin(kind) is Literal:

@@ -30,7 +30,7 @@ RECIPES: dict[str, tuple[str, str, str, dict[str, Any]]] = {  # name -> title, s
         "People of the CMU motion capture database",
         "prediction",
         "cmu",
-        {"temperature": 1.15, "temperature_spread": 0.25, "seam": 0.045},
+        {"condition_scale": "coefficient", "temperature": 1.15, "temperature_spread": 0.25, "seam": 0.045},
     ),
     "inbetween": (
         "In-betweens of people of the CMU motion capture database",
