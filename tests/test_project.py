@@ -48,7 +48,7 @@ def imported(folder: Path, skip: str = "") -> dict[str, str]:
             names = [alias.name for alias in node.names] if isinstance(node, ast.Import) else []
             names += [node.module] if isinstance(node, ast.ImportFrom) and not node.level else []
             found |= {name.split(".")[0]: str(path) for name in names}
-    local = {"mwlib", "tests", *(path.stem for path in (ROOT / "tests").glob("*.py"))}
+    local = {"mwlib", "tests", *(path.stem for own in ("tests", "benchmarks") for path in (ROOT / own).glob("*.py"))}
     return {name: path for name, path in found.items() if name not in sys.stdlib_module_names and name not in local}
 
 

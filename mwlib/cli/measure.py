@@ -142,7 +142,7 @@ def judge(
 
 
 def _scores(rows: dict[str, dict[str, tuple[float, float | None]]]) -> plots.Table:
-    found = [{"": name} for name in rows]
+    found: list[dict[str, object]] = [{"": name} for name in rows]
     for line, row in zip(found, rows.values(), strict=True):
         for metric, column in METRICS.items():
             mean, width = row.get(metric, (None, None))
