@@ -28,7 +28,7 @@ export function standing(joints, floor, skeleton, fps) {
   return out;
 }
 
-/** Stretches of frames, from and until, in which a foot is low, and slow or slower than its hip. */
+/** Stretches of frames, from and until, in which a foot is low, and slow or well slower than its hip. */
 function stands(path, hips, floor, fps) {
   const speeds = (places) => places.slice(1).map((place, t) => long(minus(place, places[t])) * fps), ofHip = speeds(hips);
   const slow = speeds(path).map((speed, t) => speed <= Math.max(SLOW, ofHip.length > BRIEF * fps ? LEFT_BEHIND * ofHip[t] : 0));

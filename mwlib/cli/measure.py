@@ -145,8 +145,8 @@ def _scores(rows: dict[str, dict[str, tuple[float, float | None]]]) -> plots.Tab
     found: list[dict[str, object]] = [{"": name} for name in rows]
     for line, row in zip(found, rows.values(), strict=True):
         for metric, column in METRICS.items():
-            mean, width = row.get(metric, (None, None))
-            line[column.heading] = mean if width is None else (mean, width)
+            value, width = row.get(metric, (None, None))
+            line[column.heading] = value if width is None else (value, width)
     return plots.results_table(found)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Sequence
 from dataclasses import replace
 from unittest.mock import Mock
@@ -9,6 +10,7 @@ from unittest.mock import Mock
 import pytest
 import torch
 
+from mwlib.cli import main
 from mwlib.data.captioned import piece
 from mwlib.data.formats.humanml import CaptionedClip
 from mwlib.experiments import judging as running
@@ -119,3 +121,14 @@ def test_intervals_are_of_paired_differences():
     assert running.with_intervals(rows)["fid"] == pytest.approx((1.5, 0.98 / 2**0.5))
     assert running.with_intervals(rows, less)["fid"] == (0.5, 0.0)
     assert running.with_intervals(rows[:1])["fid"] == (1.0, None)
+
+
+@pytest.mark.parametrize("count, said", [(1, "one replicate"), (2, "2 replicates")])
+def test_one_replicate_has_no_interval(tmp_path, monkeypatch, capsys, count, said):
+    rows = [{REAL: {"fid": 0.5 * i}, "model": {"fid": 1.25}} for i in range(count)]
+    monkeypatch.setattr(running, "open_all", Mock())
+    monkeypatch.setattr(running, "replicates", Mock(return_value=(tmp_path, rows)))
+    assert main(["judge", "--replicates", str(count)]) == 0
+    out, kept = capsys.readouterr().out, json.loads((tmp_path / "result.json").read_text(encoding="utf-8"))
+    assert said in out and "1.25" in out and ("±" in out) == (count > 1)
+    assert kept["scores"]["model"]["fid"] == [1.25, None if count == 1 else 0.0]

@@ -232,4 +232,8 @@ MUTANTS = [
         "cli/measure.py", "experiments/test_run_commands.py",
         ("other-sampling-unsaid", "if kept.get(name, value) != value", "if False"),
     ),
+    *of(
+        "cli/measure.py", "text_to_motion/test_judging.py",
+        ("no-width-in-brackets", "value if width is None else (value, width)", "(value, width)"),
+    ),
 ]  # fmt: skip
